@@ -1,0 +1,1 @@
+"""ISPOM: image-only position and orientation of a moving platform (Li, Liu & Yuan, 2013). No GUI in here."""

@@ -1,0 +1,5 @@
+"""The one exception that a user's input may cause: what, where, and what to do, in one sentence."""
+
+
+class InputError(Exception):
+    """Something that the user gave cannot be used. The message is one sentence that names the place and the cure."""

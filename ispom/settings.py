@@ -1,0 +1,64 @@
+"""What a config dataclass says about its fields: ranges, read by checks, command line and GUI alike."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+from ispom.errors import InputError
+
+
+@dataclass(frozen=True)
+class Range:
+    """Allowed values low..high, both included: `Annotated[float, Range(0, 1)]`."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One field of a config dataclass, as a form or a flag needs it."""
+
+    name: str
+    type: Any
+    """bool, int, float, str or a Literal[...]."""
+    range: Range | None
+    help: str
+
+
+@cache
+def settings(config: type) -> tuple[Setting, ...]:
+    """The fields of a config dataclass, in order, with their ranges and the docstrings below them."""
+    docs, hints, found = _field_docs(config), get_type_hints(config, include_extras=True), []
+    for f in fields(config):
+        kind, limits = hints[f.name], None
+        if get_origin(kind) is Annotated:
+            kind, *extras = get_args(kind)
+            limits = next((e for e in extras if isinstance(e, Range)), None)
+        found.append(Setting(f.name, kind, limits, docs.get(f.name, "")))
+    return tuple(found)
+
+
+def check(config: Any, where: str) -> None:
+    """InputError where a value, here or in a nested config, is out of its range. `where` is the flag's prefix."""
+    for setting in settings(type(config)):
+        value, flag = getattr(config, setting.name), f"{where}{setting.name.replace('_', '-')}"
+        if is_dataclass(value):
+            check(value, f"{flag}.")
+        elif setting.range and not setting.range.low <= value <= setting.range.high:
+            low, high = setting.range.low, setting.range.high
+            raise InputError(f"--{flag} is {value:g}, give a value from {low:g} to {high:g}")
+
+
+def _field_docs(config: type) -> dict[str, str]:
+    body = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0].body  # type: ignore[attr-defined]
+    docs = {}
+    for statement, following in zip(body, body[1:], strict=False):
+        if isinstance(statement, ast.AnnAssign) and isinstance(following, ast.Expr):
+            docs[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]
+    return docs
