@@ -59,7 +59,9 @@ class Camera:
         if not self.distortion or not len(uv):
             return (uv - (self.cx, self.cy)) / (self.fx, self.fy)
         return cv2.undistortPoints(
-            uv[:, None], self.matrix, np.array(self.distortion, float),
+            uv[:, None],
+            self.matrix,
+            np.array(self.distortion, float),
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-12),
         ).reshape(-1, 2)
 
@@ -68,8 +70,13 @@ class Camera:
         width, height = round(self.width * factor), round(self.height * factor)
         sx, sy = width / self.width, height / self.height
         return replace(
-            self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy,
-            cx=(self.cx + 0.5) * sx - 0.5, cy=(self.cy + 0.5) * sy - 0.5,
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=(self.cx + 0.5) * sx - 0.5,
+            cy=(self.cy + 0.5) * sy - 0.5,
         )
 
 
@@ -103,7 +110,10 @@ class Rig:
     def rig_from(self, frame: Frame) -> Pose:
         """rig_from_FRAME for rig, video, left or right."""
         return {
-            "rig": Pose(), "video": self.rig_from_video, "left": self.rig_from_left, "right": self.rig_from_right,
+            "rig": Pose(),
+            "video": self.rig_from_video,
+            "left": self.rig_from_left,
+            "right": self.rig_from_right,
         }[frame]
 
     @staticmethod
@@ -164,8 +174,10 @@ class Trajectory:
         latest = dict(items)
         times = sorted(latest)
         return Trajectory(
-            np.array(times, np.int64), np.stack([latest[t].rotation for t in times]),
-            np.stack([latest[t].translation for t in times]), frame,
+            np.array(times, np.int64),
+            np.stack([latest[t].rotation for t in times]),
+            np.stack([latest[t].translation for t in times]),
+            frame,
         )
 
     def __len__(self) -> int:
@@ -202,7 +214,8 @@ class Trajectory:
         """Every pose P as left @ P @ right: `left` changes the world, `right` (OLD_from_FRAME) the moving frame."""
         left, right = left or Pose(), right or Pose()
         return Trajectory(
-            self.times_ns, left.rotation @ self.rotations @ right.rotation,
+            self.times_ns,
+            left.rotation @ self.rotations @ right.rotation,
             (self.rotations @ right.translation + self.translations) @ left.rotation.T + left.translation,
             frame or self.frame,
         )
@@ -230,9 +243,16 @@ class TrackStatus(IntEnum):
     def reason(self) -> str:
         """One line for people."""
         return {
-            0: "alive", 1: "new", 2: "not found again", 3: "forward-backward check failed", 4: "left the image",
-            5: "off the epipolar line", 6: "reprojection error too large", 7: "does not fit the rigid motion",
-            8: "no reliable left-right match", 9: "descriptor match not found or ambiguous",
+            0: "alive",
+            1: "new",
+            2: "not found again",
+            3: "forward-backward check failed",
+            4: "left the image",
+            5: "off the epipolar line",
+            6: "reprojection error too large",
+            7: "does not fit the rigid motion",
+            8: "no reliable left-right match",
+            9: "descriptor match not found or ambiguous",
         }[int(self)]
 
 
@@ -259,8 +279,10 @@ class Tracks:
         n = len(ids)
         nan1, nan2 = np.full(n, np.nan, np.float32), np.full((n, 2), np.nan, np.float32)
         return Tracks(
-            np.asarray(ids, np.int64), np.asarray(uv, np.float32).reshape(n, 2),
-            np.asarray(others.get("uv_prev", nan2), np.float32), np.asarray(others.get("status", np.zeros(n)), np.uint8),
+            np.asarray(ids, np.int64),
+            np.asarray(uv, np.float32).reshape(n, 2),
+            np.asarray(others.get("uv_prev", nan2), np.float32),
+            np.asarray(others.get("status", np.zeros(n)), np.uint8),
             np.asarray(others.get("residual_px", nan1), np.float32),
             np.asarray(others.get("disparity_px", nan1), np.float32),
         )

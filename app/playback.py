@@ -1,0 +1,128 @@
+"""One run of the asked methods over one sequence, as events. Headless runs and the app both pull from here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ispom.estimators import Config, Ensemble, Method, build
+from ispom.evaluation.placement import first_segment_placement
+from ispom.geometry import Pose, Similarity
+from ispom.types import Exposure, Sequence, Step, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A sequence was opened and its estimators built."""
+
+    sequence: Sequence
+    methods: tuple[Method, ...]
+    config: Config
+    truth: Trajectory | None
+    """world_from_rig, moved so that it starts at the pose where the estimates start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """One exposure went through the estimators."""
+
+    index: int
+    """Of the exposure in the sequence."""
+    exposure: Exposure
+    steps: tuple[Step, ...]
+    placements: Mapping[str, Similarity]
+    """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
+    errors_m: Mapping[str, float]
+    """By method: distance of this step's rig position from the truth's, where both are known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The sequence ended, or the run was closed early: the final trajectories, each in its own world and frame."""
+
+    trajectories: Mapping[str, Trajectory]
+    placements: Mapping[str, Similarity]
+
+
+@dataclass
+class Playback:
+    """Steps through a sequence. Not a value: it holds the current state of a run, and nothing that grows."""
+
+    sequence: Sequence
+    methods: tuple[Method, ...]
+    config: Config = field(default_factory=Config)
+
+    def __post_init__(self) -> None:
+        self.ensemble: Ensemble = build(self.config, self.methods, self.sequence.rig)
+        self.truth = _truth_from_start(self.sequence)
+        self.position = 0
+        self._state = self.ensemble.start()
+        start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
+        self._placements: dict[str, Similarity] = {"monocular": Similarity(1.0, start)}
+        self._placed = False
+        self._stereo: list[tuple[int, Pose]] = []
+        self._video: list[tuple[int, Pose]] = []
+
+    @property
+    def opened(self) -> Opened:
+        return Opened(self.sequence, self.methods, self.config, self.truth)
+
+    @property
+    def done(self) -> bool:
+        return self.position >= len(self.sequence)
+
+    def step(self) -> Stepped:
+        """Runs the next exposure. The position does not advance where loading it raises InputError."""
+        index = self.position
+        exposure = self.sequence[index]
+        self._state, steps = self.ensemble.step(self._state, exposure)
+        self.position = index + 1
+        self._place(steps)
+        return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
+
+    def finish(self) -> Finished:
+        return Finished(self.ensemble.finish(self._state), dict(self._placements))
+
+    def placed(self, step: Step) -> Pose | None:
+        """shared_world_from_rig of a step, or None where it has no pose."""
+        if step.world_from_frame is None:
+            return None
+        placement = self._placements.get(step.method, Similarity())
+        return placement.apply_pose(step.world_from_frame) @ self.sequence.rig.rig_from(step.frame).inverse()
+
+    def _errors(self, steps: tuple[Step, ...]) -> dict[str, float]:
+        errors = {}
+        for step in steps:
+            pose = self.placed(step)
+            truth = self.truth.at(step.time_ns) if self.truth is not None else None
+            metric = step.method != "monocular" or self._placed
+            if pose is not None and truth is not None and metric:
+                errors[step.method] = float(np.linalg.norm(pose.translation - truth.translation))
+        return errors
+
+    def _place(self, steps: tuple[Step, ...]) -> None:
+        """Once: the first stereo segment fixes where, and in what unit, the monocular trajectory is drawn."""
+        if self._placed:
+            return
+        for step in steps:
+            if step.method == "stereo" and step.world_from_frame is not None:
+                self._stereo.append((step.time_ns, step.world_from_frame))
+            if step.method == "monocular":
+                self._video += step.revised.items()
+        placement = first_segment_placement(
+            Trajectory.of(self._video, "video"), Trajectory.of(self._stereo), self.sequence.rig
+        )
+        if placement is not None:
+            self._placements["monocular"], self._placed = placement, True
+
+
+def _truth_from_start(sequence: Sequence) -> Trajectory | None:
+    """The truth, with the rig at the first stereo exposure (without stereo: the first exposure) as its world."""
+    if sequence.truth is None or not len(sequence.truth):
+        return None
+    wanted = "stereo" if sequence.rig.has_stereo else "video"
+    first = next((int(t) for t, kind in zip(sequence.times_ns, sequence.kinds, strict=True) if kind == wanted), None)
+    start = sequence.truth.at(first) if first is not None else None
+    return sequence.truth.moved(left=(start or sequence.truth.pose(0)).inverse())

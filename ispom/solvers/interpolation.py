@@ -1,0 +1,38 @@
+"""Poses between poses (section 6.3, step 1): translation linear or by B-spline, rotation by spherical linear."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation, Slerp
+
+from ispom.types import Trajectory
+
+Interpolation = Literal["linear", "bspline"]
+
+
+def interpolate(trajectory: Trajectory, times_ns: NDArray[np.int64], kind: Interpolation) -> Trajectory:
+    """The poses at times (M,) inside the trajectory's span; outside, those of the nearest end.
+
+    The B-spline is the cubic that passes through every position (of lower degree with fewer than four poses).
+    Raises ValueError for an empty trajectory.
+    """
+    if not len(trajectory):
+        raise ValueError("an empty trajectory cannot be interpolated")
+    times = np.clip(np.asarray(times_ns, np.int64), trajectory.times_ns[0], trajectory.times_ns[-1])
+    if len(trajectory) == 1:
+        return Trajectory(
+            np.asarray(times_ns, np.int64),
+            np.repeat(trajectory.rotations, len(times), 0),
+            np.repeat(trajectory.translations, len(times), 0),
+            trajectory.frame,
+        )
+    start = trajectory.times_ns[0]
+    knots_s, asked_s = (trajectory.times_ns - start) * 1e-9, (times - start) * 1e-9
+    degree = min(3, len(trajectory) - 1) if kind == "bspline" else 1
+    translations = make_interp_spline(knots_s, trajectory.translations, k=degree)(asked_s)
+    rotations = Slerp(knots_s, Rotation.from_matrix(trajectory.rotations))(asked_s).as_matrix()
+    return Trajectory(np.asarray(times_ns, np.int64), rotations, translations, trajectory.frame)

@@ -1,0 +1,112 @@
+"""Stand-ins for tests that are not about estimating: a tiny three-camera sequence, and Steps of plausible content."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.geometry import Pose
+from ispom.types import (
+    Camera,
+    Decision,
+    Exposure,
+    Landmarks,
+    Rig,
+    Sequence,
+    Status,
+    Step,
+    StereoPair,
+    Tracks,
+    Trajectory,
+    VideoFrame,
+)
+
+
+def rig() -> Rig:
+    stereo = Rig.stereo(Camera(160, 120, 120.0, 120.0, 79.5, 59.5), 0.4)
+    video = Camera(80, 60, 60.0, 60.0, 39.5, 29.5, (-0.05, 0.01, 0.0, 0.0))
+    return Rig(
+        video,
+        stereo.left,
+        stereo.right,
+        Pose.from_rotvec(np.array([0.01, 0.02, 0.0]), np.array([0.02, -0.05, 0.01])),
+        stereo.rig_from_left,
+        stereo.rig_from_right,
+    )
+
+
+def pose_at(time_ns: int) -> Pose:
+    t = time_ns * 1e-9
+    return Pose.from_rotvec(np.array([0.0, 0.1 * t, 0.0]), np.array([np.sin(t), 0.05 * np.sin(3 * t), 2.0 * t]))
+
+
+def sequence(video_frames: int = 20) -> Sequence:
+    """Video at 30 Hz and stereo at 3 Hz between its frames; the images are noise that slides."""
+    stamps = [(round(i / 30 * 1e9), "video") for i in range(video_frames)]
+    stamps += [(round((i / 3 + 0.01) * 1e9), "stereo") for i in range(1 + video_frames // 10)]
+    stamps = sorted(s for s in stamps if s[0] <= stamps[video_frames - 1][0])
+    texture = np.random.default_rng(0).integers(0, 256, (240, 640, 3), np.uint8)
+
+    def load(i: int) -> Exposure:
+        time_ns, kind = stamps[i]
+        if kind == "video":
+            return VideoFrame(time_ns, texture[:60, i : i + 80].copy())
+        return StereoPair(time_ns, texture[:120, i : i + 160].copy(), texture[:120, i + 5 : i + 165].copy())
+
+    return Sequence(
+        "double",
+        rig(),
+        np.array([t for t, _ in stamps], np.int64),
+        tuple(k for _, k in stamps),
+        load,  # type: ignore[arg-type]
+        Trajectory.of([(t, pose_at(t)) for t, _ in stamps]),
+        ("a stand-in for tests",),
+    )
+
+
+class FakeEstimator:
+    """Walks the true path; keeps the contract."""
+
+    def __init__(self, method: str) -> None:
+        self.method = method
+
+    def uses(self, exposure: Exposure) -> bool:
+        return self.method == "integrated" or isinstance(exposure, StereoPair) == (self.method == "stereo")
+
+    def start(self) -> tuple[int, ...]:
+        return ()
+
+    def step(self, state: tuple[int, ...], exposure: Exposure) -> tuple[tuple[int, ...], Step]:
+        time_ns, n = exposure.time_ns, 30
+        rng = np.random.default_rng(time_ns)
+        camera, frame = ("left", "rig") if isinstance(exposure, StereoPair) else ("video", "video")
+        size = (160, 120) if camera == "left" else (80, 60)
+        tracks = Tracks.of(
+            np.arange(n) + len(state),
+            rng.random((n, 2)) * size,
+            uv_prev=rng.random((n, 2)) * size,
+            status=rng.integers(0, 10, n),
+            residual_px=rng.random(n),
+            disparity_px=rng.random(n) * 9,
+        )
+        landmarks = Landmarks(np.arange(n) + len(state), rng.random((n, 3)) * 9, rng.integers(0, 256, (n, 3), np.uint8))
+        return (
+            (*state, time_ns),
+            Step(
+                self.method,
+                time_ns,
+                Status.TRACKING,
+                "rig" if self.method != "monocular" else frame,  # type: ignore[arg-type]
+                pose_at(time_ns),
+                key_frame=len(state) % 5 == 0,
+                tracks={camera: tracks},
+                landmarks=landmarks,
+                residuals_px=rng.random(n),
+                revised=Trajectory.of([(t, pose_at(t)) for t in state[-3:]]),
+                scale=1.0,
+                seconds={"track": 0.004, "pose": 0.001},
+                decisions=(Decision("parallax", 14.2, 20.0, False, "px", because="no key frame"),),
+            ),
+        )
+
+    def finish(self, state: tuple[int, ...]) -> Trajectory:
+        return Trajectory.of([(t, pose_at(t)) for t in state], "video" if self.method == "monocular" else "rig")
