@@ -1,0 +1,81 @@
+"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ispom.errors import InputError
+from ispom.geometry import Pose
+from ispom.io.rows import read_text
+from ispom.types import Camera, Rig
+
+_CAMERAS = ("video", "left", "right")
+_SIZES, _INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
+
+
+def rig_text(rig: Rig) -> str:
+    """The file's content."""
+    present = [name for name in _CAMERAS if getattr(rig, name) is not None]
+    return yaml.safe_dump({name: _camera_entry(rig, name) for name in present}, sort_keys=False)
+
+
+def read_rig(path: Path) -> Rig:
+    """The rig of a file; InputError names the entry that is missing or wrong."""
+    try:
+        content = yaml.safe_load(read_text(path))
+    except (yaml.YAMLError, ValueError) as error:
+        place = getattr(error, "problem_mark", None)
+        where = f" line {place.line + 1}" if place else ""
+        raise InputError(f"{path}{where} is not valid YAML: correct it") from None
+    if not isinstance(content, dict) or not content or not set(content) <= set(_CAMERAS):
+        raise InputError(f"{path} must hold entries called video, left or right, and no others: correct it")
+    fields: dict[str, Any] = {}
+    for name, entry in content.items():
+        fields[name], fields[f"rig_from_{name}"] = _camera(path, name, entry)
+    return Rig(**fields)
+
+
+def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
+    camera, rig_from_camera = rig.camera(name), rig.rig_from(name)
+    return {
+        **{key: getattr(camera, key) for key in _SIZES},
+        **{key: float(getattr(camera, key)) for key in _INTRINSICS},
+        "distortion": [float(v) for v in camera.distortion],
+        f"rig_from_{name}": {
+            "translation_m": rig_from_camera.translation.tolist(),
+            "rotation_xyzw": rig_from_camera.xyzw.tolist(),
+        },
+    }
+
+
+def _camera(path: Path, name: str, entry: Any) -> tuple[Camera, Pose]:
+    if not isinstance(entry, dict):
+        raise InputError(f"{path}: {name} must hold the camera's values: correct it")
+    values = {key: _list(path, f"{name}.{key}", [entry.get(key)], 1)[0] for key in (*_SIZES, *_INTRINSICS)}
+    for key in ("width", "height", "fx", "fy"):
+        if values[key] <= 0:
+            raise InputError(f"{path}: {name}.{key} is {values[key]:g}, not positive: correct it")
+    distortion = _list(path, f"{name}.distortion", entry.get("distortion", []), (0, 4, 5, 8))
+    pose = entry.get(f"rig_from_{name}")
+    if not isinstance(pose, dict):
+        raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw")
+    translation = _list(path, f"{name}.rig_from_{name}.translation_m", pose.get("translation_m"), 3)
+    xyzw = _list(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
+    if abs(np.linalg.norm(xyzw) - 1) > 0.01:
+        raise InputError(f"{path}: {name}.rig_from_{name}.rotation_xyzw is not of length 1: correct it")
+    sizes = {key: int(values[key]) for key in _SIZES}
+    camera = Camera(**sizes, **{key: values[key] for key in _INTRINSICS}, distortion=tuple(distortion))
+    return camera, Pose.from_xyzw(np.array(xyzw), np.array(translation))
+
+
+def _list(path: Path, where: str, value: Any, counts: int | tuple[int, ...]) -> list[float]:
+    counts = (counts,) if isinstance(counts, int) else counts
+    good = isinstance(value, list) and len(value) in counts
+    if not good or not all(isinstance(v, int | float) and np.isfinite(v) for v in value):
+        wanted = " or ".join(str(count) for count in counts)
+        raise InputError(f"{path}: {where} needs {wanted} finite number(s): correct it")
+    return [float(v) for v in value]

@@ -1,0 +1,70 @@
+"""Text files with one row of numbers per line: read with the place of every mistake."""
+
+from __future__ import annotations
+
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.geometry import Array
+
+Row = tuple[int, list[str]]
+"""Line number, counted from 1, and the words of the line."""
+
+
+def read_text(path: Path) -> str:
+    """A text file; InputError where it is missing or no text."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: restore the file or correct the path") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text file: give the right file") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): check the path and its permissions") from None
+
+
+def read_rows(path: Path, columns: int) -> list[Row]:
+    """The lines that hold something, comments (#) left out; InputError where one has not `columns` words."""
+    rows = [(n, line.split()) for n, line in enumerate(read_text(path).splitlines(), 1)]
+    rows = [(n, words) for n, words in rows if words and not words[0].startswith("#")]
+    for line, words in rows:
+        if len(words) != columns:
+            raise InputError(f"{path} line {line} has {len(words)} columns, not {columns}: correct that line")
+    return rows
+
+
+def numbers(path: Path, line: int, words: list[str]) -> Array:
+    """The words as finite numbers (N,); InputError naming the first that is none."""
+    values = []
+    for word in words:
+        try:
+            values.append(float(word))
+        except ValueError:
+            values.append(np.nan)
+        if not np.isfinite(values[-1]):
+            raise InputError(f"{path} line {line}: '{word}' is not a finite number: correct that line")
+    return np.array(values)
+
+
+def increasing_times(path: Path, rows: list[Row]) -> NDArray[np.int64]:
+    """The first words, decimal seconds, as integer nanoseconds (N,), exactly; InputError where they do not increase."""
+    times = np.array([_time_ns(path, line, words[0]) for line, words in rows], np.int64)
+    wrong = np.flatnonzero(np.diff(times) <= 0)
+    if len(wrong):
+        line, words = rows[wrong[0] + 1]
+        raise InputError(f"{path} line {line}: time {words[0]} s is not after the one before: put the lines in order")
+    return times
+
+
+def _time_ns(path: Path, line: int, word: str) -> int:
+    try:
+        seconds = Decimal(word)
+    except InvalidOperation:
+        seconds = Decimal("NaN")
+    if not seconds.is_finite() or abs(seconds) > 9_000_000_000:
+        raise InputError(f"{path} line {line}: '{word}' is not a time in seconds: correct that line")
+    return int((seconds * 10**9).to_integral_value())

@@ -1,0 +1,40 @@
+"""Trajectories as TUM text: `timestamp tx ty tz qx qy qz qw`, world_from_FRAME, seconds and metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ispom.errors import InputError
+from ispom.io.rows import increasing_times, numbers, read_rows
+from ispom.types import Frame, Trajectory
+
+
+def tum_text(trajectory: Trajectory) -> str:
+    """The file's content; times keep every nanosecond, other values nine decimals."""
+    values = np.round(np.hstack([trajectory.translations, trajectory.xyzw]), 9) + 0.0  # no "-0.000000000"
+    times = [_seconds(int(t)) for t in trajectory.times_ns]
+    return "".join(f"{t} {' '.join(f'{v:.9f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
+
+
+def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
+    """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong."""
+    rows = read_rows(path, 8)
+    times_ns = increasing_times(path, rows)
+    values = np.array([numbers(path, line, words[1:]) for line, words in rows]).reshape(-1, 7)
+    lengths = np.linalg.norm(values[:, 3:], axis=1)
+    wrong = np.flatnonzero(abs(lengths - 1) > 0.01)
+    if len(wrong):
+        line = rows[wrong[0]][0]
+        raise InputError(f"{path} line {line}: the quaternion's length is {lengths[wrong[0]]:.3g}, not 1: correct it")
+    if not len(values):
+        return Trajectory.empty(frame)
+    return Trajectory(times_ns, Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3], frame)
+
+
+def _seconds(time_ns: int) -> str:
+    """Decimal seconds by integer arithmetic: a float has too few digits for nanoseconds since 1970."""
+    whole, rest = divmod(abs(time_ns), 10**9)
+    return f"{'-' if time_ns < 0 else ''}{whole}.{rest:09d}"

@@ -1,0 +1,40 @@
+"""rig.yaml: what is written is read back, and mistakes are named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ispom.errors import InputError
+from ispom.io.rig import read_rig, rig_text
+from ispom.types import Camera, Rig
+from tests import doubles
+
+
+@pytest.mark.parametrize("rig", [doubles.rig(), Rig.single(Camera(64, 48, 50.0, 51.0, 31.5, 23.5))])
+def test_a_rig_is_read_back(rig: Rig, tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(rig_text(rig))
+    found = read_rig(tmp_path / "rig.yaml")
+    assert (found.video, found.left, found.right) == (rig.video, rig.left, rig.right)
+    for name in ("video", "left", "right"):
+        np.testing.assert_allclose(found.rig_from(name).matrix, rig.rig_from(name).matrix, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("fx: 60.0", "fx: -60.0", r"video\.fx is -60, not positive"),
+        ("fx: 60.0", "fx: .nan", r"video\.fx needs 1 finite"),
+        ("fx: 60.0", "fx: wide", r"video\.fx needs 1 finite"),
+        ("rig_from_video:", "somewhere:", "rig_from_video is missing"),
+        ("video:", "middle:", "video, left or right"),
+        ("video:", "video: [", "line 3 is not valid YAML"),
+        ("video:", "video: !!python/object/apply:os.getcwd", "not valid YAML"),
+    ],
+)
+def test_a_mistake_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text(rig_text(Rig(video=doubles.rig().video)).replace(old, new, 1))
+    with pytest.raises(InputError, match=message) as caught:
+        read_rig(path)
+    assert str(path) in str(caught.value)
