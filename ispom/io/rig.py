@@ -67,8 +67,8 @@ def _camera(path: Path, name: str, entry: Any) -> tuple[Camera, Pose]:
     xyzw = _list(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
     if abs(np.linalg.norm(xyzw) - 1) > 0.01:
         raise InputError(f"{path}: {name}.rig_from_{name}.rotation_xyzw is not of length 1: correct it")
-    sizes = {key: int(values[key]) for key in _SIZES}
-    camera = Camera(**sizes, **{key: values[key] for key in _INTRINSICS}, distortion=tuple(distortion))
+    width, height = int(values["width"]), int(values["height"])
+    camera = Camera(width, height, *(values[key] for key in _INTRINSICS), distortion=tuple(distortion))
     return camera, Pose.from_xyzw(np.array(xyzw), np.array(translation))
 
 

@@ -1,0 +1,53 @@
+"""Where exposures come from, and how a source given in words is opened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.sequences.kitti import looks_like_kitti, open_kitti
+from ispom.sequences.recording import Recording
+from ispom.sequences.two_rate import two_rate
+from ispom.types import Sequence
+
+MIN_FRAMES = 3
+
+
+def open_sequence(
+    source: str,
+    *,
+    stereo_every: int = 1,
+    video_scale: float = 1.0,
+    seed: int = 0,
+    max_exposures: int | None = None,
+) -> Sequence:
+    """The sequence of `sim:NAME` (made from `seed`) or of a path whose kind is recognised (shaped by `two_rate`).
+
+    Only its first `max_exposures` where given. InputError says what is wrong with the source or an option.
+    """
+    if max_exposures is not None and max_exposures < MIN_FRAMES:
+        raise InputError(f"--max-exposures is {max_exposures}, give {MIN_FRAMES} or more")
+    if source.startswith("sim:"):
+        from ispom.sequences.simulated import open_simulated  # brings the ray caster, which takes seconds
+
+        sequence = open_simulated(source.removeprefix("sim:"), seed)
+    else:
+        sequence = two_rate(_recording(Path(source).expanduser()), stereo_every, video_scale)
+    frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
+    if frames < MIN_FRAMES:
+        raise InputError(f"{source} has {frames} frame(s), a run needs {MIN_FRAMES} or more: give a longer sequence")
+    return sequence if max_exposures is None else sequence.truncated(max_exposures)
+
+
+def _recording(folder: Path) -> Recording:
+    if not folder.exists():
+        raise InputError(f"{folder} does not exist: correct the path, or give a simulation such as sim:city")
+    if not folder.is_dir():
+        raise InputError(f"{folder} is a file, not a folder: give the folder of a drive, such as kitti/sequences/06")
+    if looks_like_kitti(folder):
+        return open_kitti(folder)
+    if not any(folder.iterdir()):
+        raise InputError(f"{folder} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
+    drives = sorted(p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if looks_like_kitti(p))
+    cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
+    raise InputError(f"{folder} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry): {cure}")

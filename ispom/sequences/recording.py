@@ -1,0 +1,32 @@
+"""What a rectified recording of one or two cameras offers, before it is decided which image plays which camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.types import Camera, Image, Trajectory
+
+Side = Literal["left", "right"]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Rectified images of a left and perhaps a right camera, exposed together."""
+
+    name: str
+    """What a person recognises: "KITTI 06"."""
+    camera: Camera
+    """Of both sides."""
+    baseline_m: float | None
+    """None where there is no right camera."""
+    times_ns: NDArray[np.int64]
+    """(N,) increasing."""
+    read: Callable[[Side, int], Image]
+    """Reads image i of a side; InputError where its file is unreadable or of the wrong size."""
+    truth: Trajectory | None = None
+    """world_from_left."""

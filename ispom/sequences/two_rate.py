@@ -1,0 +1,61 @@
+"""Video and stereo of different rates from one recording: an honest emulation of the paper's platform."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.sequences.recording import Recording
+from ispom.types import Exposure, Image, Kind, Rig, Sequence, StereoPair, VideoFrame
+
+
+def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1.0) -> Sequence:
+    """Every left image, scaled, is video; every k-th pair, at full resolution and just before it, is stereo.
+
+    Without a right camera there is video only. InputError where an option is out of its range.
+    """
+    if stereo_every < 1:
+        raise InputError(f"--stereo-every is {stereo_every}, give 1 or more")
+    if not 0.05 <= video_scale <= 1:
+        raise InputError(f"--video-scale is {video_scale:g}, give a value from 0.05 to 1")
+    video = recording.camera.scaled(video_scale)
+    rig, notes = Rig.single(video), ()
+    if recording.baseline_m is not None:
+        stereo = Rig.stereo(recording.camera, recording.baseline_m)
+        rig = Rig(video, stereo.left, stereo.right, stereo.rig_from_left, stereo.rig_from_left, stereo.rig_from_right)
+        notes = (_emulation(stereo_every, video_scale),)
+    plan: list[tuple[int, Kind]] = []
+    for i in range(len(recording.times_ns)):
+        if rig.has_stereo and i % stereo_every == 0:
+            plan.append((i, "stereo"))
+        plan.append((i, "video"))
+
+    @lru_cache(maxsize=1)  # the left image of a pair is wanted again at once, as video
+    def left(i: int) -> Image:
+        return recording.read("left", i)
+
+    def load(exposure: int) -> Exposure:
+        i, kind = plan[exposure]
+        time_ns = int(recording.times_ns[i])
+        if kind == "stereo":
+            return StereoPair(time_ns, left(i), recording.read("right", i))
+        image = left(i)
+        if (video.width, video.height) != (recording.camera.width, recording.camera.height):
+            image = cv2.resize(image, (video.width, video.height), interpolation=cv2.INTER_AREA)
+        return VideoFrame(time_ns, np.asarray(image, np.uint8))
+
+    times_ns = recording.times_ns[[i for i, _ in plan]]
+    truth = recording.truth and recording.truth.moved(right=rig.rig_from_video.inverse(), frame="rig")
+    return Sequence(recording.name, rig, times_ns, tuple(kind for _, kind in plan), load, truth, notes)
+
+
+def _emulation(stereo_every: int, video_scale: float) -> str:
+    pairs = "every pair" if stereo_every == 1 else f"one pair in {stereo_every}"
+    size = "full size" if video_scale == 1 else f"{video_scale:g} of its size"
+    return (
+        f"An emulation from a stereo recording: every left image at {size} is the video, {pairs} is the stereo, so "
+        "that the video camera sits in the left camera and exposures coincide."
+    )
