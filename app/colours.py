@@ -1,0 +1,45 @@
+"""One colour per meaning, everywhere: 3-D, images, plots, lamps and report.
+
+From Okabe and Ito's colour-blind safe set (Color Universal Design, 2008). The methods' colours and the truth's grey
+have a contrast of at least 3 on white and on Rerun's near-black, so that they read in both themes.
+"""
+
+from __future__ import annotations
+
+from ispom.types import TrackStatus
+
+Rgb = tuple[int, int, int]
+
+METHOD: dict[str, Rgb] = {
+    "monocular": (213, 94, 0),  # vermillion
+    "stereo": (0, 114, 178),  # blue
+    "integrated": (0, 158, 115),  # bluish green
+}
+TRUTH: Rgb = (138, 138, 138)
+DISPARITY: Rgb = (0, 158, 115)
+TRAIL: Rgb = (86, 180, 233)
+
+_GEOMETRY, _SEARCH = (213, 94, 0), (204, 121, 167)
+TRACK: dict[TrackStatus, Rgb] = {
+    TrackStatus.ALIVE: (86, 180, 233),  # sky blue
+    TrackStatus.NEW: (240, 228, 66),  # yellow
+    TrackStatus.LOST: _SEARCH,
+    TrackStatus.FORWARD_BACKWARD: _SEARCH,
+    TrackStatus.UNMATCHED: _SEARCH,
+    TrackStatus.EPIPOLAR: _GEOMETRY,
+    TrackStatus.REPROJECTION: _GEOMETRY,
+    TrackStatus.RIGID: _GEOMETRY,
+    TrackStatus.OUT_OF_IMAGE: (160, 160, 160),
+    TrackStatus.NO_DISPARITY: (230, 159, 0),  # orange
+}
+
+
+def shade(colour: Rgb, towards: Rgb, fraction: float) -> Rgb:
+    """The colour mixed with another: fraction 0 keeps it, 1 gives the other."""
+    r, g, b = (round(a + (t - a) * fraction) for a, t in zip(colour, towards, strict=True))
+    return r, g, b
+
+
+def css(colour: Rgb) -> str:
+    """As a web page writes it: #d55e00."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -1,0 +1,140 @@
+"""What the recorder draws: pure functions from the library's values to Rerun's. Conversions to Rerun live here.
+
+Rerun's pixel coordinates count from the corner of the top-left pixel, ours from its centre: half a pixel apart.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from ispom.geometry import Pose, Similarity
+from ispom.types import Camera, Image, Step, Tracks, TrackStatus
+
+from . import colours
+
+JPEG_QUALITY = 80
+SHOWN_PX = 640 * 480
+"""Larger images are shown, and kept, at about this many pixels."""
+LEGEND_BOTTOM = 1.35
+"""The legend below an image ends at this times the image's height."""
+TRAIL_LENGTH = 5
+"""Earlier positions of a track that its trail shows."""
+
+
+def shown_scale(width: int, height: int) -> float:
+    """The factor (<= 1) by which an image is shrunk for display."""
+    return min(1.0, (SHOWN_PX / (width * height)) ** 0.5)
+
+
+def transform(pose: Pose) -> rr.Transform3D:
+    """parent_from_entity."""
+    return rr.Transform3D(translation=pose.translation, quaternion=rr.Quaternion(xyzw=pose.xyzw))
+
+
+def placement(parent_from_entity: Similarity) -> rr.Transform3D:
+    """parent_from_entity, with its change of unit."""
+    pose = parent_from_entity.pose
+    return rr.Transform3D(
+        translation=pose.translation, quaternion=rr.Quaternion(xyzw=pose.xyzw), scale=parent_from_entity.scale
+    )
+
+
+def jpeg(image: Image) -> rr.EncodedImage:
+    """The image, at `shown_scale`."""
+    scale = shown_scale(image.shape[1], image.shape[0])
+    if scale < 1:
+        size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+
+
+def shown_uv(uv: NDArray, camera: Camera) -> NDArray[np.float32]:
+    """Rerun's coordinates (..., 2) on the shown image of our pixels (..., 2)."""
+    return ((np.asarray(uv) + 0.5) * shown_scale(camera.width, camera.height)).astype(np.float32)
+
+
+def statuses() -> rr.AnnotationContext:
+    """What the class ids of `points` mean: shown on hovering."""
+    return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])
+
+
+def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """Every track where it is, or was last seen; its class is its status."""
+    radii = np.where(tracks.status >= TrackStatus.LOST, -2.5, -2.0)
+    return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=tracks.status, radii=radii, show_labels=False)
+
+
+def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
+    """The last places of the tracks that live, `recent` being this camera's Tracks, oldest first, now last."""
+    now = recent[-1]
+    kept = (now.status < TrackStatus.LOST) & ~np.isnan(now.uv_prev[:, 0])
+    places = [now.uv[kept]]
+    for earlier in reversed(recent[:-1]):
+        order = np.argsort(earlier.ids)
+        at = np.minimum(np.searchsorted(earlier.ids, now.ids[kept], sorter=order), max(len(earlier) - 1, 0))
+        rows = order[at] if len(order) else at[:0]
+        if not len(rows):
+            break
+        found = earlier.ids[rows] == now.ids[kept]
+        places.append(np.where(found[:, None], earlier.uv[rows], places[-1]))
+    if len(places) == 1:
+        places.append(now.uv_prev[kept])
+    return rr.LineStrips2D(shown_uv(np.stack(places, 1), camera), colors=colours.TRAIL, radii=-0.75)
+
+
+def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
+    """From each point to where the right image has it: longer is nearer."""
+    known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
+    right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
+    return rr.LineStrips2D(
+        shown_uv(np.stack([tracks.uv[known], right], 1), camera), colors=colours.DISPARITY, radii=-0.75
+    )
+
+
+def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """Below the image: how many tracks have which status, in its colour."""
+    counts = np.bincount(tracks.status, minlength=len(TrackStatus))
+    present = [s for s in TrackStatus if counts[s]]
+    scale = shown_scale(camera.width, camera.height)
+    width, height, columns = camera.width * scale, camera.height * scale, 4
+    row, column = np.divmod(np.arange(len(present)), columns)
+    return rr.Points2D(
+        np.stack([width * (column + 0.5) / columns, height * (1.04 + 0.09 * row)], 1),
+        class_ids=[int(s) for s in present],
+        labels=[f"{counts[s]} {s.reason}" for s in present],
+        radii=-4.0,
+        show_labels=True,
+    )
+
+
+def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> NDArray[np.float32]:
+    """One polyline (10, 3), in the frame, around what the camera sees up to a depth."""
+    w, h = camera.width - 0.5, camera.height - 0.5
+    rays = camera.normalise(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
+    top_left, top_right, bottom_right, bottom_left = np.column_stack([rays, np.ones(4)]) * depth
+    centre = np.zeros(3)
+    strip = [top_right, top_left, centre, top_right, bottom_right, centre, bottom_left, bottom_right, bottom_left]
+    return frame_from_camera.apply(np.stack([*strip, top_left])).astype(np.float32)
+
+
+def summary(steps: dict[str, Step], first_ns: int) -> str:
+    """Markdown: what each method decided in its latest step, and why."""
+    parts = []
+    for method, step in steps.items():
+        facts = [f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
+        facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
+        if len(step.residuals_px):
+            facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
+        rows = [
+            f"| {d.name} | {d.value:.4g} {d.unit} | {d.relation} {d.threshold:.4g} | {'yes' if d.passed else 'no'} | "
+            f"{d.because} |"
+            for d in step.decisions
+        ]
+        table = ["| test | value | asked | passed | so |", "| --- | --- | --- | --- | --- |", *rows] if rows else []
+        parts += [f"### {method}", " · ".join(facts), "", *table, ""]
+    return "\n".join(parts)

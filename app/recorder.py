@@ -1,0 +1,298 @@
+"""Events of a run -> what Rerun shall show. No stream is touched here: see streams.py.
+
+Entities, below the shared world (the rig at the first stereo exposure: x right, y down, z forward):
+
+    /world/truth/{path,rig}                  the whole true path (static); the true pose now
+    /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
+    /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it changed
+    /world/METHOD/camera                     the pose now
+    /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
+    /video, /left                            image, tracks, trails, legend; left also disparity
+    /plots/{error,scale,inliers,residual,ms}/METHOD...
+    /decisions, /log                         text
+
+Timelines: `exposure` (its index) and `time` (since the first exposure).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from ispom.geometry import Similarity
+from ispom.types import Frame, Step, StereoPair, Tracks, Trajectory
+
+from . import colours, entities
+from .memory import Cloud, Path
+from .playback import Finished, Opened, Stepped
+
+Event = Stepped | Finished
+UNIT_PIXELS = -1.0
+"""Negative radii are screen units in Rerun."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One value of one entity."""
+
+    path: str
+    value: rr.AsComponents
+    static: bool = False
+    droppable: bool = False
+    """A viewer that lags may miss it: nothing but the picture of one exposure is lost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A whole final trajectory: world_from_frame at many exposures."""
+
+    path: str
+    trajectory: Trajectory
+    indices: np.ndarray
+    """(N,) of its exposures in the sequence."""
+    first_ns: int
+    static = droppable = False
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What one event adds, at one instant of both timelines."""
+
+    index: int
+    since_start_ns: int
+    entries: tuple[Entry | Columns, ...]
+
+
+class Recorder:
+    """Turns the events of one run into batches. It remembers trajectories and clouds, no images."""
+
+    def __init__(self, opened: Opened) -> None:
+        self.opened = opened
+        self.recording_id = str(uuid4())
+        self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
+        self._paths = {m: Path(opened.sequence.times_ns) for m in opened.methods}
+        self._clouds = {m: Cloud() for m in opened.methods}
+        self._placements: dict[str, Similarity] = {}
+        self._recent: dict[str, list[Tracks]] = {}
+        self._last: dict[str, Step] = {}
+        self._now = (0, 0)
+        self._done: tuple[Event | None, Batch] = (None, self.opening())
+
+    # -- what streams ask for ------------------------------------------------------------------------------------------
+
+    def opening(self) -> Batch:
+        """What holds for the whole run (all static)."""
+        return Batch(0, 0, tuple(self._opening()))
+
+    def so_far(self) -> Batch:
+        """Trajectories and clouds up to now, for a stream that starts in the middle."""
+        entries = [Entry(f"world/{m}", entities.placement(p)) for m, p in self._placements.items()]
+        for method, path in self._paths.items():
+            entries += self._camera(method)
+            entries += self._path_blocks(method, path.all_blocks())
+            entries += self._cloud_blocks(method, self._clouds[method].all_blocks())
+        return Batch(*self._now, tuple(entries))
+
+    def batch(self, event: Event) -> Batch:
+        """What this event adds. Asked again for the same event, as a second stream does, it gives the same batch."""
+        if event is not self._done[0]:
+            self._done = (event, self._stepped(event) if isinstance(event, Stepped) else self._finished(event))
+        return self._done[1]
+
+    # -- events --------------------------------------------------------------------------------------------------------
+
+    def _stepped(self, event: Stepped) -> Batch:
+        self._now = (event.index, event.exposure.time_ns - self.first_ns)
+        entries = [*self._place(event.placements), *self._truth_now(event), *self._images(event)]
+        for step in event.steps:
+            entries += self._pose(step, event)
+            entries += self._plots(step, event)
+            entries += self._log(step)
+            self._last[step.method] = step
+        entries.append(Entry("decisions", rr.TextDocument(self._summary(), media_type="text/markdown")))
+        return Batch(*self._now, tuple(entries))
+
+    def _finished(self, event: Finished) -> Batch:
+        entries: list[Entry | Columns] = [*self._place(event.placements)]
+        for method, trajectory in event.trajectories.items():
+            if len(trajectory):
+                path = self._paths[method]
+                line = rr.LineStrips3D([trajectory.translations], colors=colours.METHOD[method], radii=2 * UNIT_PIXELS)
+                entries += self._path_blocks(method, path.update(trajectory))
+                entries += self._cloud_blocks(method, self._clouds[method].changed())
+                entries.append(Entry(f"world/{method}/path/final", line))
+                entries.append(
+                    Columns(f"world/{method}/final", trajectory, path.indices(trajectory.times_ns), self.first_ns)
+                )
+        return Batch(*self._now, tuple(entries))
+
+    # -- parts ---------------------------------------------------------------------------------------------------------
+
+    def _opening(self) -> Iterator[Entry]:
+        yield Entry("world", rr.ViewCoordinates.RDF, static=True)
+        for camera in ("video", "left"):
+            yield Entry(camera, entities.statuses(), static=True)
+        truth = self.opened.truth
+        if truth is not None:
+            line = rr.LineStrips3D([truth.translations], colors=colours.TRUTH, radii=UNIT_PIXELS)
+            yield Entry("world/truth/path", line, static=True)
+            yield Entry(
+                "world/truth/rig", self._frusta("rig", self._size, colours.TRUTH, main_camera=True), static=True
+            )
+        for method in self.opened.methods:
+            for kind in ("error", "inliers", "residual"):
+                yield Entry(f"plots/{kind}/{method}", _series(method, colours.METHOD[method]), static=True)
+            for kind, name, pale in (("transferred", "unit carried on", 0.5), ("of_truth", "step / true step", 0.0)):
+                colour = colours.shade(colours.METHOD[method], (128, 128, 128), pale)
+                yield Entry(f"plots/scale/{method}/{kind}", _series(f"{method}: {name}", colour), static=True)
+            yield Entry(f"plots/ms/{method}/total", _series(f"{method}", colours.METHOD[method], 2.5), static=True)
+
+    def _place(self, placements: Mapping[str, Similarity]) -> Iterator[Entry]:
+        for method, new in placements.items():
+            if method in self._paths and not _same(self._placements.get(method), new):
+                self._placements[method] = new
+                yield Entry(f"world/{method}", entities.placement(new))
+                yield from self._camera(method)
+                yield from self._path_blocks(method, self._paths[method].all_blocks())
+
+    def _truth_now(self, event: Stepped) -> Iterator[Entry]:
+        pose = self.opened.truth.at(event.exposure.time_ns) if self.opened.truth is not None else None
+        if pose is not None:
+            yield Entry("world/truth/rig", entities.transform(pose))
+
+    def _images(self, event: Stepped) -> Iterator[Entry]:
+        exposure = event.exposure
+        name, image = ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
+        yield Entry(f"{name}/image", entities.jpeg(image), droppable=True)
+        tracks = next((s.tracks[name] for s in _with_parts(event.steps) if name in s.tracks), None)
+        if tracks is None:
+            return
+        camera = self.opened.sequence.rig.camera(name)
+        recent = self._recent[name] = [*self._recent.get(name, []), tracks][-entities.TRAIL_LENGTH - 1 :]
+        yield Entry(f"{name}/tracks", entities.points(tracks, camera), droppable=True)
+        yield Entry(f"{name}/trails", entities.trails(recent, camera), droppable=True)
+        yield Entry(f"{name}/legend", entities.legend(tracks, camera), droppable=True)
+        if name == "left":
+            yield Entry(f"{name}/disparity", entities.disparities(tracks, camera), droppable=True)
+
+    def _pose(self, step: Step, event: Stepped) -> Iterator[Entry]:
+        method, path, cloud = step.method, self._paths[step.method], self._clouds[step.method]
+        now = [(step.time_ns, step.world_from_frame)] if step.world_from_frame is not None else []
+        changed = path.update(Trajectory.of([*step.revised.items(), *now], step.frame))
+        if step.key_frame:
+            changed |= path.mark(step.time_ns)
+        yield from self._path_blocks(method, changed)
+        if step.world_from_frame is not None:
+            yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
+            if path.frame_changed(step.frame):
+                yield from self._camera(method)
+        cloud.update(step.landmarks)
+        if step.key_frame:
+            yield from self._cloud_blocks(method, cloud.changed())
+
+    def _camera(self, method: str) -> Iterator[Entry]:
+        frame, colour = self._paths[method].frame, colours.METHOD[method]
+        yield Entry(f"world/{method}/camera", self._frusta(frame, self._own_size(method), colour, method != "stereo"))
+
+    def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
+        path, colour, size = self._paths[method], colours.METHOD[method], 0.5 * self._own_size(method)
+        for block in sorted(blocks):
+            line = rr.LineStrips3D([path.line(block)], colors=colour, radii=1.5 * UNIT_PIXELS)
+            yield Entry(f"world/{method}/path/{block}", line)
+            outlines = self._outlines(path.frame, size, main_camera=True)
+            keys = [pose.apply(outline) for pose in path.key_frames(block) for outline in outlines]
+            if keys:
+                yield Entry(
+                    f"world/{method}/key_frames/{block}",
+                    rr.LineStrips3D(np.stack(keys).astype(np.float32), colors=(*colour, 110), radii=0.5 * UNIT_PIXELS),
+                )
+
+    def _cloud_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
+        for block in sorted(blocks):
+            xyz, rgb = self._clouds[method].points(block)
+            yield Entry(f"world/{method}/cloud/{block}", rr.Points3D(xyz, colors=rgb, radii=1.5 * UNIT_PIXELS))
+
+    def _plots(self, step: Step, event: Stepped) -> Iterator[Entry]:
+        method = step.method
+        if method in event.errors_m:
+            yield Entry(f"plots/error/{method}", rr.Scalars(event.errors_m[method]))
+            ratio = self._step_of_truth(step)
+            if ratio is not None:
+                yield Entry(f"plots/scale/{method}/of_truth", rr.Scalars(ratio))
+        if step.scale is not None:
+            yield Entry(f"plots/scale/{method}/transferred", rr.Scalars(step.scale))
+        if len(step.residuals_px):
+            yield Entry(f"plots/inliers/{method}", rr.Scalars(len(step.residuals_px)))
+            yield Entry(f"plots/residual/{method}", rr.Scalars(float(np.median(step.residuals_px))))
+        yield Entry(f"plots/ms/{method}/total", rr.Scalars(1e3 * sum(step.seconds.values())))
+        for stage, seconds in step.seconds.items():
+            yield Entry(f"plots/ms/{method}/{stage.replace(' ', '_')}", rr.Scalars(1e3 * seconds))
+
+    def _log(self, step: Step) -> Iterator[Entry]:
+        before = self._last.get(step.method)
+        if before is None or before.status != step.status:
+            level = "WARN" if step.status == "lost" else "INFO"
+            yield Entry("log", rr.TextLog(f"{step.method}: {step.status}", level=level))
+        if step.key_frame:
+            yield Entry("log", rr.TextLog(f"{step.method}: key frame", level="DEBUG"))
+
+    def _summary(self) -> str:
+        return entities.summary({m: self._last[m] for m in self.opened.methods if m in self._last}, self.first_ns)
+
+    # -- sizes and cameras ---------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _size(self) -> float:
+        """Depth of the current camera's frustum [m]: to the path's measure, where there is a true one."""
+        return float(np.clip(0.012 * self.opened.truth.length, 0.3, 6.0)) if self.opened.truth is not None else 0.5
+
+    def _own_size(self, method: str) -> float:
+        """The same in the method's own unit."""
+        return self._size / self._placements.get(method, Similarity()).scale
+
+    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> list[NDArray[np.float32]]:
+        """Frusta in a frame: of the video camera (without one: the left), or of both stereo cameras."""
+        rig = self.opened.sequence.rig
+        main: Frame = "video" if rig.video is not None else "left"
+        names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+        frame_from_rig = rig.rig_from(frame).inverse()
+        return [entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names]
+
+    def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
+        outlines = self._outlines(frame, size, main_camera)
+        return rr.LineStrips3D(np.stack(outlines), colors=colour, radii=1.5 * UNIT_PIXELS)
+
+    def _step_of_truth(self, step: Step) -> float | None:
+        """Distance covered in the last second over the true one."""
+        placement = self._placements.get(step.method, Similarity())
+        earlier = self._paths[step.method].second_before(step.time_ns)
+        truth, rig = self.opened.truth, self.opened.sequence.rig
+        if earlier is None or truth is None or step.world_from_frame is None:
+            return None
+        before, after = truth.at(earlier[0]), truth.at(step.time_ns)
+        if before is None or after is None:
+            return None
+        lever = rig.rig_from(step.frame).translation
+        true = float(np.linalg.norm(after.apply(lever) - before.apply(lever)))
+        estimated = placement.scale * float(np.linalg.norm(step.world_from_frame.translation - earlier[1]))
+        return estimated / true if true > 0.05 else None
+
+
+def _with_parts(steps: tuple[Step, ...]) -> Iterator[Step]:
+    for step in steps:
+        yield step
+        yield from _with_parts(step.parts)
+
+
+def _series(name: str, colour: colours.Rgb, width: float = 1.5) -> rr.SeriesLines:
+    return rr.SeriesLines(names=name, colors=colour, widths=width)
+
+
+def _same(a: Similarity | None, b: Similarity) -> bool:
+    return a is not None and a.scale == b.scale and np.array_equal(a.pose.matrix, b.pose.matrix)
