@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from ispom.geometry import Pose, Similarity
+from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Image, Step, Tracks, TrackStatus
 
 from . import colours
@@ -112,14 +112,14 @@ def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
     )
 
 
-def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> NDArray[np.float32]:
+def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
     """One polyline (10, 3), in the frame, around what the camera sees up to a depth."""
     w, h = camera.width - 0.5, camera.height - 0.5
     rays = camera.normalise(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
     top_left, top_right, bottom_right, bottom_left = np.column_stack([rays, np.ones(4)]) * depth
     centre = np.zeros(3)
     strip = [top_right, top_left, centre, top_right, bottom_right, centre, bottom_left, bottom_right, bottom_left]
-    return frame_from_camera.apply(np.stack([*strip, top_left])).astype(np.float32)
+    return frame_from_camera.apply(np.stack([*strip, top_left]))
 
 
 def summary(steps: dict[str, Step], first_ns: int) -> str:

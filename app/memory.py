@@ -86,7 +86,7 @@ class Cloud:
     def update(self, found: Landmarks) -> None:
         finite = np.isfinite(found.xyz_in_world).all(1)
         new = [i for i in np.flatnonzero(finite).tolist() if int(found.ids[i]) not in self._row]
-        for i in new[:: 1 + (len(new) - 1) // NEW_POINTS_PER_STEP]:
+        for i in new[:: max(1, -(-len(new) // NEW_POINTS_PER_STEP))]:
             self._row[int(found.ids[i])] = len(self._row)
         self._grow(len(self._row))
         rows = np.array([self._row.get(int(i), -1) for i in found.ids], np.int64)

@@ -23,9 +23,8 @@ from uuid import uuid4
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
-from ispom.geometry import Similarity
+from ispom.geometry import Array, Similarity
 from ispom.types import Frame, Step, StereoPair, Tracks, Trajectory
 
 from . import colours, entities
@@ -256,7 +255,7 @@ class Recorder:
         """The same in the method's own unit."""
         return self._size / self._placements.get(method, Similarity()).scale
 
-    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> list[NDArray[np.float32]]:
+    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> list[Array]:
         """Frusta in a frame: of the video camera (without one: the left), or of both stereo cameras."""
         rig = self.opened.sequence.rig
         main: Frame = "video" if rig.video is not None else "left"
@@ -266,7 +265,7 @@ class Recorder:
 
     def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
         outlines = self._outlines(frame, size, main_camera)
-        return rr.LineStrips3D(np.stack(outlines), colors=colour, radii=1.5 * UNIT_PIXELS)
+        return rr.LineStrips3D(np.stack(outlines).astype(np.float32), colors=colour, radii=1.5 * UNIT_PIXELS)
 
     def _step_of_truth(self, step: Step) -> float | None:
         """Distance covered in the last second over the true one."""
