@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
-from ispom.io.rows import increasing_times, numbers, read_rows, read_text
+from ispom.io.rows import increasing_times_ns, numbers, read_rows, read_text
 
 
 def read_poses(path: Path) -> list[Pose]:
@@ -27,7 +27,7 @@ def read_poses(path: Path) -> list[Pose]:
 
 def read_times(path: Path) -> NDArray[np.int64]:
     """(N,) [ns], increasing, of a file with seconds."""
-    return increasing_times(path, read_rows(path, 1))
+    return increasing_times_ns(path, read_rows(path, 1))
 
 
 def read_calibration(path: Path) -> dict[str, Array]:

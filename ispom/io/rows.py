@@ -50,14 +50,24 @@ def numbers(path: Path, line: int, words: list[str]) -> Array:
     return np.array(values)
 
 
-def increasing_times(path: Path, rows: list[Row]) -> NDArray[np.int64]:
-    """The first words, decimal seconds, as integer nanoseconds (N,), exactly; InputError where they do not increase."""
+def times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
+    """The first words, decimal seconds, as integer nanoseconds (N,), exactly; InputError where time goes backwards."""
     times = np.array([_time_ns(path, line, words[0]) for line, words in rows], np.int64)
-    wrong = np.flatnonzero(np.diff(times) <= 0)
-    if len(wrong):
-        line, words = rows[wrong[0] + 1]
-        raise InputError(f"{path} line {line}: time {words[0]} s is not after the one before: put the lines in order")
+    _refuse(path, rows, np.diff(times) < 0)
     return times
+
+
+def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
+    """The same; InputError also where a time is repeated."""
+    times = times_ns(path, rows)
+    _refuse(path, rows, np.diff(times) == 0)
+    return times
+
+
+def _refuse(path: Path, rows: list[Row], wrong: NDArray[np.bool_]) -> None:
+    if wrong.any():
+        line, words = rows[np.flatnonzero(wrong)[0] + 1]
+        raise InputError(f"{path} line {line}: time {words[0]} s is not after the one before: put the lines in order")
 
 
 def _time_ns(path: Path, line: int, word: str) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
-from ispom.io.rows import increasing_times, numbers, read_rows
+from ispom.io.rows import numbers, read_rows, times_ns
 from ispom.types import Frame, Trajectory
 
 
@@ -20,9 +20,12 @@ def tum_text(trajectory: Trajectory) -> str:
 
 
 def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
-    """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong."""
+    """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong.
+
+    Of several poses at one time the first counts: the published truth of TUM's fr2_desk has such a pair.
+    """
     rows = read_rows(path, 8)
-    times_ns = increasing_times(path, rows)
+    times = times_ns(path, rows)
     values = np.array([numbers(path, line, words[1:]) for line, words in rows]).reshape(-1, 7)
     lengths = np.linalg.norm(values[:, 3:], axis=1)
     wrong = np.flatnonzero(abs(lengths - 1) > 0.01)
@@ -31,7 +34,8 @@ def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
         raise InputError(f"{path} line {line}: the quaternion's length is {lengths[wrong[0]]:.3g}, not 1: correct it")
     if not len(values):
         return Trajectory.empty(frame)
-    return Trajectory(times_ns, Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3], frame)
+    times, first = np.unique(times, return_index=True)
+    return Trajectory(times, Rotation.from_quat(values[first, 3:]).as_matrix(), values[first, :3], frame)
 
 
 def _seconds(time_ns: int) -> str:

@@ -28,4 +28,4 @@ def read_grey(path: Path, size: tuple[int, int] | None = None) -> Image:
     if size is not None and (width, height) != size:
         raise InputError(f"{path} is {width} x {height}, the first image {size[0]} x {size[1]}: restore the image")
     image.setflags(write=False)
-    return image
+    return np.asarray(image, np.uint8)

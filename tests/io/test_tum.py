@@ -46,6 +46,12 @@ def test_comments_and_scientific_notation_are_read(tmp_path: Path) -> None:
     assert read_tum(path).times_ns.tolist() == [1403715529112143517]
 
 
+def test_of_two_poses_at_one_time_the_first_counts(tmp_path: Path) -> None:
+    path = tmp_path / "a.tum"
+    path.write_text(GOOD + "0.1 5 0 0 0 0 0 1\n0.2 0 0 0 0 0 0 1\n")
+    assert read_tum(path).translations.tolist() == [[0, 0, 0], [0, 0, 0]]
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -55,7 +61,7 @@ def test_comments_and_scientific_notation_are_read(tmp_path: Path) -> None:
         ("0.2 0 x 0 0 0 0 1", "line 2: 'x' is not a finite number"),
         ("x 0 0 0 0 0 0 1", "line 2: 'x' is not a time"),
         ("nan 0 0 0 0 0 0 1", "line 2: 'nan' is not a time"),
-        ("0.1 0 0 0 0 0 0 1", "line 2: time 0.1 s is not after"),
+        ("0.05 0 0 0 0 0 0 1", "line 2: time 0.05 s is not after"),
         ("0.2 0 0 0 0 0 0 2", "line 2: the quaternion's length is 2"),
     ],
 )

@@ -1,0 +1,30 @@
+"""Which pose of an estimate is compared with which pose of a reference."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.types import Trajectory
+
+MAX_DIFFERENCE_NS = 10_000_000
+
+
+def associate(
+    estimate: Trajectory, reference: Trajectory, max_difference_ns: int = MAX_DIFFERENCE_NS
+) -> tuple[Trajectory, Trajectory]:
+    """The poses that have a partner in time, of both, equally long.
+
+    Each pose of the shorter trajectory goes with the nearest of the longer one, if that is near enough.
+    """
+    if not len(estimate) or not len(reference):
+        return Trajectory.empty(estimate.frame), Trajectory.empty(reference.frame)
+    if len(estimate) > len(reference):
+        partners, own = associate(reference, estimate, max_difference_ns)
+        return own, partners
+    after = np.searchsorted(reference.times_ns, estimate.times_ns).clip(0, len(reference) - 1)
+    before = (after - 1).clip(0)
+    gap_before = abs(estimate.times_ns - reference.times_ns[before])
+    gap_after = abs(reference.times_ns[after] - estimate.times_ns)
+    nearest = np.where(gap_before < gap_after, before, after)
+    near = np.minimum(gap_before, gap_after) <= max_difference_ns
+    return estimate.select(near), reference.select(nearest[near])
