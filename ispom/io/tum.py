@@ -22,7 +22,7 @@ def tum_text(trajectory: Trajectory) -> str:
 def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
     """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong.
 
-    Of several poses at one time the first counts: the published truth of TUM's fr2_desk has such a pair.
+    Of several poses at one time the last counts: the published truth of TUM's fr2_desk has such a pair.
     """
     rows = read_rows(path, 8)
     times = times_ns(path, rows)
@@ -34,8 +34,8 @@ def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
         raise InputError(f"{path} line {line}: the quaternion's length is {lengths[wrong[0]]:.3g}, not 1: correct it")
     if not len(values):
         return Trajectory.empty(frame)
-    times, first = np.unique(times, return_index=True)
-    return Trajectory(times, Rotation.from_quat(values[first, 3:]).as_matrix(), values[first, :3], frame)
+    last = np.append(np.diff(times) > 0, True)
+    return Trajectory(times[last], Rotation.from_quat(values[last, 3:]).as_matrix(), values[last, :3], frame)
 
 
 def _seconds(time_ns: int) -> str:

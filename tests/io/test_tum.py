@@ -46,10 +46,10 @@ def test_comments_and_scientific_notation_are_read(tmp_path: Path) -> None:
     assert read_tum(path).times_ns.tolist() == [1403715529112143517]
 
 
-def test_of_two_poses_at_one_time_the_first_counts(tmp_path: Path) -> None:
+def test_of_two_poses_at_one_time_the_last_counts(tmp_path: Path) -> None:
     path = tmp_path / "a.tum"
     path.write_text(GOOD + "0.1 5 0 0 0 0 0 1\n0.2 0 0 0 0 0 0 1\n")
-    assert read_tum(path).translations.tolist() == [[0, 0, 0], [0, 0, 0]]
+    assert read_tum(path).translations.tolist() == [[5, 0, 0], [0, 0, 0]]
 
 
 @pytest.mark.parametrize(
