@@ -40,6 +40,12 @@ def shade(colour: Rgb, towards: Rgb, fraction: float) -> Rgb:
     return r, g, b
 
 
+def packed(colour: Rgb) -> list[int]:
+    """One colour for all of an entity, as Rerun takes it fastest."""
+    r, g, b = colour
+    return [r << 24 | g << 16 | b << 8 | 255]
+
+
 def css(colour: Rgb) -> str:
     """As a web page writes it: #d55e00."""
     return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -31,15 +31,13 @@ def shown_scale(width: int, height: int) -> float:
 
 def transform(pose: Pose) -> rr.Transform3D:
     """parent_from_entity."""
-    return rr.Transform3D(translation=pose.translation, quaternion=rr.Quaternion(xyzw=pose.xyzw))
+    return rr.Transform3D(translation=pose.translation, mat3x3=pose.rotation)
 
 
 def placement(parent_from_entity: Similarity) -> rr.Transform3D:
     """parent_from_entity, with its change of unit."""
     pose = parent_from_entity.pose
-    return rr.Transform3D(
-        translation=pose.translation, quaternion=rr.Quaternion(xyzw=pose.xyzw), scale=parent_from_entity.scale
-    )
+    return rr.Transform3D(translation=pose.translation, mat3x3=parent_from_entity.scale * pose.rotation)
 
 
 def jpeg(image: Image) -> rr.EncodedImage:
@@ -65,8 +63,10 @@ def statuses() -> rr.AnnotationContext:
 
 def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
     """Every track where it is, or was last seen; its class is its status."""
-    radii = np.where(tracks.status >= TrackStatus.LOST, -2.5, -2.0)
-    return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=tracks.status, radii=radii, show_labels=False)
+    radii = np.where(tracks.status >= TrackStatus.LOST, np.float32(-2.5), np.float32(-2.0))
+    return rr.Points2D(
+        shown_uv(tracks.uv, camera), class_ids=tracks.status.astype(np.uint16), radii=radii, show_labels=False
+    )
 
 
 def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
@@ -84,16 +84,15 @@ def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
         places.append(np.where(found[:, None], earlier.uv[rows], places[-1]))
     if len(places) == 1:
         places.append(now.uv_prev[kept])
-    return rr.LineStrips2D(shown_uv(np.stack(places, 1), camera), colors=colours.TRAIL, radii=-0.75)
+    return rr.LineStrips2D(shown_uv(np.stack(places, 1), camera), colors=colours.packed(colours.TRAIL), radii=[-0.75])
 
 
 def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     """From each point to where the right image has it: longer is nearer."""
     known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
     right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
-    return rr.LineStrips2D(
-        shown_uv(np.stack([tracks.uv[known], right], 1), camera), colors=colours.DISPARITY, radii=-0.75
-    )
+    strips = shown_uv(np.stack([tracks.uv[known], right], 1), camera)
+    return rr.LineStrips2D(strips, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
 
 
 def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose
+from ispom.geometry import Array
 from ispom.types import Frame, Landmarks, Trajectory
 
 POSES_PER_BLOCK = 100
@@ -62,9 +60,11 @@ class Path:
         here = np.flatnonzero(self._known[_span(block)]) + block * POSES_PER_BLOCK
         return self._positions[np.concatenate([before, here])]
 
-    def key_frames(self, block: int) -> Iterable[Pose]:
-        for row in np.flatnonzero((self._known & self._key)[_span(block)]) + block * POSES_PER_BLOCK:
-            yield Pose(self._rotations[row], self._positions[row])
+    def key_frames(self, block: int, outlines: Array) -> Array:
+        """(K * L, P, 3): L polylines of P points, given in the frame (L, P, 3), at each of the block's key frames."""
+        rows = np.flatnonzero((self._known & self._key)[_span(block)]) + block * POSES_PER_BLOCK
+        placed = outlines[None] @ self._rotations[rows, None].transpose(0, 1, 3, 2) + self._positions[rows, None, None]
+        return placed.reshape(-1, *outlines.shape[1:])
 
     def second_before(self, time_ns: int) -> tuple[int, Array] | None:
         """Time [ns] and position (3,) of the last pose at least a second before, or None."""

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from uuid import uuid4
 
 import numpy as np
@@ -32,8 +32,6 @@ from .memory import Cloud, Path
 from .playback import Finished, Opened, Stepped
 
 Event = Stepped | Finished
-UNIT_PIXELS = -1.0
-"""Negative radii are screen units in Rerun."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +41,6 @@ class Entry:
     path: str
     value: rr.AsComponents
     static: bool = False
-    droppable: bool = False
-    """A viewer that lags may miss it: nothing but the picture of one exposure is lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +52,6 @@ class Columns:
     indices: np.ndarray
     """(N,) of its exposures in the sequence."""
     first_ns: int
-    static = droppable = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,30 +76,15 @@ class Recorder:
         self._recent: dict[str, list[Tracks]] = {}
         self._last: dict[str, Step] = {}
         self._now = (0, 0)
-        self._done: tuple[Event | None, Batch] = (None, self.opening())
-
-    # -- what streams ask for ------------------------------------------------------------------------------------------
+        self._stages: dict[str, list[str]] = {m: [] for m in opened.methods}
 
     def opening(self) -> Batch:
         """What holds for the whole run (all static)."""
         return Batch(0, 0, tuple(self._opening()))
 
-    def so_far(self) -> Batch:
-        """Trajectories and clouds up to now, for a stream that starts in the middle."""
-        entries = [Entry(f"world/{m}", entities.placement(p)) for m, p in self._placements.items()]
-        for method, path in self._paths.items():
-            entries += self._camera(method)
-            entries += self._path_blocks(method, path.all_blocks())
-            entries += self._cloud_blocks(method, self._clouds[method].all_blocks())
-        return Batch(*self._now, tuple(entries))
-
     def batch(self, event: Event) -> Batch:
-        """What this event adds. Asked again for the same event, as a second stream does, it gives the same batch."""
-        if event is not self._done[0]:
-            self._done = (event, self._stepped(event) if isinstance(event, Stepped) else self._finished(event))
-        return self._done[1]
-
-    # -- events --------------------------------------------------------------------------------------------------------
+        """What this event adds. Each event once, in their order."""
+        return self._stepped(event) if isinstance(event, Stepped) else self._finished(event)
 
     def _stepped(self, event: Stepped) -> Batch:
         self._now = (event.index, event.exposure.time_ns - self.first_ns)
@@ -122,7 +102,7 @@ class Recorder:
         for method, trajectory in event.trajectories.items():
             if len(trajectory):
                 path = self._paths[method]
-                line = rr.LineStrips3D([trajectory.translations], colors=colours.METHOD[method], radii=2 * UNIT_PIXELS)
+                line = _lines([trajectory.translations], colours.METHOD[method], 2.0)
                 entries += self._path_blocks(method, path.update(trajectory))
                 entries += self._cloud_blocks(method, self._clouds[method].changed())
                 entries.append(Entry(f"world/{method}/path/final", line))
@@ -131,16 +111,13 @@ class Recorder:
                 )
         return Batch(*self._now, tuple(entries))
 
-    # -- parts ---------------------------------------------------------------------------------------------------------
-
     def _opening(self) -> Iterator[Entry]:
         yield Entry("world", rr.ViewCoordinates.RDF, static=True)
         for camera in ("video", "left"):
             yield Entry(camera, entities.statuses(), static=True)
         truth = self.opened.truth
         if truth is not None:
-            line = rr.LineStrips3D([truth.translations], colors=colours.TRUTH, radii=UNIT_PIXELS)
-            yield Entry("world/truth/path", line, static=True)
+            yield Entry("world/truth/path", _lines([truth.translations], colours.TRUTH, 1.0), static=True)
             yield Entry(
                 "world/truth/rig", self._frusta("rig", self._size, colours.TRUTH, main_camera=True), static=True
             )
@@ -150,7 +127,6 @@ class Recorder:
             for kind, name, pale in (("transferred", "unit carried on", 0.5), ("of_truth", "step / true step", 0.0)):
                 colour = colours.shade(colours.METHOD[method], (128, 128, 128), pale)
                 yield Entry(f"plots/scale/{method}/{kind}", _series(f"{method}: {name}", colour), static=True)
-            yield Entry(f"plots/ms/{method}/total", _series(f"{method}", colours.METHOD[method], 2.5), static=True)
 
     def _place(self, placements: Mapping[str, Similarity]) -> Iterator[Entry]:
         for method, new in placements.items():
@@ -168,17 +144,19 @@ class Recorder:
     def _images(self, event: Stepped) -> Iterator[Entry]:
         exposure = event.exposure
         name, image = ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
-        yield Entry(f"{name}/image", entities.jpeg(image), droppable=True)
+        if not image.size:  # given up on the way here: see streams.Mailbox
+            return
+        yield Entry(f"{name}/image", entities.jpeg(image))
         tracks = next((s.tracks[name] for s in _with_parts(event.steps) if name in s.tracks), None)
         if tracks is None:
             return
         camera = self.opened.sequence.rig.camera(name)
         recent = self._recent[name] = [*self._recent.get(name, []), tracks][-entities.TRAIL_LENGTH - 1 :]
-        yield Entry(f"{name}/tracks", entities.points(tracks, camera), droppable=True)
-        yield Entry(f"{name}/trails", entities.trails(recent, camera), droppable=True)
-        yield Entry(f"{name}/legend", entities.legend(tracks, camera), droppable=True)
+        yield Entry(f"{name}/tracks", entities.points(tracks, camera))
+        yield Entry(f"{name}/trails", entities.trails(recent, camera))
+        yield Entry(f"{name}/legend", entities.legend(tracks, camera))
         if name == "left":
-            yield Entry(f"{name}/disparity", entities.disparities(tracks, camera), droppable=True)
+            yield Entry(f"{name}/disparity", entities.disparities(tracks, camera))
 
     def _pose(self, step: Step, event: Stepped) -> Iterator[Entry]:
         method, path, cloud = step.method, self._paths[step.method], self._clouds[step.method]
@@ -200,22 +178,18 @@ class Recorder:
         yield Entry(f"world/{method}/camera", self._frusta(frame, self._own_size(method), colour, method != "stereo"))
 
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
-        path, colour, size = self._paths[method], colours.METHOD[method], 0.5 * self._own_size(method)
+        path, colour = self._paths[method], colours.METHOD[method]
+        outlines = self._outlines(path.frame, 0.5 * self._own_size(method), main_camera=True)
         for block in sorted(blocks):
-            line = rr.LineStrips3D([path.line(block)], colors=colour, radii=1.5 * UNIT_PIXELS)
-            yield Entry(f"world/{method}/path/{block}", line)
-            outlines = self._outlines(path.frame, size, main_camera=True)
-            keys = [pose.apply(outline) for pose in path.key_frames(block) for outline in outlines]
-            if keys:
-                yield Entry(
-                    f"world/{method}/key_frames/{block}",
-                    rr.LineStrips3D(np.stack(keys).astype(np.float32), colors=(*colour, 110), radii=0.5 * UNIT_PIXELS),
-                )
+            yield Entry(f"world/{method}/path/{block}", _lines([path.line(block)], colour, 1.5))
+            keys = path.key_frames(block, outlines)
+            if len(keys):
+                yield Entry(f"world/{method}/key_frames/{block}", _lines(keys, colour, 0.5))
 
     def _cloud_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         for block in sorted(blocks):
             xyz, rgb = self._clouds[method].points(block)
-            yield Entry(f"world/{method}/cloud/{block}", rr.Points3D(xyz, colors=rgb, radii=1.5 * UNIT_PIXELS))
+            yield Entry(f"world/{method}/cloud/{block}", rr.Points3D(xyz, colors=rgb, radii=[-1.5]))
 
     def _plots(self, step: Step, event: Stepped) -> Iterator[Entry]:
         method = step.method
@@ -229,9 +203,17 @@ class Recorder:
         if len(step.residuals_px):
             yield Entry(f"plots/inliers/{method}", rr.Scalars(len(step.residuals_px)))
             yield Entry(f"plots/residual/{method}", rr.Scalars(float(np.median(step.residuals_px))))
-        yield Entry(f"plots/ms/{method}/total", rr.Scalars(1e3 * sum(step.seconds.values())))
-        for stage, seconds in step.seconds.items():
-            yield Entry(f"plots/ms/{method}/{stage.replace(' ', '_')}", rr.Scalars(1e3 * seconds))
+        yield from self._times(method, step.seconds)
+
+    def _times(self, method: str, seconds: Mapping[str, float]) -> Iterator[Entry]:
+        stages = self._stages[method]
+        new = [stage for stage in seconds if stage not in stages]
+        if new:
+            stages += new
+            yield Entry(f"plots/ms/{method}", _stage_series(method, stages), static=True)
+        if seconds:
+            values = [sum(seconds.values()), *(seconds.get(stage, np.nan) for stage in stages)]
+            yield Entry(f"plots/ms/{method}", rr.Scalars(1e3 * np.array(values)))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)
@@ -244,8 +226,6 @@ class Recorder:
     def _summary(self) -> str:
         return entities.summary({m: self._last[m] for m in self.opened.methods if m in self._last}, self.first_ns)
 
-    # -- sizes and cameras ---------------------------------------------------------------------------------------------
-
     @cached_property
     def _size(self) -> float:
         """Depth of the current camera's frustum [m]: to the path's measure, where there is a true one."""
@@ -255,17 +235,17 @@ class Recorder:
         """The same in the method's own unit."""
         return self._size / self._placements.get(method, Similarity()).scale
 
-    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> list[Array]:
-        """Frusta in a frame: of the video camera (without one: the left), or of both stereo cameras."""
+    @cache  # noqa: B019 - a recorder lives as long as its run, and asks for a handful
+    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
+        """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
         rig = self.opened.sequence.rig
         main: Frame = "video" if rig.video is not None else "left"
         names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
         frame_from_rig = rig.rig_from(frame).inverse()
-        return [entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names]
+        return np.stack([entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 
     def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
-        outlines = self._outlines(frame, size, main_camera)
-        return rr.LineStrips3D(np.stack(outlines).astype(np.float32), colors=colour, radii=1.5 * UNIT_PIXELS)
+        return _lines(self._outlines(frame, size, main_camera), colour, 1.5)
 
     def _step_of_truth(self, step: Step) -> float | None:
         """Distance covered in the last second over the true one."""
@@ -287,6 +267,22 @@ def _with_parts(steps: tuple[Step, ...]) -> Iterator[Step]:
     for step in steps:
         yield step
         yield from _with_parts(step.parts)
+
+
+def _lines(strips: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:
+    """Negative radii are screen units in Rerun."""
+    strips32 = np.asarray(strips, np.float32)
+    return rr.LineStrips3D(strips32, colors=colours.packed(colour), radii=[-width_px])
+
+
+def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
+    """The total in the method's colour, its stages in paler and paler ones."""
+    fractions = [0.0, *(0.3 + 0.5 * i / len(stages) for i in range(len(stages)))]
+    return rr.SeriesLines(
+        names=[method, *(f"{method}: {stage}" for stage in stages)],
+        colors=[colours.shade(colours.METHOD[method], (160, 160, 160), f) for f in fractions],
+        widths=[2.5, *[1.0] * len(stages)],
+    )
 
 
 def _series(name: str, colour: colours.Rgb, width: float = 1.5) -> rr.SeriesLines:
