@@ -1,0 +1,70 @@
+"""What a person may ask of the session. Callbacks only put these in its queue; the worker does the work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ispom.estimators import Config, Method
+
+
+@dataclass(frozen=True)
+class Play:
+    """Play, pause, or (None) whichever it is not doing."""
+
+    on: bool | None = None
+
+
+@dataclass(frozen=True)
+class StepBy:
+    """Pause, and move by this many exposures."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class Seek:
+    """Pause, and show this exposure; what is not computed yet is computed up to there. The newest seek wins."""
+
+    index: int
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Playing speed as a multiple of the recorded time; None for as fast as possible."""
+
+    factor: float | None
+
+
+@dataclass(frozen=True)
+class Restart:
+    """Start the run again from the first exposure, with these methods and settings."""
+
+    methods: tuple[Method, ...]
+    config: Config
+
+
+@dataclass(frozen=True)
+class Open:
+    """Open another source: `sim:NAME`, or a path."""
+
+    source: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """Record the run, from its first exposure on, under this name (a name, never a path); empty for a made-up one."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class StopRecording:
+    """Write what is left, and close the file."""
+
+
+@dataclass(frozen=True)
+class Shutdown:
+    """Close the recording and end the worker."""
+
+
+Command = Play | StepBy | Seek | Speed | Restart | Open | Record | StopRecording | Shutdown

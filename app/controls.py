@@ -1,0 +1,76 @@
+"""A config dataclass as viser inputs, and back. Labels, ranges and hints come from the dataclass itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal, get_args, get_origin
+
+import viser
+
+from ispom.settings import Setting, settings
+
+UNITS = {"px": "px", "m": "m", "s": "s", "ns": "ns", "deg": "°", "rad": "rad", "percent": "%", "ms": "ms"}
+WIDE = 1000.0
+"""A range whose ends differ by more than this factor is typed, not slid."""
+
+
+class ConfigForm:
+    """The inputs of one config. `value` is what they say; `show` sets them without calling back."""
+
+    def __init__(self, gui: viser.GuiApi, config: Any, changed: Callable[[Any], None] = lambda _: None) -> None:
+        self._config, self._changed, self._showing = config, changed, False
+        self._inputs = {s.name: _input(gui, s, getattr(config, s.name)) for s in settings(type(config))}
+        for handle in self._inputs.values():
+            handle.on_update(lambda _: None if self._showing else self._changed(self.value))
+
+    @property
+    def value(self) -> Any:
+        return replace(self._config, **{name: handle.value for name, handle in self._inputs.items()})
+
+    def show(self, config: Any) -> None:
+        self._showing = True
+        try:
+            for name, handle in self._inputs.items():
+                if handle.value != getattr(config, name):
+                    handle.value = getattr(config, name)
+        finally:
+            self._showing = False
+
+
+def label_of(name: str) -> str:
+    """`min_parallax_px` -> "min parallax [px]"."""
+    words = name.split("_")
+    if len(words) > 1 and words[-1] in UNITS:
+        return f"{' '.join(words[:-1])} [{UNITS[words[-1]]}]"
+    return " ".join(words)
+
+
+def _input(gui: viser.GuiApi, setting: Setting, value: Any) -> Any:
+    label, hint, kind, limits = (
+        label_of(setting.name),
+        " ".join(setting.help.split()) or None,
+        setting.type,
+        setting.range,
+    )
+    if get_origin(kind) is Literal:
+        return gui.add_dropdown(label, get_args(kind), initial_value=value, hint=hint)
+    if kind is bool:
+        return gui.add_checkbox(label, value, hint=hint)
+    if kind in (int, float):
+        if limits is None:
+            return gui.add_number(label, value, hint=hint)
+        low, high = kind(limits.low), kind(limits.high)
+        if high - low > WIDE * max(abs(low), 1e-9) and kind is float:
+            return gui.add_number(label, value, min=low, max=high, hint=hint)
+        return gui.add_slider(label, low, high, _step(kind, low, high), value, hint=hint)
+    return gui.add_text(label, str(value), hint=hint)
+
+
+def _step(kind: type, low: float, high: float) -> Any:
+    """A round step, about a hundredth of the range: 1, 2 or 5 times a power of ten; whole for int."""
+    if kind is int:
+        return 1
+    rough = max(high - low, 1e-9) / 200
+    power = 10.0 ** int(f"{rough:e}".split("e")[1])
+    return next(power * m for m in (1, 2, 5, 10) if power * m >= rough)

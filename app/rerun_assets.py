@@ -1,0 +1,85 @@
+"""The Rerun web viewer out of the installed wheel: its script and WebAssembly, read once and kept in the user's cache."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
+TIMEOUT_S = 30.0
+
+
+def free_port(host: str = "127.0.0.1") -> int:
+    """A port that nobody listens on at the moment."""
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return probe.getsockname()[1]
+
+
+def viewer_assets(cache: Path | None = None) -> Path:
+    """The folder that holds NAMES. Raises OSError where the wheel's viewer does not start, or the cache is unwritable."""
+    folder = (cache or user_cache_path("ispom")) / f"rerun-viewer-{version('rerun-sdk')}"
+    if not all((folder / name).is_file() for name in NAMES):
+        folder.mkdir(parents=True, exist_ok=True)
+        _extract(folder)
+    return folder
+
+
+def _extract(folder: Path) -> None:
+    """Starts the viewer's own web server for a moment: the wheel keeps the files inside its program."""
+    spec = find_spec("rerun_cli")
+    if spec is None or not spec.submodule_search_locations:
+        raise OSError("the rerun-sdk wheel lacks its viewer program: install rerun-sdk again")
+    program = Path(spec.submodule_search_locations[0]) / ("rerun.exe" if sys.platform == "win32" else "rerun")
+    web, grpc = free_port(), free_port()
+    arguments = [f"--web-viewer-port={web}", f"--port={grpc}", "--web-viewer", "--bind=127.0.0.1"]
+    with tempfile.TemporaryDirectory() as home:
+        # A home of its own: it never gets past its first session, which sends nothing, and opens no browser.
+        quiet = {
+            "HOME": home,
+            "XDG_CONFIG_HOME": home,
+            "APPDATA": home,
+            "TELEMETRY_ENABLED": "false",
+            "BROWSER": "true",
+        }
+        server = subprocess.Popen(
+            [str(program), *arguments],
+            env={**os.environ, **quiet},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            for name in NAMES:
+                _store(_read(f"http://127.0.0.1:{web}/{name}", server), folder / name)
+        finally:
+            server.terminate()
+            server.wait()
+
+
+def _read(url: str, server: subprocess.Popen) -> bytes:
+    until = time.monotonic() + TIMEOUT_S
+    while True:
+        try:
+            return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(url, timeout=TIMEOUT_S).read()
+        except OSError:
+            if server.poll() is not None or time.monotonic() > until:
+                raise
+            time.sleep(0.05)
+
+
+def _store(content: bytes, path: Path) -> None:
+    """In one move, so that another process never sees half a file."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        file.write(content)
+    os.replace(file.name, path)

@@ -1,0 +1,93 @@
+"""viser's side of the page: the panels and the scene, painted from the session's state by a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import time
+from threading import Event, Thread
+
+import viser
+
+from . import commands as do
+from .panels.methods import MethodsPanel
+from .panels.record import RecordPanel
+from .panels.run import RunPanel
+from .panels.view import ViewPanel
+from .panels.why import WhyPanel
+from .scene import Scene
+from .session import Session
+from .streams import LiveStream
+
+log = logging.getLogger(__name__)
+PAINT_S = 1 / 30
+SCENE_S = 0.25
+"""The scene is costlier than the panels, and Rerun shows the same beside it."""
+
+
+class Screen:
+    """The viser server on 127.0.0.1, and the thread that keeps it up to date."""
+
+    def __init__(self, session: Session, live: LiveStream | None = None) -> None:
+        self._session, self._live = session, live
+        self.server = viser.ViserServer(host="127.0.0.1", port=0, label="ISPOM", verbose=False)
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        self.server.gui.main_panel.dock_left()
+        self.server.gui.main_panel.set_width(374)
+        self.panels = self._panels(self.server.gui)
+        self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
+        self._run, self._painted, self._scene_due_s = -1, None, 0.0
+        self._stop = Event()
+        self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
+
+    @property
+    def port(self) -> int:
+        return self.server.get_port()
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(1.0)
+        self.server.stop()
+
+    def _panels(self, gui: viser.GuiApi) -> list[RunPanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel]:
+        run = RunPanel(gui, self._session)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Why", viser.Icon.HELP):
+            why = WhyPanel(gui)
+        with tabs.add_tab("Methods", viser.Icon.ADJUSTMENTS):
+            methods = MethodsPanel(gui, self._session)
+        with tabs.add_tab("View", viser.Icon.EYE):
+            self._view = ViewPanel(gui, self._session, self._arrange)
+        with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
+            record = RecordPanel(gui, self._session)
+        return [run, why, methods, self._view, record]
+
+    def _arrange(self, hidden: frozenset[str]) -> None:
+        if self._live is not None and self._session.opened is not None:
+            self._live.arrange(self._session.opened, hidden)
+
+    def _paint_on(self) -> None:
+        while not self._stop.wait(PAINT_S):
+            try:
+                self.paint()
+            except Exception:
+                log.exception("painting failed")
+
+    def paint(self) -> None:
+        """Brings the panels and, less often, the scene up to date."""
+        state, history = self._session.state, self._session.history
+        if state is not self._painted:
+            self._painted = state
+            for panel in self.panels:
+                panel.show(state)
+        if time.monotonic() < self._scene_due_s:
+            return
+        self._scene_due_s = time.monotonic() + SCENE_S
+        opened = self._session.opened
+        if state.run != self._run and opened is not None:
+            self._run = state.run
+            self._scene.start(opened.sequence.rig, opened.truth)
+        if state.index < len(history):
+            self._scene.show(history, state.index, self._view.hidden)

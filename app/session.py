@@ -1,0 +1,319 @@
+"""The worker that owns one run: commands in, states out. It computes, keeps the history and feeds the recorders."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any, Protocol
+
+from ispom.errors import InputError
+from ispom.estimators import METHODS, Config, Method, possible_methods
+from ispom.types import Sequence
+
+from . import commands as do
+from .playback import Finished, Opened, Playback, Stepped
+from .recordings import Writer, list_recordings, recording_path
+from .state import Activity, Computed, Event, Moment, Opening, OpeningFailed, Shown, State, Told, changed, reduce
+
+log = logging.getLogger(__name__)
+IDLE_S = 0.5
+BACKLOG_S = 0.02
+"""How long the worker writes recorded exposures at a time, before it looks at its commands again."""
+
+
+class Live(Protocol):
+    """Where viewers in the browser get the run from. Never blocks."""
+
+    def open(self, opened: Opened) -> None: ...
+    def write(self, event: Stepped | Finished) -> None: ...
+
+
+class Session:
+    """One thread; `post` and `state` are for all others, and neither ever waits."""
+
+    def __init__(
+        self,
+        opener: Callable[[str], Sequence],
+        source: str,
+        recordings_dir: Path,
+        *,
+        methods: tuple[Method, ...] | None = None,
+        config: Config | None = None,
+        live: Live | None = None,
+        autoplay: bool = True,
+    ) -> None:
+        """`methods` None means all that the source has the cameras for."""
+        self.state = State(source, config=config or Config())
+        self.history: list[Moment] = []
+        """Only ever appended to, and replaced by a new list when a run starts: safe to read from any thread."""
+        self.truth: Any = None
+        self.opened: Opened | None = None
+        self._opener, self._wanted, self._live, self._autoplay = opener, methods, live, autoplay
+        self._folder = recordings_dir
+        self._inbox: SimpleQueue[do.Command] = SimpleQueue()
+        self._playback: Playback | None = None
+        self._writer: Writer | None = None
+        self._due_s = 0.0
+        self._closing = False
+        self._thread = Thread(target=self._run, name="session", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def post(self, command: do.Command) -> None:
+        """Asks for something; what became of it shows in `state`."""
+        self._inbox.put(command)
+
+    def close(self, timeout_s: float) -> bool:
+        """Closes the recording and ends the worker; False where it was not done in time."""
+        self.post(do.Shutdown())
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        self._list_recordings()
+        self._open(self.state.source)
+        if self._autoplay and self._playback is not None:
+            self._emit(changed(playing=True))
+        while not self._closing:
+            for command in self._commands():
+                self._guarded(lambda command=command: self._obey(command))
+            self._guarded(self._advance)
+            self._write()
+        if self._writer is not None:
+            self._end_recording(in_time=False)
+
+    def _commands(self) -> list[do.Command]:
+        """All that were posted, of seeks the newest only; waits for the first where there is nothing else to do."""
+        found: list[do.Command] = []
+        try:
+            found.append(
+                self._inbox.get(timeout=self._patience()) if self._patience() > 0 else self._inbox.get_nowait()
+            )
+            while True:
+                found.append(self._inbox.get_nowait())
+        except Empty:
+            pass
+        seeks = [i for i, command in enumerate(found) if isinstance(command, do.Seek)]
+        return [command for i, command in enumerate(found) if i not in seeks[:-1]]
+
+    def _patience(self) -> float:
+        if self.state.target is not None or (self._writer is not None and not self._writer.complete(self.history)):
+            return 0.0
+        return max(0.0, self._due_s - time.monotonic()) if self.state.playing else IDLE_S
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """A user's mistake is told; anything else is a fault of the program: told, logged, and the worker lives on."""
+        try:
+            work()
+        except InputError as mistake:
+            self._stop(str(mistake))
+        except Exception as fault:
+            log.exception("the session worker failed")
+            self._stop(f"internal fault, please report it: {type(fault).__name__}: {fault}")
+
+    def _stop(self, reason: str) -> None:
+        self._emit(changed(playing=False, target=None, activity=None))
+        self._emit(Told(reason))
+
+    def _emit(self, event: Event) -> None:
+        self.state = reduce(self.state, event)
+
+    def _obey(self, command: do.Command) -> None:
+        match command:
+            case do.Play(on):
+                self._play(not self.state.playing if on is None else on)
+            case do.StepBy(count):
+                self._seek(self.state.index + count)
+            case do.Seek(index):
+                self._seek(index)
+            case do.Speed(factor):
+                self._emit(changed(speed=factor))
+                self._due_s = 0.0
+            case do.Restart(methods, config):
+                self._restart(methods, config)
+            case do.Open(source):
+                self._open(source)
+            case do.Record(name):
+                self._record(name)
+            case do.StopRecording():
+                if self._writer is not None:
+                    self._writer.stop(len(self.history))
+            case do.Shutdown():
+                self._closing = True
+
+    # Opening and starting
+
+    def _open(self, source: str) -> None:
+        """Opens another source; where that fails, the one before stays as it was."""
+        before = self.state
+        self._emit(Opening(source))
+        self._busy(f"opening {source}")
+        try:
+            sequence = self._opener(source)
+            methods = self._wanted or possible_methods(sequence.rig)
+            if not methods:
+                raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
+            playback = Playback(sequence, methods, before.config)
+        except InputError as mistake:
+            self._opening_failed(before, str(mistake))
+        except Exception as fault:
+            log.exception("opening %s failed", source)
+            self._opening_failed(before, f"internal fault while opening {source}: {type(fault).__name__}: {fault}")
+        else:
+            self._begin(playback)
+
+    def _opening_failed(self, before: State, reason: str) -> None:
+        if before.phase == "ready":
+            self.state = before
+            self._stop(reason)
+        else:
+            self._emit(OpeningFailed(reason))
+
+    def _restart(self, methods: tuple[Method, ...], config: Config) -> None:
+        if self._playback is None:
+            raise InputError("there is nothing to run yet: open a source first")
+        if not methods:
+            raise InputError("no method is chosen: switch on at least one")
+        playback = Playback(self._playback.sequence, tuple(m for m in METHODS if m in methods), config)
+        self._wanted = playback.methods
+        self._emit(Opening(self.state.source))
+        self._begin(playback)
+        self._emit(changed(playing=True))
+
+    def _begin(self, playback: Playback) -> None:
+        if self._writer is not None:
+            self._end_recording()
+        self._playback, self.history, self._due_s = playback, [], 0.0
+        self.opened = playback.opened
+        if playback.sequence.prepare is not None:
+            playback.sequence.prepare(0)
+        self._to_viewers(lambda live: live.open(self.opened))
+        self._emit(self.opened)
+
+    # Moving
+
+    def _play(self, on: bool) -> None:
+        at_end = self._playback is not None and self.state.index >= len(self._playback.sequence) - 1
+        if on and at_end and self.history:
+            self._emit(Shown(self.history[0]))
+        self._due_s = 0.0
+        self._emit(changed(playing=on and self._playback is not None, target=None))
+
+    def _seek(self, index: int) -> None:
+        if self._playback is None:
+            return
+        index = min(max(index, 0), len(self._playback.sequence) - 1)
+        if index < len(self.history):
+            self._emit(Shown(self.history[index]))
+            self._emit(changed(playing=False, target=None))
+        else:
+            self._emit(changed(playing=False, target=index))
+
+    def _advance(self) -> None:
+        """One exposure on, where it is time for that."""
+        if self.state.target is not None:
+            self._compute()
+            if self.state.target is not None and self.state.head > self.state.target:
+                self._emit(changed(target=None))
+        elif self.state.playing and time.monotonic() >= self._due_s:
+            if self.state.index + 1 < len(self.history):
+                self._emit(Shown(self.history[self.state.index + 1]))
+            elif self._playback is not None and not self._playback.done:
+                self._compute()
+            else:
+                self._emit(changed(playing=False))
+            self._schedule()
+
+    def _schedule(self) -> None:
+        """When the next exposure is due at the chosen speed; time that was lost is not caught up."""
+        times, i = self._playback.sequence.times_ns if self._playback else (), self.state.index
+        if self.state.speed is None or not 0 <= i < len(times) - 1:
+            # As fast as possible: as fast as new exposures are computed, and the past no faster than eyes follow.
+            self._due_s = time.monotonic() + (1 / 120 if i + 1 < len(self.history) else 0.0)
+        else:
+            gap_s = float(times[i + 1] - times[i]) * 1e-9 / self.state.speed
+            self._due_s = max(time.monotonic(), self._due_s + gap_s)
+
+    def _compute(self) -> None:
+        assert self._playback is not None
+        self._busy(f"exposure {self._playback.position + 1} of {len(self._playback.sequence)}")
+        event = self._playback.step()
+        moment = Moment.of(event, self.history[-1] if self.history else None)
+        self.history.append(moment)
+        self._emit(Computed(moment))
+        self._to_viewers(lambda live: live.write(event))
+        if self._writer is not None:
+            self._writer.offer(event)
+        if self._playback.done:
+            self._finish(self._playback.finish())
+        self._emit(changed(activity=None))
+
+    def _finish(self, finished: Finished) -> None:
+        self._to_viewers(lambda live: live.write(finished))
+        self._emit(finished)
+
+    def _to_viewers(self, action: Callable[[Live], None]) -> None:
+        """A fault in what draws never stops what computes; the person is told once a run."""
+        if self._live is None:
+            return
+        try:
+            action(self._live)
+        except Exception as fault:
+            log.exception("the live stream failed")
+            self._live = None
+            self._emit(Told(f"the Rerun viewer is no longer fed, the run goes on ({type(fault).__name__}: {fault})"))
+
+    def _busy(self, text: str) -> None:
+        self._emit(changed(activity=Activity(text, time.monotonic())))
+
+    # Recording
+
+    def _record(self, name: str) -> None:
+        if self.opened is None:
+            raise InputError("there is nothing to record yet: open a source first")
+        if self._writer is not None:
+            raise InputError(f"{self._writer.path.name} is being recorded: stop it before the next one")
+        try:
+            self._writer = Writer(recording_path(self._folder, name, self.opened.sequence.name), self.opened)
+        except OSError as fault:
+            raise InputError(
+                f"{self._folder} cannot be written ({fault.strerror}): free it or choose another"
+            ) from fault
+        self._emit(changed(recording=self._writer.info))
+
+    def _write(self) -> None:
+        """A little more of the history into the file that is being recorded."""
+        if self._writer is None:
+            return
+        try:
+            self._writer.write(self.history, BACKLOG_S)
+        except (InputError, OSError) as fault:
+            self._emit(Told(f"recording {self._writer.path.name} stopped: {fault}"))
+            self._end_recording(in_time=False)
+            return
+        if self._writer.stopping and self._writer.complete(self.history):
+            self._end_recording()
+        elif self._writer.info != self.state.recording:
+            self._emit(changed(recording=self._writer.info))
+
+    def _end_recording(self, *, in_time: bool = True) -> None:
+        """Closes the file: with all of the history where there is time, else with what is quickly written."""
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        try:
+            writer.write(self.history, 60.0 if in_time else 0.8)
+            whole = self._playback is not None and writer.complete(self.history)
+            writer.close(self._playback.finish() if self._playback is not None and whole else None)
+        except Exception as fault:
+            self._emit(Told(f"recording {writer.path.name} is not complete: {fault}"))
+        self._emit(changed(recording=None))
+        self._list_recordings()
+
+    def _list_recordings(self) -> None:
+        self._emit(changed(recordings=list_recordings(self._folder)))

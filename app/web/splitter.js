@@ -1,0 +1,48 @@
+// The border between the controls and the Rerun viewer. Remembered by the browser, where it allows that.
+const NARROW = 380;
+const KEEP = 420; // pixels that the right side always has
+
+export function makeSplitter() {
+  const splitter = document.getElementById("splitter");
+  const panes = document.getElementById("panes");
+  let width = Number(read()) || NARROW;
+  const place = (wanted) => {
+    width = Math.round(Math.min(Math.max(wanted, 260), Math.max(innerWidth - KEEP, 260)));
+    panes.style.setProperty("--left", `${width}px`);
+  };
+  place(width);
+  addEventListener("resize", () => place(width));
+  splitter.addEventListener("pointerdown", (event) => {
+    splitter.setPointerCapture(event.pointerId);
+    document.body.classList.add("dragging");
+  });
+  splitter.addEventListener("pointermove", (event) => splitter.hasPointerCapture(event.pointerId) && place(event.clientX - 3));
+  splitter.addEventListener("lostpointercapture", () => {
+    document.body.classList.remove("dragging");
+    write(width);
+  });
+  splitter.addEventListener("dblclick", () => {
+    place(width === NARROW ? innerWidth / 2 : NARROW);
+    write(width);
+  });
+  splitter.addEventListener("keydown", (event) => {
+    const by = { ArrowLeft: -40, ArrowRight: 40 }[event.key];
+    if (by) place(width + by);
+  });
+}
+
+function read() {
+  try {
+    return localStorage.getItem("ispom.left");
+  } catch {
+    return null;
+  }
+}
+
+function write(width) {
+  try {
+    localStorage.setItem("ispom.left", width);
+  } catch {
+    // private mode: not remembered
+  }
+}
