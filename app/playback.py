@@ -73,6 +73,11 @@ class Playback:
     def done(self) -> bool:
         return self.position >= len(self.sequence)
 
+    @property
+    def monocular_placed(self) -> bool:
+        """Whether a stereo segment has fixed the unit of the monocular trajectory."""
+        return self._placed
+
     def step(self) -> Stepped:
         """Runs the next exposure. The position does not advance where loading it raises InputError."""
         index = self.position

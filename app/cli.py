@@ -1,0 +1,57 @@
+"""The command `ispom`: demo | app | run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
+from ispom.errors import InputError
+
+from .options import App, Demo, Run, Serve
+
+Command = (
+    Annotated[Demo, tyro.conf.subcommand("demo")]
+    | Annotated[App, tyro.conf.subcommand("app")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
+)
+MISUSE, INTERRUPTED = 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command and returns its exit code: 2 after a mistake of the user, told in one sentence."""
+    description = "Compare image-only position-and-orientation estimators."
+    command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
+    try:
+        return _execute(command)
+    except InputError as error:
+        sys.stderr.write(f"ispom: {error}\n")
+        return MISUSE
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _execute(command: Serve | Run) -> int:
+    """Imports late: the help text should not wait for viewers and ray casters."""
+    if isinstance(command, Run):
+        from .headless import run
+
+        return run(command)
+    from .server import serve
+
+    source = command.source if isinstance(command, App) else "sim:city"
+    return serve(
+        command.open,
+        source,
+        host=command.host,
+        port=command.port,
+        open_browser=command.browser,
+        methods=command.methods or None,
+        config=command.config,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+"""`ispom run`: the methods over a source without a window, into a folder that is complete or says that it is not."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ispom.errors import InputError
+from ispom.estimators import METHODS, Method, build, possible_methods
+from ispom.io.rig import rig_text
+from ispom.io.tum import tum_text
+from ispom.types import Sequence
+
+from .options import Run
+from .playback import Finished, Playback
+from .results import Tally, in_frame, metrics_text, run_text, summary
+from .run_folder import RunFolder
+
+TERMINATED = 143
+RECORDING = "run.rrd"
+OUTPUTS = ["run.yaml", "rig.yaml", "truth.tum", *(f"{m}.tum" for m in METHODS), "metrics.json", RECORDING]
+
+
+def run(options: Run) -> int:
+    """Runs and writes; the exit code is 0, or InputError is raised after what was computed has been written."""
+    sequence = options.open(options.source)
+    methods = _asked(options, sequence)
+    # The integration is measured between stereo poses; it computes those anyway.
+    played: tuple[Method, ...] = (*methods, "stereo") if "integrated" in methods else methods
+    playback = Playback(sequence, tuple(dict.fromkeys(played)), options.config)
+    folder = RunFolder(options.out or _default_folder(sequence.name))
+    folder.remove(OUTPUTS)
+    told = {"methods": list(methods), "variant": options.variant, "frame": options.frame, "seed": options.seed}
+    told |= {"stereo_every": options.stereo_every, "video_scale": options.video_scale}
+    told |= {"max_exposures": options.max_exposures, "recording": options.recording}
+    folder.write("run.yaml", run_text(options.source, sequence, told, options.config))
+    folder.write("rig.yaml", rig_text(sequence.rig))
+    try:
+        finished = _play(playback, methods, options, folder)
+        _require_poses(options.source, finished, methods)
+    except BaseException as error:
+        folder.failed(_reason(error, playback))
+        raise
+    folder.complete()
+    _tell(folder, sequence)
+    return 0
+
+
+def _asked(options: Run, sequence: Sequence) -> tuple[Method, ...]:
+    """The methods to run; InputError where the rig lacks a camera for one, or for the asked frame."""
+    methods: tuple[Method, ...] = options.methods or possible_methods(sequence.rig)
+    build(options.config, methods, sequence.rig)
+    if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
+        raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
+    return methods
+
+
+def _default_folder(name: str) -> Path:
+    plain = re.sub(r"[^\w]+", "-", name).strip("-")
+    return Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}"
+
+
+def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder) -> Finished:
+    """Steps through the sequence. Whatever ends that, what was computed is written."""
+    tally = Tally()
+    with ExitStack() as stack:
+        record = None
+        if options.recording:
+            from .streams import FileRecording  # brings Rerun
+
+            stack.callback(folder.keep, RECORDING)
+            record = stack.enter_context(FileRecording(folder.part(RECORDING), playback.opened))
+        try:
+            with _terminable(), _progress(len(playback.sequence)) as advance:
+                while not playback.done:
+                    event = playback.step()
+                    for step in event.steps:
+                        tally.add(step)
+                    if record:
+                        record.write(event)
+                    advance()
+        finally:
+            finished = playback.finish()
+            if record:
+                record.write(finished)
+            _write(playback, finished, methods, options, folder, tally)
+    if record and record.failure:
+        raise InputError(record.failure)
+    return finished
+
+
+def _write(
+    playback: Playback, finished: Finished, methods: tuple[Method, ...], options: Run, folder: RunFolder, tally: Tally
+) -> None:
+    rig, frame = playback.sequence.rig, options.frame
+    for method in methods:
+        unit_m = 1.0
+        if method == "monocular":
+            unit_m = finished.placements[method].scale if playback.monocular_placed else None
+        folder.write(f"{method}.tum", tum_text(in_frame(finished.trajectories[method], rig, frame, unit_m)))
+    if playback.truth is not None:
+        folder.write("truth.tum", tum_text(in_frame(playback.truth, rig, frame)))
+    folder.write("metrics.json", metrics_text(playback.opened, finished, methods, tally))
+
+
+def _require_poses(source: str, finished: Finished, methods: tuple[Method, ...]) -> None:
+    if all(len(finished.trajectories[method]) < 2 for method in methods):
+        raise InputError(f"{source}: no method found any motion: give images with texture in focus, and overlap")
+
+
+def _reason(error: BaseException, playback: Playback) -> str:
+    after = f"after {playback.position} of {len(playback.sequence)} exposures"
+    if isinstance(error, InputError):
+        return f"Stopped {after}: {error}"
+    if isinstance(error, KeyboardInterrupt | SystemExit):
+        return f"Stopped by a signal {after}."
+    return f"Failed {after}: {error!r}"
+
+
+def _tell(folder: RunFolder, sequence: Sequence) -> None:
+    lines = [*sequence.notes, summary(json.loads((folder.path / "metrics.json").read_text())), f"in {folder.path}"]
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM ends the loop as Ctrl-C does, so that what was computed is written."""
+
+    def stop(*_: object) -> None:
+        raise SystemExit(TERMINATED)
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not in the main thread: whoever started it there handles signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _progress(total: int):
+    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only."""
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]:.1f} frames/s,"),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, TextColumn("left"), console=console, disable=not console.is_terminal) as bar:
+        task, start, count = bar.add_task("", total=total, rate=0.0), time.monotonic(), 0
+
+        def advance() -> None:
+            nonlocal count
+            count += 1
+            bar.update(task, advance=1, rate=count / max(time.monotonic() - start, 1e-9))
+
+        yield advance

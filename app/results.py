@@ -1,0 +1,110 @@
+"""What a headless run tells: trajectories in the asked frame, metrics, and how it was made."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ispom.estimators import Method
+from ispom.evaluation import metrics
+from ispom.types import Frame, Rig, Sequence, Status, Step, Trajectory
+
+from .playback import Finished, Opened
+
+PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "open3d", "rerun-sdk")
+
+
+@dataclass
+class Tally:
+    """What is counted while a run goes on."""
+
+    ms: dict[str, list[float]] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
+
+    def add(self, step: Step) -> None:
+        self.ms.setdefault(step.method, []).append(1000 * sum(step.seconds.values()))
+        self.lost[step.method] = self.lost.get(step.method, 0) + (step.status == Status.LOST)
+
+    def of(self, method: str) -> dict[str, Any]:
+        ms = self.ms.get(method, [])
+        median, p95 = np.percentile(ms, [50, 95]).tolist() if ms else (None, None)
+        return {"lost": self.lost.get(method, 0), "ms_per_exposure": {"median": median, "p95": p95}}
+
+
+def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | None = 1.0) -> Trajectory:
+    """world_from_FRAME of world_from_OTHER, in the trajectory's own unit of `unit_m` metres.
+
+    The lever arm is metric: where the unit is unknown (None) only the orientation is turned, and positions stay those
+    of the camera that the trajectory is of.
+    """
+    own_from_frame = rig.rig_from(trajectory.frame).inverse() @ rig.rig_from(frame)
+    return trajectory.moved(right=own_from_frame.scaled(1 / unit_m if unit_m else 0.0), frame=frame)
+
+
+def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...], tally: Tally) -> str:
+    """metrics.json. Without truth: only what can be said without it."""
+    sequence, truth = opened.sequence, opened.truth
+    report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes), "methods": {}}
+    if truth is not None:
+        report["path_length_m"] = truth.length
+    for method in methods:
+        trajectory = finished.trajectories[method]
+        entry = {"poses": len(trajectory), **tally.of(method)}
+        if truth is not None:
+            entry |= metrics.errors(trajectory, truth, sequence.rig, metric=method != "monocular")
+        if truth is not None and method == "integrated":
+            entry |= metrics.between_stereo(trajectory, finished.trajectories["stereo"], truth)
+        report["methods"][method] = entry
+    return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
+
+
+def run_text(source: str, sequence: Sequence, options: Mapping[str, Any], config: Any) -> str:
+    """run.yaml: what is needed to repeat the run."""
+    found = {
+        "source": source,
+        "sequence": sequence.name,
+        "notes": list(sequence.notes),
+        "exposures": {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
+        "options": dict(options),
+        "config": asdict(config),
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "platform": platform.platform(),
+    }
+    return yaml.safe_dump(found, sort_keys=False, allow_unicode=True)
+
+
+def summary(report: Mapping[str, Any]) -> str:
+    """The metrics as a few lines for the terminal."""
+    lines = []
+    for method, entry in report["methods"].items():
+        parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
+        if entry.get("ate_m") is not None:
+            parts.append(f"ATE {entry['ate_m']:.3f} m ({entry['aligned']})")
+        if entry.get("t_err_percent") is not None:
+            parts.append(f"drift {entry['t_err_percent']:.2f} %")
+        if entry.get("between_stereo_rmse_m") is not None:
+            between, spline = entry["between_stereo_rmse_m"], entry["spline_between_stereo_rmse_m"]
+            parts.append(f"between stereo {1000 * between:.1f} mm (spline {1000 * spline:.1f} mm)")
+        if entry.get("step_scale_end_over_start") is not None:
+            parts.append(f"step scale at the end {entry['step_scale_end_over_start']:.2f} of that at the start")
+        if entry["ms_per_exposure"]["median"] is not None:
+            parts.append(f"{entry['ms_per_exposure']['median']:.0f} ms per exposure")
+        lines.append(f"{method:<11} {', '.join(parts)}")
+    return "\n".join(lines)
+
+
+def _finite(value: Any) -> Any:
+    """Null for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
