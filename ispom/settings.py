@@ -7,6 +7,7 @@ import inspect
 import textwrap
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from ispom.errors import InputError
@@ -58,7 +59,7 @@ def check(config: Any, where: str) -> None:
 def _field_docs(config: type) -> dict[str, str]:
     body = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0].body  # type: ignore[attr-defined]
     docs = {}
-    for statement, following in zip(body, body[1:], strict=False):
+    for statement, following in pairwise(body):
         if isinstance(statement, ast.AnnAssign) and isinstance(following, ast.Expr):
             docs[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]
     return docs

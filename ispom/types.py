@@ -82,7 +82,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The cameras of the platform and where they sit. Stereo images are rectified: same K, row-aligned, no distortion."""
+    """The cameras of the platform and where they sit. Stereo images are rectified: one K, rows aligned, undistorted."""
 
     video: Camera | None = None
     left: Camera | None = None
@@ -400,3 +400,11 @@ class Sequence:
 def as_grey(image: Image) -> Image:
     """(H, W) of an RGB or grey image."""
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+
+
+def colours_at(image: Image, uv: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """RGB (N, 3) of the pixels nearest to (N, 2); places outside give the nearest inside."""
+    column = np.clip(np.rint(uv[:, 0]).astype(int), 0, image.shape[1] - 1)
+    row = np.clip(np.rint(uv[:, 1]).astype(int), 0, image.shape[0] - 1)
+    found = image[row, column]
+    return np.repeat(found[:, None], 3, axis=1) if image.ndim == 2 else found

@@ -1,12 +1,37 @@
-"""Stereo (section 6.2). Settings first; the estimator follows."""
+"""Stereo (section 6.2): left/right matches, a point cloud each, the rigid transformation between consecutive clouds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.chain import Chain, in_order
+from ispom.frontends import corners, sift
+from ispom.frontends.disparity import RowSearch
+from ispom.frontends.klt import Klt
+from ispom.geometry import Array, Pose
 from ispom.settings import Range
-from ispom.types import Rig
+from ispom.solvers.rigid import RigidMotion, rigid_motion
+from ispom.solvers.triangulation import points_from_disparity
+from ispom.stopwatch import Stopwatch
+from ispom.types import (
+    Decision,
+    Exposure,
+    Image,
+    Landmarks,
+    Rig,
+    Status,
+    Step,
+    StereoPair,
+    Tracks,
+    TrackStatus,
+    Trajectory,
+    as_grey,
+    colours_at,
+)
 
 
 @dataclass(frozen=True)
@@ -15,8 +40,245 @@ class StereoConfig:
 
     matching: Literal["sift", "klt"] = "sift"
     """How consecutive left images correspond: descriptors survive metres between pairs, tracking is faster."""
-    max_points: Annotated[int, Range(50, 5000)] = 1200
+    max_points: Annotated[int, Range(50, 5000)] = 1500
     """Points looked for in each left image."""
+    max_depth_baselines: Annotated[float, Range(5, 500)] = 60.0
+    """Points farther than this many baselines are left out of the clouds: unweighted, they would spoil the fit."""
+    inlier_disparity_px: Annotated[float, Range(0.1, 10)] = 0.7
+    """A point fits the rigid motion where its distance is within the depth error of this disparity error."""
+    min_inliers: Annotated[int, Range(6, 500)] = 12
+    """Fewer corresponding points than this, and the pair is not located."""
+    max_lost_pairs: Annotated[int, Range(0, 50)] = 2
+    """Pairs that may fail against the last located one before the next starts afresh from the last known pose."""
 
-    def build(self, rig: Rig):
-        raise NotImplementedError
+    def build(self, rig: Rig) -> Stereo:
+        return Stereo(rig, self)
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """The points of one stereo pair, with what finds them again in the next left image."""
+
+    grey: Image
+    ids: NDArray[np.int64]
+    features: sift.Features
+    disparity_px: NDArray[np.float32]
+    xyz_in_left: Array
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, eq=False)
+class StereoState:
+    reference: Cloud | None = None
+    """Of the last located pair."""
+    world_from_rig: Pose | None = None
+    """Of the last located pair."""
+    lost_pairs: int = 0
+    next_id: int = 0
+    poses: Chain[tuple[int, Pose]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Stereo:
+    """Metric, sparse, needs only two consecutive pairs at a time. World: the rig at the first pair."""
+
+    rig: Rig
+    config: StereoConfig
+    method: str = "stereo"
+
+    def uses(self, exposure: Exposure) -> bool:
+        return isinstance(exposure, StereoPair)
+
+    def start(self) -> StereoState:
+        return StereoState()
+
+    def finish(self, state: StereoState) -> Trajectory:
+        return Trajectory.of(list(in_order(state.poses)))
+
+    def step(self, state: StereoState, exposure: Exposure) -> tuple[StereoState, Step]:
+        """One pair, as the steps of section 6.2."""
+        assert isinstance(exposure, StereoPair)
+        watch = Stopwatch()
+        left, right = as_grey(exposure.left), as_grey(exposure.right)
+        found = self._correspond_in_time(state, left)
+        watch.lap("correspond")
+        cloud, has_depth = self._cloud(left, right, found)
+        watch.lap("left-right")
+        pairs = self._pairs(state.reference, cloud)
+        motion = self._rigid_motion(state.reference, cloud, pairs)
+        watch.lap("motion")
+        first = state.reference is None
+        located, decisions = self._decide(state, cloud, pairs, motion)
+        world_from_rig = self._locate(state, motion) if located else None
+        tracks, cloud = self._tracks(state, found, has_depth, cloud, pairs, motion)
+        after = self._next_state(state, exposure.time_ns, cloud, world_from_rig, int(found.next_id))
+        status = Status.TRACKING if located else Status.INITIALISING if first else Status.LOST
+        residuals = tracks.residual_px[tracks.status == TrackStatus.ALIVE]
+        step = Step(
+            self.method,
+            exposure.time_ns,
+            status,
+            "rig",
+            world_from_rig,
+            key_frame=located,
+            tracks={"left": tracks},
+            landmarks=self._landmarks(exposure, cloud, world_from_rig),
+            residuals_px=residuals[np.isfinite(residuals)],
+            decisions=decisions,
+            seconds=watch.seconds,
+        )
+        return after, step
+
+    def _correspond_in_time(self, state: StereoState, left: Image) -> Found:
+        """Points of this left image, and which of them the reference image shows as well."""
+        reference, n = state.reference, self.config.max_points
+        if self.config.matching == "sift":
+            features = sift.detect_and_describe(left, n)
+            ended = np.zeros(0, np.uint8) if reference is None else np.full(len(reference), TrackStatus.UNMATCHED)
+            ids, previous = np.full(len(features), -1, np.int64), np.full(len(features), -1, np.int64)
+            if reference is not None:
+                pairs = sift.match(reference.features, features)
+                previous[pairs[:, 1]] = pairs[:, 0]
+                ended[pairs[:, 0]] = TrackStatus.ALIVE
+        else:
+            uv, ended = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
+            previous = np.zeros(0, np.int64)
+            if reference is not None:
+                uv, ended = Klt(levels=4, window_px=15).track(reference.grey, left, reference.features.uv)
+                previous = np.flatnonzero(ended == TrackStatus.ALIVE)
+                uv = uv[previous]
+            fresh = corners.detect(left, n - len(uv), uv)
+            features = sift.Features(np.concatenate([uv, fresh]), np.zeros((len(uv) + len(fresh), 0), np.float32))
+            previous = np.concatenate([previous, np.full(len(fresh), -1, np.int64)])
+            ids = np.full(len(features), -1, np.int64)
+        known = previous >= 0
+        if reference is not None:
+            ids[known] = reference.ids[previous[known]]
+        ids[~known] = state.next_id + np.arange((~known).sum())
+        return Found(left, features, ids, previous, ended, state.next_id + int((~known).sum()))
+
+    def _cloud(self, left: Image, right: Image, found: Found) -> tuple[Cloud, NDArray[np.bool_]]:
+        """Left to right along the row, triangulated; only points near enough to count."""
+        camera, baseline = self.rig.camera("left"), self.rig.baseline_m
+        disparity, _ = RowSearch().disparity(left, right, found.features.uv)
+        keep = disparity > camera.fx / self.config.max_depth_baselines
+        features = sift.Features(found.features.uv[keep], found.features.descriptors[keep])
+        xyz = points_from_disparity(camera, baseline, features.uv, disparity[keep])
+        return Cloud(left, found.ids[keep], features, disparity[keep], xyz), keep
+
+    def _pairs(self, reference: Cloud | None, cloud: Cloud) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Indices into the reference and into this cloud of the points that both have."""
+        if reference is None:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        _, old, new = np.intersect1d(reference.ids, cloud.ids, assume_unique=True, return_indices=True)
+        return old, new
+
+    def _rigid_motion(
+        self, reference: Cloud | None, cloud: Cloud, pairs: tuple[NDArray[np.int64], NDArray[np.int64]]
+    ) -> RigidMotion | None:
+        """reference_left_from_left, from the two clouds."""
+        if reference is None:
+            return None
+        source, target = cloud.xyz_in_left[pairs[1]], reference.xyz_in_left[pairs[0]]
+        per_px = self.config.inlier_disparity_px / (self.rig.camera("left").fx * self.rig.baseline_m)
+        lateral = 2 * self.config.inlier_disparity_px / self.rig.camera("left").fx
+        tolerance = per_px * (source[:, 2] ** 2 + target[:, 2] ** 2) + lateral * target[:, 2]
+        return rigid_motion(source, target, tolerance)
+
+    def _decide(
+        self, state: StereoState, cloud: Cloud, pairs: tuple[NDArray, NDArray], motion: RigidMotion | None
+    ) -> tuple[bool, tuple[Decision, ...]]:
+        least = self.config.min_inliers
+        points = Decision("points with depth", len(cloud), least, len(cloud) >= least)
+        if state.reference is None:
+            return points.passed, (replace(points, because="the first pair is the world"),)
+        inliers = 0 if motion is None else int(motion.inliers.sum())
+        common = Decision("points common with the last pair", len(pairs[0]), least, len(pairs[0]) >= least)
+        fitting = Decision("points that fit the rigid motion", inliers, least, inliers >= least)
+        afresh = state.lost_pairs + 1 > self.config.max_lost_pairs
+        if not fitting.passed:
+            then = "start afresh from the last known pose" if afresh else "keep the last located pair as reference"
+            fitting = replace(fitting, because=f"not located; {then}")
+        return fitting.passed, (points, common, fitting)
+
+    def _locate(self, state: StereoState, motion: RigidMotion | None) -> Pose:
+        if state.world_from_rig is None or motion is None:
+            return state.world_from_rig or Pose()
+        rig_from_left = self.rig.rig_from_left
+        return state.world_from_rig @ rig_from_left @ motion.target_from_source @ rig_from_left.inverse()
+
+    def _next_state(
+        self, state: StereoState, time_ns: int, cloud: Cloud, world_from_rig: Pose | None, next_id: int
+    ) -> StereoState:
+        if world_from_rig is not None:
+            return StereoState(cloud, world_from_rig, 0, next_id, Chain((time_ns, world_from_rig), state.poses))
+        if state.lost_pairs + 1 > self.config.max_lost_pairs and len(cloud) >= self.config.min_inliers:
+            return replace(state, reference=cloud, lost_pairs=0, next_id=next_id)
+        return replace(state, lost_pairs=state.lost_pairs + 1, next_id=next_id)
+
+    def _tracks(
+        self,
+        state: StereoState,
+        found: Found,
+        has_depth: NDArray[np.bool_],
+        cloud: Cloud,
+        pairs: tuple[NDArray, NDArray],
+        motion: RigidMotion | None,
+    ) -> tuple[Tracks, Cloud]:
+        """What a person sees of this pair, and the cloud with new ids for the points whose track ended here."""
+        reference = state.reference
+        status = np.where(found.previous >= 0, TrackStatus.ALIVE, TrackStatus.NEW).astype(np.uint8)
+        status[~has_depth] = TrackStatus.NO_DISPARITY
+        residual = np.full(len(found.ids), np.nan, np.float32)
+        disparity = np.full(len(found.ids), np.nan, np.float32)
+        disparity[has_depth] = cloud.disparity_px
+        uv_prev = np.full((len(found.ids), 2), np.nan, np.float32)
+        if reference is None:
+            return Tracks.of(
+                found.ids, found.features.uv, status=status, disparity_px=disparity, uv_prev=uv_prev
+            ), cloud
+        known = found.previous >= 0
+        uv_prev[known] = reference.features.uv[found.previous[known]]
+        ids_in_cloud = cloud.ids
+        if motion is not None:
+            place = np.flatnonzero(has_depth)[pairs[1]]
+            moved = motion.target_from_source.inverse().apply(reference.xyz_in_left[pairs[0]])
+            seen = self.rig.camera("left").project(moved)
+            residual[place] = np.linalg.norm(seen - found.features.uv[place], axis=1)
+            status[place[~motion.inliers]] = TrackStatus.RIGID
+            ids_in_cloud = cloud.ids.copy()
+            outliers = pairs[1][~motion.inliers]
+            ids_in_cloud[outliers] = found.next_id + np.arange(len(outliers))
+            found.next_id += len(outliers)
+        gone = found.ended != TrackStatus.ALIVE
+        tracks = Tracks.of(
+            np.concatenate([found.ids, reference.ids[gone]]),
+            np.concatenate([found.features.uv, reference.features.uv[gone]]),
+            status=np.concatenate([status, found.ended[gone]]),
+            uv_prev=np.concatenate([uv_prev, reference.features.uv[gone]]),
+            residual_px=np.concatenate([residual, np.full(gone.sum(), np.nan, np.float32)]),
+            disparity_px=np.concatenate([disparity, np.full(gone.sum(), np.nan, np.float32)]),
+        )
+        return tracks, replace(cloud, ids=ids_in_cloud)
+
+    def _landmarks(self, exposure: StereoPair, cloud: Cloud, world_from_rig: Pose | None) -> Landmarks:
+        if world_from_rig is None:
+            return Landmarks.empty()
+        xyz = (world_from_rig @ self.rig.rig_from_left).apply(cloud.xyz_in_left)
+        return Landmarks(cloud.ids, xyz, colours_at(exposure.left, cloud.features.uv))
+
+
+@dataclass
+class Found:
+    """Points of one left image while the step works on them."""
+
+    grey: Image
+    features: sift.Features
+    ids: NDArray[np.int64]
+    previous: NDArray[np.int64]
+    """(N,) index in the reference cloud, or -1."""
+    ended: NDArray[np.uint8]
+    """Of each reference point: ALIVE where found again, or why not."""
+    next_id: int

@@ -1,0 +1,28 @@
+"""Corners worth tracking (Shi & Tomasi 1994), spread over the image."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.types import Image
+
+
+def detect(
+    grey: Image, count: int, taken: NDArray[np.float32] | None = None, min_distance_px: float = 8.0, border_px: int = 8
+) -> NDArray[np.float32]:
+    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border."""
+    if count <= 0:
+        return np.zeros((0, 2), np.float32)
+    mask = np.zeros(grey.shape, np.uint8)
+    mask[border_px:-border_px, border_px:-border_px] = 255
+    if taken is not None:
+        for u, v in np.rint(taken).astype(int).tolist():
+            cv2.circle(mask, (u, v), int(min_distance_px), 0, -1)
+    found = cv2.goodFeaturesToTrack(grey, count, 0.005, min_distance_px, mask=mask, blockSize=5)
+    if found is None or not len(found):
+        return np.zeros((0, 2), np.float32)
+    return cv2.cornerSubPix(
+        grey, np.ascontiguousarray(found.reshape(-1, 1, 2)), (3, 3), (-1, -1), (cv2.TERM_CRITERIA_COUNT, 5, 0.01)
+    ).reshape(-1, 2)

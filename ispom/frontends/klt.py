@@ -1,0 +1,58 @@
+"""Feature tracking by pyramidal Lucas-Kanade with a forward-backward check (Bouguet 2001; Kalal et al. 2010)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.types import Image, TrackStatus
+
+
+@dataclass(frozen=True)
+class Klt:
+    window_px: int = 15
+    levels: int = 3
+    """Pyramid levels above the image itself."""
+    iterations: int = 20
+    max_forward_backward_px: float = 0.7
+    border_px: int = 4
+
+    def track(
+        self, start: Image, end: Image, uv: NDArray[np.float32], predicted: NDArray[np.float32] | None = None
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """Places (N, 2) in `end` of points (N, 2) of `start`, and TrackStatus (N,): ALIVE, or why the track ended.
+
+        `predicted` (N, 2): where to begin looking. Of an ended track the place is meaningless.
+        """
+        if not len(uv):
+            return np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
+        forward, found = self._flow(start, end, uv, predicted)
+        back, found_back = self._flow(end, start, forward, uv)
+        status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
+        status[np.linalg.norm(back - uv, axis=1) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
+        status[~(found & found_back)] = TrackStatus.LOST
+        height, width = end.shape
+        inside = (forward >= self.border_px) & (forward <= (width - 1 - self.border_px, height - 1 - self.border_px))
+        status[~inside.all(1)] = TrackStatus.OUT_OF_IMAGE
+        return forward, status
+
+    def _flow(
+        self, a: Image, b: Image, uv: NDArray[np.float32], guess: NDArray[np.float32] | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        flags = 0 if guess is None else cv2.OPTFLOW_USE_INITIAL_FLOW
+        start = None if guess is None else guess.astype(np.float32).reshape(-1, 1, 2).copy()
+        out, found, _ = cv2.calcOpticalFlowPyrLK(
+            a,
+            b,
+            uv.reshape(-1, 1, 2),
+            start,
+            winSize=(self.window_px, self.window_px),
+            maxLevel=self.levels,
+            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, self.iterations, 0.01),
+            flags=flags,
+            minEigThreshold=1e-4,
+        )
+        return out.reshape(-1, 2), found.ravel() > 0

@@ -1,0 +1,50 @@
+"""Correspondence by descriptors (Lowe 2004): survives metres between two images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.types import Image
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    uv: NDArray[np.float32]
+    """(N, 2) [px]."""
+    descriptors: NDArray[np.float32]
+    """(N, 128), RootSIFT (Arandjelovic & Zisserman 2012)."""
+
+    def __len__(self) -> int:
+        return len(self.uv)
+
+
+def detect_and_describe(grey: Image, count: int) -> Features:
+    """The `count` strongest SIFT features of an image, each place once."""
+    keypoints, descriptors = cv2.SIFT_create(nfeatures=count, contrastThreshold=0.02).detectAndCompute(grey, None)
+    if descriptors is None or not len(keypoints):
+        return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
+    uv = np.array([k.pt for k in keypoints], np.float32)
+    _, first = np.unique(uv, axis=0, return_index=True)
+    keep = np.sort(first)
+    root = np.sqrt(descriptors[keep] / np.maximum(descriptors[keep].sum(1, keepdims=True), 1e-9))
+    return Features(uv[keep], root.astype(np.float32))
+
+
+def match(a: Features, b: Features, max_ratio: float = 0.8) -> NDArray[np.int64]:
+    """Index pairs (M, 2) of mutual nearest neighbours that pass the ratio test."""
+    if len(a) < 2 or len(b) < 2:
+        return np.zeros((0, 2), np.int64)
+    similarity = a.descriptors @ b.descriptors.T
+    to_b, to_a = similarity.argmax(1), similarity.argmax(0)
+    rows = np.arange(len(a))
+    best = similarity[rows, to_b]
+    second = np.partition(similarity, -2, axis=1)[:, -2]
+    # Unit vectors: squared distance is 2 - 2 similarity, and the ratio test compares distances.
+    clear = (1 - best) < max_ratio**2 * (1 - second)
+    mutual = to_a[to_b] == rows
+    good = clear & mutual
+    return np.stack([rows[good], to_b[good]], axis=1)

@@ -1,0 +1,81 @@
+"""Relative pose of two views from point matches (section 6.1, step 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose, skew, so3_exp
+
+
+@dataclass(frozen=True, eq=False)
+class RelativePose:
+    second_from_first: Pose
+    """Of length 1."""
+    inliers: NDArray[np.bool_]
+    """(N,) consistent with the essential matrix and in front of both cameras."""
+
+
+def relative_pose(x1: Array, x2: Array, threshold: float) -> RelativePose | None:
+    """From normalised coordinates (N, 2) in two views: five-point essential matrix in RANSAC, cheirality, refinement.
+
+    `threshold` is the inlier distance from the epipolar line in normalised units (pixels / focal length).
+    None with fewer than 8 inliers or where no essential matrix is found. Deterministic.
+    Nister 2004 (five-point), Barath et al. 2020 (OpenCV's MAGSAC++).
+    """
+    if len(x1) < 8:
+        return None
+    essential, mask = cv2.findEssentialMat(
+        x1, x2, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.9999, threshold=threshold, maxIters=2000
+    )
+    if essential is None or essential.shape != (3, 3):
+        return None
+    count, rotation, translation, front = cv2.recoverPose(
+        essential, x1, x2, np.eye(3), distanceThresh=1e6, mask=mask.copy()
+    )[:4]
+    inliers = front.ravel() > 0
+    if count < 8:
+        return None
+    pose = _refine_sampson(Pose(rotation, translation.ravel()), x1[inliers], x2[inliers], threshold)
+    return RelativePose(pose, inliers)
+
+
+def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:
+    """Signed Sampson distances (N,), in normalised units, from the epipolar geometry of a relative pose."""
+    essential = skew(second_from_first.translation) @ second_from_first.rotation
+    h1, h2 = _homogeneous(x1), _homogeneous(x2)
+    line2, line1 = h1 @ essential.T, h2 @ essential
+    scale = np.sqrt((line2[:, :2] ** 2).sum(1) + (line1[:, :2] ** 2).sum(1))
+    return (h2 * line2).sum(1) / np.maximum(scale, 1e-12)
+
+
+def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: int = 6) -> Pose:
+    """Gauss-Newton over the five degrees of freedom, with Cauchy weights of the given scale."""
+    h1, h2 = _homogeneous(x1), _homogeneous(x2)
+    for _ in range(iterations):
+        t, rotation = pose.translation, pose.rotation
+        tangent = np.linalg.svd(t[None])[2][1:]
+        essential = skew(t) @ rotation
+        line2, line1 = h1 @ essential.T, h2 @ essential
+        norm = np.maximum(np.sqrt((line2[:, :2] ** 2).sum(1) + (line1[:, :2] ** 2).sum(1)), 1e-12)
+        residual = (h2 * line2).sum(1) / norm
+        # The derivative of the normalising term is second order at small residuals, and left out.
+        x2r = h1 @ rotation.T
+        by_rotation = np.cross(x2r, np.cross(h2, t))
+        by_translation = np.cross(x2r, h2) @ tangent.T
+        jacobian = np.concatenate([by_rotation, by_translation], axis=1) / norm[:, None]
+        weight = 1 / (1 + (residual / scale) ** 2)
+        normal = jacobian.T @ (weight[:, None] * jacobian)
+        delta = -np.linalg.solve(normal + 1e-12 * np.eye(5), jacobian.T @ (weight * residual))
+        moved = t + delta[3:] @ tangent
+        pose = Pose(so3_exp(delta[:3]) @ rotation, moved / np.linalg.norm(moved))
+        if np.abs(delta).max() < 1e-9:
+            break
+    return pose
+
+
+def _homogeneous(x: Array) -> Array:
+    return np.concatenate([x, np.ones((len(x), 1))], axis=1)

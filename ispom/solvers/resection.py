@@ -1,0 +1,87 @@
+"""Resection: the pose of a camera from scene points and their images (section 6.1, step 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose, so3_exp
+
+
+@dataclass(frozen=True, eq=False)
+class Resection:
+    camera_from_world: Pose
+    residuals: Array
+    """(N,) reprojection errors in normalised units; inf behind the camera."""
+    inliers: NDArray[np.bool_]
+    """(N,) residuals within the threshold."""
+
+
+def resect(xyz: Array, x: Array, threshold: float) -> Resection | None:
+    """Pose from points (N, 3) and normalised coordinates (N, 2): P3P in RANSAC, then robust refinement. Deterministic.
+
+    `threshold` in normalised units. None with fewer than 6 inliers.
+    """
+    if len(xyz) < 6:
+        return None
+    cv2.setRNGSeed(0)
+    found, rvec, tvec, index = cv2.solvePnPRansac(
+        xyz,
+        x,
+        np.eye(3),
+        None,
+        iterationsCount=200,
+        reprojectionError=threshold,
+        confidence=0.999,
+        flags=cv2.SOLVEPNP_AP3P,
+    )
+    if not found or index is None or len(index) < 6:
+        return None
+    return refine_pose(xyz, x, Pose.from_rotvec(rvec, tvec), threshold)
+
+
+def refine_pose(
+    xyz: Array, x: Array, camera_from_world: Pose, threshold: float, iterations: int = 10
+) -> Resection | None:
+    """Motion-only adjustment of a good first guess: Gauss-Newton on reprojection with Cauchy weights.
+
+    Starts with a wide loss and ends with one of scale `threshold` / 2. None with fewer than 6 inliers at the end,
+    or where the points do not determine the pose.
+    """
+    pose = camera_from_world
+    for i in range(iterations):
+        scale = threshold / 2 * max(1.0, 4.0 / (1 + i))
+        residual, jacobian, front = _reprojection(xyz, x, pose)
+        if front.sum() < 6:
+            return None
+        weight = np.repeat(1 / (1 + (residual**2).sum(1) / scale**2), 2)
+        j, r = jacobian.reshape(-1, 6), residual.ravel()
+        normal = j.T @ (weight[:, None] * j)
+        if np.linalg.cond(normal) > 1e14:
+            return None
+        delta = -np.linalg.solve(normal, j.T @ (weight * r))
+        pose = Pose(so3_exp(delta[3:]) @ pose.rotation, so3_exp(delta[3:]) @ pose.translation + delta[:3])
+        if i >= 4 and np.abs(delta).max() < 1e-8:
+            break
+    residual, _, front = _reprojection(xyz, x, pose)
+    distance = np.full(len(xyz), np.inf)
+    distance[front] = np.linalg.norm(residual, axis=1)
+    inliers = distance <= threshold
+    return Resection(pose, distance, inliers) if inliers.sum() >= 6 else None
+
+
+def _reprojection(xyz: Array, x: Array, pose: Pose) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Residuals (K, 2) and Jacobians (K, 2, 6) by a left twist (rho, phi), of the points in front (mask (N,))."""
+    p = pose.apply(xyz)
+    front = p[:, 2] > 1e-6
+    p, z = p[front], p[front, 2]
+    u, v = p[:, 0] / z, p[:, 1] / z
+    jacobian = np.zeros((len(p), 2, 6))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1 / z
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -u / z, -v / z
+    jacobian[:, 0, 3], jacobian[:, 0, 4], jacobian[:, 0, 5] = -u * v, 1 + u * u, -v
+    jacobian[:, 1, 3], jacobian[:, 1, 4], jacobian[:, 1, 5] = -1 - v * v, u * v, u
+    return np.stack([u, v], 1) - x[front], jacobian, front

@@ -1,0 +1,40 @@
+"""The rotation that explains most of an image motion, and what it leaves: the parallax."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.solvers.rigid import horn
+
+
+def rotate(rotation: Array, x: Array) -> Array:
+    """Normalised coordinates (N, 2) seen after a pure rotation (3, 3) second_from_first."""
+    ray = x @ rotation[:, :2].T + rotation[:, 2]
+    return ray[:, :2] / np.maximum(ray[:, 2:], 1e-6)
+
+
+def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5) -> Array:
+    """second_from_first rotation (3, 3) that best maps rays (N, 2) to rays (N, 2), N >= 3: robust Wahba problem.
+
+    Rays that move otherwise (near points of a moving camera) lose their weight; `scale` in normalised units.
+    """
+    rays1, rays2 = _rays(x1), _rays(x2)
+    weight = np.ones(len(x1))
+    rotation = np.eye(3)
+    for _ in range(iterations):
+        w = np.sqrt(weight)[:, None]
+        # Mirrored copies keep the centroids at the origin, so that Horn's method fits the rotation alone.
+        rotation, _ = horn(np.concatenate([w * rays1, -w * rays1]), np.concatenate([w * rays2, -w * rays2]))
+        weight = 1 / (1 + ((rotate(rotation, x1) - x2) ** 2).sum(1) / scale**2)
+    return rotation
+
+
+def median_displacement(rotation: Array, x1: Array, x2: Array) -> float:
+    """Median distance, in normalised units, between where the rotation alone puts points and where they are."""
+    return float(np.median(np.linalg.norm(rotate(rotation, x1) - x2, axis=1)))
+
+
+def _rays(x: Array) -> Array:
+    rays = np.concatenate([x, np.ones((len(x), 1))], axis=1)
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
