@@ -1,0 +1,134 @@
+"""Rendering ahead: one background thread fills what the consumer will ask for next; nothing is computed twice."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import threading
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+
+from ispom.simulation.cache import ImageCache
+from ispom.types import Image
+
+_KEPT_IMAGES = 16
+"""The last images made or read stay in memory: what was rendered ahead is not decoded again, and works without a disk."""
+_PATIENCE_S = 1.0
+"""How long process exit waits for the exposure in work."""
+_alive: weakref.WeakSet[AheadRenderer] = weakref.WeakSet()
+
+
+class AheadRenderer:
+    """Images 0..count-1 by index: from memory, from disk, or made by whoever asks first. Safe from several threads."""
+
+    def __init__(self, names: list[str], make: Callable[[int, int], Image], cache: ImageCache) -> None:
+        """`names` in the cache; `make(i, threads)` renders, the same bytes for any number of threads."""
+        self._names, self._make, self._cache = names, make, cache
+        self._lock = threading.Lock()
+        self._wake = threading.Condition(self._lock)
+        self._in_work: dict[int, Future[Image]] = {}
+        self._recent: OrderedDict[int, Image] = OrderedDict()
+        self._cursor = 0
+        self._on_disk = True
+        self._stopping = False
+        self._thread: threading.Thread | None = None
+        _alive.add(self)
+
+    def get(self, i: int) -> Image:
+        """Image i, waiting for the thread that is making it, or making it here."""
+        with self._lock:
+            self._cursor = i + 1
+            self._wake.notify()
+        return self._obtain(i, os.cpu_count() or 1)
+
+    def prepare(self, i: int) -> None:
+        """Makes images from i on in the background, from now on and at low priority."""
+        with self._lock:
+            self._cursor = i
+            self._wake.notify()
+            if self._thread is None:
+                self._thread = threading.Thread(target=_work, args=(weakref.ref(self),), daemon=True, name="render-ahead")
+                self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the background thread after the image in work."""
+        with self._lock:
+            self._stopping = True
+            self._wake.notify()
+            thread = self._thread
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(_PATIENCE_S)
+
+    def _obtain(self, i: int, threads: int) -> Image:
+        with self._lock:
+            if i in self._recent:
+                self._recent.move_to_end(i)
+                return self._recent[i]
+            claimed = self._in_work.get(i)
+            if claimed is None:
+                mine = self._in_work[i] = Future()
+        if claimed is not None:
+            return claimed.result()
+        try:
+            image = self._cache.read(self._names[i])
+            if image is None:
+                image = self._make(i, threads)
+                self._on_disk = self._cache.write(self._names[i], image)
+            image.setflags(write=False)
+        except BaseException as error:
+            with self._lock:
+                del self._in_work[i]
+            mine.set_exception(error)
+            raise
+        with self._lock:
+            del self._in_work[i]
+            self._recent[i] = image
+            if len(self._recent) > _KEPT_IMAGES:
+                self._recent.popitem(last=False)
+        mine.set_result(image)
+        return image
+
+    def _next(self) -> int | None:
+        """The first image from the cursor on that nobody has made; without a disk, not further than memory reaches."""
+        end = len(self._names) if self._on_disk else min(len(self._names), self._cursor + _KEPT_IMAGES // 2)
+        for i in range(self._cursor, end):
+            if i not in self._recent and i not in self._in_work and not self._cache.has(self._names[i]):
+                return i
+        return None
+
+    def _render_one(self) -> bool:
+        """Renders one image ahead, or waits a little for something to do. False when it should end."""
+        with self._lock:
+            i = None if self._stopping else self._next()
+            if i is None and not self._stopping:
+                self._wake.wait(0.5)
+            if self._stopping:
+                return False
+        if i is not None:
+            self._obtain(i, max(1, (os.cpu_count() or 1) - 1))
+        return True
+
+
+def _work(owner: weakref.ref[AheadRenderer]) -> None:
+    """The background thread: lives as long as its owner does."""
+    with suppress(OSError, AttributeError):  # on Linux a thread has a priority of its own, elsewhere only processes
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
+    while True:
+        renderer = owner()
+        try:
+            if renderer is None or not renderer._render_one():
+                return
+        except RuntimeError:
+            if threading.main_thread().is_alive():
+                raise
+            return  # no new work is accepted while Python shuts down
+        del renderer
+
+
+@atexit.register
+def _stop_all() -> None:
+    for renderer in list(_alive):
+        renderer.stop()

@@ -1,0 +1,51 @@
+"""The simulated rig: a video camera and a rectified stereo pair on one platform, and when each of them exposes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Pose
+from ispom.types import Camera, Kind, Rig
+
+BASELINE_M = 0.4
+STEREO_DELAY_S = 0.0113
+"""Stereo exposes this long after a video frame: never at the same time."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the cameras expose."""
+
+    duration_s: float = 20.0
+    video_hz: float = 30.0
+    stereo_hz: float = 3.0
+
+    def exposures(self) -> list[tuple[int, Kind]]:
+        """(time_ns, kind) of every exposure before the end, in the order of time."""
+        video = [(round(i * 1e9 / self.video_hz), "video") for i in range(_count(self.duration_s, self.video_hz, 0))]
+        stereo = [
+            (round((i / self.stereo_hz + STEREO_DELAY_S) * 1e9), "stereo")
+            for i in range(_count(self.duration_s, self.stereo_hz, STEREO_DELAY_S))
+        ]
+        return sorted(video + stereo)  # type: ignore[return-value]
+
+
+def simulated_rig(scale: float = 1.0) -> Rig:
+    """Video 640x480 and stereo 1280x960 at scale 1; the fields of view stay the same at every scale."""
+    stereo = Rig.stereo(Camera(1280, 960, 920.0, 920.0, 639.5, 479.5).scaled(scale), BASELINE_M)
+    video = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
+    return Rig(
+        video.scaled(scale),
+        stereo.left,
+        stereo.right,
+        Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),
+        stereo.rig_from_left,
+        stereo.rig_from_right,
+    )
+
+
+def _count(duration_s: float, rate_hz: float, start_s: float) -> int:
+    """How many exposures at start_s + i / rate_hz lie within 0..duration_s, the end itself included."""
+    return int(np.floor((duration_s - start_s) * rate_hz + 1e-9)) + 1

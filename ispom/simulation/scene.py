@@ -1,0 +1,97 @@
+"""A scene of textured rectangles: what to cast rays at, and what the shader must know of each face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, so3_exp
+from ispom.simulation.materials import Material
+
+Colour = tuple[float, float, float]
+SUN = np.array([0.45, -0.75, -0.48])
+"""Towards the sun, in the world (y down)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Rectangular faces in the world (x right, y down, z along the street), ready for ray casting and shading."""
+
+    corner: Array
+    """(Q, 3) where u = v = 0 [m]."""
+    axes: Array
+    """(Q, 3, 3) rows: unit u, unit v, outward normal."""
+    material: NDArray[np.int64]
+    seed: NDArray[np.int64]
+    """(Q,) each face's own."""
+    parameters: Array
+    """(Q, 8) columns as in `materials`."""
+    light: Array
+    """(Q,) brightness from the sun and the sky."""
+    caster: o3d.t.geometry.RaycastingScene
+    """Face q is triangles 2q and 2q + 1."""
+
+
+@dataclass
+class SceneBuilder:
+    """Collects faces; `build` makes the Scene."""
+
+    rng: np.random.Generator
+    corners: list[Array] = field(default_factory=list)
+    axes: list[Array] = field(default_factory=list)
+    materials: list[int] = field(default_factory=list)
+    parameters: list[tuple[float, ...]] = field(default_factory=list)
+
+    def face(self, corner: Array, u: Array, v: Array, material: Material, colour: Colour, *more: float) -> None:
+        """A rectangle from a corner along edges u and v [m]; seen from outside u goes right and v up."""
+        width, height = float(np.linalg.norm(u)), float(np.linalg.norm(v))
+        u, v = u / width, v / height
+        self.corners.append(corner)
+        self.axes.append(np.stack([u, v, np.cross(u, v)]))
+        self.materials.append(int(material))
+        self.parameters.append((width, height, *colour, *more, *[0.0] * (3 - len(more))))
+
+    def box(
+        self,
+        centre_xz: tuple[float, float],
+        size: tuple[float, float, float],
+        side: Material,
+        colour: Colour,
+        *more: float,
+        bottom: float = 0.0,
+        yaw_rad: float = 0.0,
+        top: Material | None = None,
+        top_colour: Colour | None = None,
+    ) -> None:
+        """A box of size (x, height, z) [m] standing `bottom` above the ground, turned about the vertical."""
+        turn = so3_exp(np.array([0.0, yaw_rad, 0.0]))
+        base = np.array([centre_xz[0], -bottom, centre_xz[1]])
+        (sx, sy, sz), up = size, np.array([0.0, -size[1], 0.0])
+        ring = [(-sx / 2, -sz / 2), (sx / 2, -sz / 2), (sx / 2, sz / 2), (-sx / 2, sz / 2)]
+        foot = [base + turn @ np.array([x, 0.0, z]) for x, z in ring]
+        for a, b in zip(foot, foot[1:] + foot[:1], strict=True):
+            self.face(a, b - a, up, side, colour, *more)
+        lid = Material.PLASTER if side == Material.FACADE else side
+        cap, cap_colour = lid if top is None else top, top_colour or colour
+        self.face(foot[0] + up, foot[1] - foot[0], foot[3] - foot[0], cap, cap_colour)
+        if bottom > 0:
+            self.face(foot[3], foot[2] - foot[3], foot[0] - foot[3], lid, colour)
+
+    def build(self) -> Scene:
+        """The scene with every face lit and seeded."""
+        corner, axes = np.array(self.corners), np.array(self.axes)
+        parameters = np.array(self.parameters)
+        u, v = axes[:, 0] * parameters[:, :1], axes[:, 1] * parameters[:, 1:2]
+        vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1).reshape(-1, 3)
+        first = 4 * np.arange(len(corner))[:, None, None]
+        triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+        caster = o3d.t.geometry.RaycastingScene()
+        caster.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(triangles.astype(np.uint32)))
+        caster.cast_rays(o3d.core.Tensor(np.ones((1, 6), np.float32)))  # commits: afterwards safe from any thread
+        sun = np.clip(axes[:, 2] @ (SUN / np.linalg.norm(SUN)), 0, 1)
+        light = 0.66 + 0.42 * sun - 0.12 * np.clip(axes[:, 2, 1], 0, 1)
+        seeds = self.rng.integers(1, 2**31, len(corner))
+        return Scene(corner, axes, np.array(self.materials), seeds, parameters, light, caster)
