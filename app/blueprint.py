@@ -62,13 +62,12 @@ def _world(opened: Opened, hidden: Collection[str]) -> rrb.Spatial3DView:
 def _image(opened: Opened, name: str, title: str, hidden: Collection[str]) -> rrb.Spatial2DView:
     camera = opened.sequence.rig.camera("video" if name == "video" else "left")
     scale = entities.shown_scale(camera.width, camera.height)
+    bottom = camera.height + entities.LEGEND_ROWS * entities.LEGEND_PITCH * camera.width
     return rrb.Spatial2DView(
         origin=f"/{name}",
         name=f"{title}, tracks and disparity" if name == "left" else f"{title}, tracks",
         overrides=_hide([f"{name}/{layer}" for layer in ("tracks", "trails", "disparity") if layer in hidden]),
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=(0, scale * camera.width), y_range=(0, scale * camera.height * entities.LEGEND_BOTTOM)
-        ),
+        visual_bounds=rrb.VisualBounds2D(x_range=(0, scale * camera.width), y_range=(0, scale * bottom)),
     )
 
 

@@ -16,13 +16,13 @@ METHOD: dict[str, Rgb] = {
     "integrated": (0, 158, 115),  # bluish green
 }
 TRUTH: Rgb = (138, 138, 138)
-DISPARITY: Rgb = (0, 158, 115)
+DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
 
 _GEOMETRY, _SEARCH = (213, 94, 0), (204, 121, 167)
 TRACK: dict[TrackStatus, Rgb] = {
     TrackStatus.ALIVE: (86, 180, 233),  # sky blue
-    TrackStatus.NEW: (240, 228, 66),  # yellow
+    TrackStatus.NEW: (0, 158, 115),  # bluish green
     TrackStatus.LOST: _SEARCH,
     TrackStatus.FORWARD_BACKWARD: _SEARCH,
     TrackStatus.UNMATCHED: _SEARCH,

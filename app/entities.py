@@ -18,8 +18,8 @@ from . import colours
 JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
 """Larger images are shown, and kept, at about this many pixels."""
-LEGEND_BOTTOM = 1.35
-"""The legend below an image ends at this times the image's height."""
+LEGEND_COLUMNS, LEGEND_ROWS, LEGEND_PITCH = 4, 3, 0.085
+"""The legend below an image; the pitch of its rows is a fraction of the image's width, as labels keep their size."""
 TRAIL_LENGTH = 5
 """Earlier positions of a track that its trail shows."""
 
@@ -100,15 +100,23 @@ def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
     present = [s for s in TrackStatus if counts[s]]
     scale = shown_scale(camera.width, camera.height)
-    width, height, columns = camera.width * scale, camera.height * scale, 4
-    row, column = np.divmod(np.arange(len(present)), columns)
+    row, column = np.divmod(np.arange(len(present)), LEGEND_COLUMNS)
+    u, v = (column + 0.5) / LEGEND_COLUMNS * camera.width, camera.height + LEGEND_PITCH * camera.width * (row + 0.3)
     return rr.Points2D(
-        np.stack([width * (column + 0.5) / columns, height * (1.04 + 0.09 * row)], 1),
+        np.stack([u, v], 1) * scale,
         class_ids=[int(s) for s in present],
-        labels=[f"{counts[s]} {s.reason}" for s in present],
+        labels=[f"{counts[s]} {_SHORT.get(s, s.name.lower())}" for s in present],
         radii=-4.0,
         show_labels=True,
     )
+
+
+_SHORT = {
+    TrackStatus.LOST: "not found",
+    TrackStatus.FORWARD_BACKWARD: "fwd-bwd",
+    TrackStatus.OUT_OF_IMAGE: "left image",
+    TrackStatus.NO_DISPARITY: "no disparity",
+}
 
 
 def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
@@ -125,7 +133,7 @@ def summary(steps: dict[str, Step], first_ns: int) -> str:
     """Markdown: what each method decided in its latest step, and why."""
     parts = []
     for method, step in steps.items():
-        facts = [f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
+        facts = [f"**{method}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
         facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
         if len(step.residuals_px):
             facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
@@ -135,5 +143,5 @@ def summary(steps: dict[str, Step], first_ns: int) -> str:
             for d in step.decisions
         ]
         table = ["| test | value | asked | passed | so |", "| --- | --- | --- | --- | --- |", *rows] if rows else []
-        parts += [f"### {method}", " · ".join(facts), "", *table, ""]
+        parts += [" · ".join(facts), "", *table, ""]
     return "\n".join(parts)

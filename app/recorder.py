@@ -24,7 +24,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from ispom.geometry import Array, Similarity
+from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Frame, Step, StereoPair, Tracks, Trajectory
 
 from . import colours, entities
@@ -32,6 +32,8 @@ from .memory import Cloud, Path
 from .playback import Finished, Opened, Stepped
 
 Event = Stepped | Finished
+TINT = 0.3
+"""How much of a cloud's colour is its method's, the rest being what the camera saw."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +162,9 @@ class Recorder:
 
     def _pose(self, step: Step, event: Stepped) -> Iterator[Entry]:
         method, path, cloud = step.method, self._paths[step.method], self._clouds[step.method]
-        now = [(step.time_ns, step.world_from_frame)] if step.world_from_frame is not None else []
-        changed = path.update(Trajectory.of([*step.revised.items(), *now], step.frame))
+        changed = path.update(step.revised)
+        if step.world_from_frame is not None:
+            changed |= path.update(_single(step.time_ns, step.world_from_frame, step.frame))
         if step.key_frame:
             changed |= path.mark(step.time_ns)
         yield from self._path_blocks(method, changed)
@@ -189,7 +192,8 @@ class Recorder:
     def _cloud_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         for block in sorted(blocks):
             xyz, rgb = self._clouds[method].points(block)
-            yield Entry(f"world/{method}/cloud/{block}", rr.Points3D(xyz, colors=rgb, radii=[-1.5]))
+            tinted = (1 - TINT) * rgb + TINT * np.array(colours.METHOD[method])
+            yield Entry(f"world/{method}/cloud/{block}", rr.Points3D(xyz, colors=tinted.astype(np.uint8), radii=[-1.5]))
 
     def _plots(self, step: Step, event: Stepped) -> Iterator[Entry]:
         method = step.method
@@ -267,6 +271,10 @@ def _with_parts(steps: tuple[Step, ...]) -> Iterator[Step]:
     for step in steps:
         yield step
         yield from _with_parts(step.parts)
+
+
+def _single(time_ns: int, pose: Pose, frame: Frame) -> Trajectory:
+    return Trajectory(np.array([time_ns]), pose.rotation[None], pose.translation[None], frame)
 
 
 def _lines(strips: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:

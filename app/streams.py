@@ -54,7 +54,9 @@ class FileRecording:
         """Why the recording stopped on its own, one sentence; None while all is well."""
         self._recorder = Recorder(opened)
         self._since_flush = 0
-        stream = rr.RecordingStream(APPLICATION, recording_id=self._recorder.recording_id)
+        stream = rr.RecordingStream(
+            APPLICATION, recording_id=self._recorder.recording_id, batcher_config=rr.ChunkBatcherConfig(flush_tick=2.0)
+        )
         self._stream: rr.RecordingStream | None = stream
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
