@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS, Method, build, possible_methods
+from ispom.estimators import METHODS, Method, possible_methods
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
 from ispom.types import Sequence
@@ -57,9 +57,8 @@ def run(options: Run) -> int:
 
 
 def _asked(options: Run, sequence: Sequence) -> tuple[Method, ...]:
-    """The methods to run; InputError where the rig lacks a camera for one, or for the asked frame."""
+    """The methods to run; InputError where the rig lacks the camera of the asked frame."""
     methods: tuple[Method, ...] = options.methods or possible_methods(sequence.rig)
-    build(options.config, methods, sequence.rig)
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
         raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
     return methods

@@ -60,7 +60,7 @@ def _cameras(folder: Path) -> tuple[Camera, float | None]:
     projections = read_calibration(folder / "calib.txt")
     height, width = read_grey(folder / "image_0" / "000000.png").shape
     left = projections["P0"]
-    camera = Camera(width, height, left[0, 0], left[1, 1], left[0, 2], left[1, 2])
+    camera = Camera(width, height, *(float(left[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2))))
     if not (folder / "image_1").is_dir():
         return camera, None
     if "P1" not in projections:

@@ -1,0 +1,191 @@
+"""`ispom run`: what the folder holds, and that it is complete or says that it is not."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from ispom_app import headless, playback
+from ispom_app.cli import main
+from ispom_app.results import in_frame
+from ispom_app.run_folder import MARKER
+
+from ispom.estimators import METHODS, Ensemble
+from ispom.io.rig import read_rig
+from ispom.io.tum import read_tum
+from ispom.types import Step, Trajectory
+from tests import doubles
+from tests.sequences.kitti_folder import make_drive
+
+FILES = {"run.yaml", "rig.yaml", "truth.tum", *(f"{m}.tum" for m in METHODS), "metrics.json"}
+
+
+@pytest.fixture(autouse=True)
+def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Estimators that walk a given path, so that only the command is under test."""
+
+    def build(config, methods, rig) -> Ensemble:
+        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
+
+    monkeypatch.setattr(playback, "build", build)
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> str:
+    return str(make_drive(tmp_path / "kitti"))
+
+
+def run(source: str, out: Path, *options: str) -> int:
+    return main(["run", source, "--out", str(out), *options])
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert run(drive, out, "--stereo-every", "2", "--monocular.scale-transfer", "vector") == 0
+    assert names(out) == FILES | {"run.rrd"}
+    told = yaml.safe_load((out / "run.yaml").read_text())
+    assert told["source"] == drive and told["config"]["monocular"]["scale_transfer"] == "vector"
+    assert told["exposures"] == {"video": 6, "stereo": 3} and "numpy" in told["versions"]
+    assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(0.5)
+    assert len(read_tum(out / "stereo.tum")) == 3 and len(read_tum(out / "monocular.tum")) == 6
+    assert "emulation" in capsys.readouterr().out and "emulation" in told["notes"][0]
+
+
+def test_metrics_per_method(drive: str, tmp_path: Path) -> None:
+    assert run(drive, tmp_path / "out", "--no-recording") == 0
+    methods = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]
+    common = {"ate_m", "aligned", "rpe_m", "rpe_deg", "t_err_percent", "r_err_deg_per_100m", "poses", "lost"}
+    assert all(common | {"ms_per_exposure"} <= set(entry) for entry in methods.values())
+    assert [methods[m]["aligned"] for m in METHODS] == ["sim3", "se3", "se3"]
+    assert {"between_stereo_rmse_m", "spline_between_stereo_rmse_m"} <= set(methods["integrated"])
+    assert methods["stereo"]["ms_per_exposure"] == {"median": pytest.approx(5), "p95": pytest.approx(5)}
+
+
+def test_without_truth_only_what_can_be_said(tmp_path: Path) -> None:
+    drive = make_drive(tmp_path / "kitti", poses=False)
+    assert run(str(drive), tmp_path / "out", "--no-recording") == 0
+    assert names(tmp_path / "out") == FILES - {"truth.tum"}
+    entry = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]["stereo"]
+    assert set(entry) == {"poses", "lost", "ms_per_exposure"}
+
+
+def test_the_asked_methods_only(drive: str, tmp_path: Path) -> None:
+    assert run(drive, tmp_path / "out", "--no-recording", "--methods", "integrated") == 0
+    assert names(tmp_path / "out") == FILES - {"monocular.tum", "stereo.tum"}
+    entry = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]["integrated"]
+    assert entry["between_stereo_rmse_m"] == pytest.approx(entry["between_stereo_rmse_m"])
+
+
+def test_two_runs_write_the_same_bytes(drive: str, tmp_path: Path) -> None:
+    for out, more in (("a", ("--no-recording",)), ("b", ())):
+        assert run(drive, tmp_path / out, *more) == 0
+    for name in (f"{m}.tum" for m in METHODS):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_complete_run_is_never_overwritten(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(drive, tmp_path / "out", "--no-recording") == 0
+    before = (tmp_path / "out" / "metrics.json").stat().st_mtime_ns
+    assert run(drive, tmp_path / "out", "--no-recording") == 2
+    assert "holds a complete run" in capsys.readouterr().err
+    assert (tmp_path / "out" / "metrics.json").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_keeps_what_was_computed(
+    number: signal.Signals, code: int, drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(self, state, exposure):
+        if exposure.time_ns == 300_000_000:
+            signal.raise_signal(number)
+        return doubles.FakeEstimator.step(self, state, exposure)
+
+    class Interrupted(doubles.FakeEstimator):
+        step = interrupted
+
+    monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: Interrupted(x) for x in m}))
+    out = tmp_path / "out"
+    try:
+        assert run(drive, out) == code
+    except SystemExit as exit:
+        assert exit.code == code
+    assert names(out) == FILES | {"run.rrd", MARKER}
+    assert "signal after 6 of 12 exposures" in (out / MARKER).read_text()
+    assert len(read_tum(out / "monocular.tum")) == 3
+    monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: doubles.FakeEstimator(x) for x in m}))
+    assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
+
+
+def test_a_bug_leaves_the_marker(drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken(doubles.FakeEstimator):
+        def step(self, state, exposure) -> tuple[tuple[int, ...], Step]:
+            raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: Broken(x) for x in m}))
+    with pytest.raises(ZeroDivisionError):
+        run(drive, tmp_path / "out", "--no-recording")
+    assert "oops" in (tmp_path / "out" / MARKER).read_text()
+
+
+@pytest.mark.parametrize("frame", ["rig", "left", "video"])
+def test_frames(frame: str) -> None:
+    """A metric trajectory moves by the whole lever arm."""
+    rig = doubles.rig()
+    poses = Trajectory.of([(t, doubles.pose_at(t)) for t in range(0, 10**9, 10**8)])
+    moved = in_frame(poses, rig, frame)  # type: ignore[arg-type]
+    assert moved.frame == frame
+    expected = doubles.pose_at(3 * 10**8) @ rig.rig_from(frame)  # type: ignore[arg-type]
+    np.testing.assert_allclose(moved.pose(3).matrix, expected.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("unit_m", [1.0, 4.0])
+def test_the_lever_arm_is_in_the_trajectorys_unit(unit_m: float) -> None:
+    rig = doubles.rig()
+    metric = Trajectory.of([(t, doubles.pose_at(t) @ rig.rig_from_video) for t in range(0, 10**9, 10**8)], "video")
+    own = Trajectory(metric.times_ns, metric.rotations, metric.translations / unit_m, "video")
+    of_rig = in_frame(own, rig, "rig", unit_m)
+    np.testing.assert_allclose(unit_m * of_rig.translations[2], doubles.pose_at(2 * 10**8).translation, atol=1e-12)
+
+
+def test_without_unit_there_is_no_lever_arm() -> None:
+    rig = doubles.rig()
+    own = Trajectory.of([(t, doubles.pose_at(t)) for t in range(0, 10**9, 10**8)], "video")
+    of_rig = in_frame(own, rig, "rig", None)
+    np.testing.assert_array_equal(of_rig.translations, own.translations)
+    np.testing.assert_allclose(of_rig.rotations, own.rotations @ rig.rig_from_video.rotation.T, atol=1e-12)
+
+
+def test_the_default_folder_is_in_recordings(drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", drive, "--no-recording"]) == 0
+    (folder,) = (tmp_path / "recordings").iterdir()
+    assert folder.name.startswith("KITTI-07-") and names(folder) == FILES
+
+
+def test_progress_is_for_terminals_only(capsys: pytest.CaptureFixture[str]) -> None:
+    with headless._progress(3) as advance:
+        advance()
+    assert capsys.readouterr().err == ""
+
+
+def test_help_needs_no_viewer_nor_ray_caster() -> None:
+    """Each takes seconds to import."""
+    code = (
+        "import sys; from ispom_app.cli import main\n"
+        "try: main(['run', '--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'rerun', 'viser', 'open3d', 'aiohttp'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
