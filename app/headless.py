@@ -79,6 +79,8 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
 
             stack.callback(folder.keep, RECORDING)
             record = stack.enter_context(FileRecording(folder.part(RECORDING), playback.opened))
+        if playback.sequence.prepare:
+            playback.sequence.prepare(0)
         try:
             with _terminable(), _progress(len(playback.sequence)) as advance:
                 while not playback.done:

@@ -60,7 +60,8 @@ def _cameras(folder: Path) -> tuple[Camera, float | None]:
     projections = read_calibration(folder / "calib.txt")
     height, width = read_grey(folder / "image_0" / "000000.png").shape
     left = projections["P0"]
-    camera = Camera(width, height, *(float(left[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2))))
+    fx, fy, cx, cy = left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+    camera = Camera(width, height, fx, fy, cx, cy)
     if not (folder / "image_1").is_dir():
         return camera, None
     if "P1" not in projections:

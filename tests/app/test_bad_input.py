@@ -1,0 +1,245 @@
+"""Every mistake ends in one sentence that names the place and the cure, with exit code 2, and loses nothing written."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from ispom_app import playback, streams
+from ispom_app.cli import main
+from ispom_app.run_folder import MARKER, RunFolder
+
+from ispom.estimators import METHODS, Ensemble
+from ispom.io.tum import read_tum
+from tests import doubles
+from tests.sequences.kitti_folder import make_drive
+
+
+@pytest.fixture(autouse=True)
+def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def build(config, methods, rig) -> Ensemble:
+        playback_build(config, (), rig)  # ranges are checked, no estimator is built
+        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
+
+    playback_build = playback.build
+    monkeypatch.setattr(playback, "build", build)
+
+
+def sentence(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What the command says on its way out with code 2."""
+    assert main(["run", *arguments, "--no-recording"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("ispom: ") and told.count("\n") == 1
+    return told
+
+
+def test_path_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert f"{tmp_path}/nowhere does not exist: correct the path" in sentence(capsys, f"{tmp_path}/nowhere")
+
+
+def test_a_file_instead_of_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "film.mp4").touch()
+    assert "film.mp4 is a file, not a folder: give the folder" in sentence(capsys, f"{tmp_path}/film.mp4")
+
+
+def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.txt").touch()
+    told = sentence(capsys, str(tmp_path))
+    assert f"{tmp_path} has no known layout (looked for image_0 and calib.txt" in told and "give" in told
+
+
+def test_empty_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert f"{tmp_path} is an empty folder: give" in sentence(capsys, str(tmp_path))
+
+
+def edit(name: str, change: Callable[[str], str]) -> Callable[[Path], None]:
+    return lambda drive: (drive / name).write_text(change((drive / name).read_text())) and None
+
+
+def remove(name: str) -> Callable[[Path], None]:
+    return lambda drive: (drive / name).unlink()
+
+
+def empty(name: str) -> Callable[[Path], None]:
+    return lambda drive: [path.unlink() for path in (drive / name).iterdir()] and None
+
+
+BROKEN = {
+    "calibration missing": (remove("calib.txt"), "calib.txt is missing: restore the file"),
+    "calibration malformed": (edit("calib.txt", lambda t: t[:30]), "calib.txt line 1: P0 needs 12 numbers"),
+    "calibration no text": (lambda d: (d / "calib.txt").write_bytes(b"\xff\xfe\x00"), "calib.txt is not a text file"),
+    "calibration without right": (
+        edit("calib.txt", lambda t: t.splitlines()[0]),
+        "calib.txt has no line 'P1: ...' for image_1: give",
+    ),
+    "right camera on the left": (
+        edit("calib.txt", lambda t: t.replace("-40", "40")),
+        "P1 is not P0 moved to the right",
+    ),
+    "focal length zero": (edit("calib.txt", lambda t: t.replace("80 ", "0 ", 1)), "the focal length is not positive"),
+    "focal length negative": (edit("calib.txt", lambda t: t.replace("80 ", "-80 ", 1)), "the focal length is not"),
+    "fewer poses than images": (
+        edit("../../poses/07.txt", lambda t: t.split("\n", 1)[1]),
+        "07.txt has 5 poses for 6 images: give the complete file, or move it away",
+    ),
+    "a pose is no number": (edit("../../poses/07.txt", lambda t: t.replace("0.4", "x")), "07.txt line 3: 'x' is not"),
+    "times not increasing": (edit("times.txt", lambda t: t.replace("3.0", "1.0")), "times.txt line 4: time 1.0"),
+    "times missing": (remove("times.txt"), "times.txt is missing"),
+    "fewer times than images": (edit("times.txt", lambda t: t.split("\n", 1)[1]), "5 times for 6 images: give"),
+    "no images": (empty("image_0"), "image_0 holds no .png image: give"),
+    "an image missing": (remove("image_0/000002.png"), "000002.png is missing: images are numbered"),
+    "a right image missing": (remove("image_1/000005.png"), "image_1 holds not as many images as image_0 (6)"),
+    "first image empty": (lambda d: (d / "image_0/000000.png").write_bytes(b""), "000000.png is not a whole image"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_drive(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spoil, message = BROKEN[name]
+    drive = make_drive(tmp_path / "kitti")
+    spoil(drive)
+    told = sentence(capsys, str(drive), "--out", str(tmp_path / "out"))
+    assert message in told and str(tmp_path) in told
+    assert not (tmp_path / "out").exists()
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def shrink(path: Path) -> None:
+    cv2.imwrite(str(path), np.zeros((10, 20), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [(cut, "is not a whole image"), (shrink, "is 20 x 10, the first image 96 x 64"), (Path.unlink, "is missing or")],
+)
+@pytest.mark.parametrize("image", ["image_0/000003.png", "image_1/000003.png"])
+def test_a_bad_image_in_the_middle_loses_nothing(
+    spoil: Callable[[Path], None],
+    message: str,
+    image: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drive, out = make_drive(tmp_path / "kitti"), tmp_path / "out"
+    monkeypatch.setattr("ispom.sequences.kitti._count", lambda _: 6)  # it may vanish while the run goes on, too
+    spoil(drive / image)
+    told = sentence(capsys, str(drive), "--out", str(out))
+    assert f"{drive / image} {message}" in told and "restore" in told
+    assert message in (out / MARKER).read_text()
+    assert len(read_tum(out / "monocular.tum")) == len(read_tum(out / "stereo.tum")) == 3
+
+
+def test_fewer_than_three_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = sentence(capsys, str(make_drive(tmp_path, frames=2)))
+    assert "has 2 frame(s), a run needs 3 or more: give a longer sequence" in told
+
+
+@pytest.mark.parametrize("method", ["stereo", "integrated"])
+def test_right_camera_missing_where_stereo_is_asked(
+    method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()
+    drive = make_drive(tmp_path / "kitti", right=False)
+    told = sentence(capsys, str(drive), "--methods", method, "--out", str(tmp_path / "out"))
+    assert f"{method} needs a left and a right camera" in told and "--methods" in told
+
+
+def test_frame_of_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive = make_drive(tmp_path / "kitti", right=False)
+    assert "--frame is left" in sentence(capsys, str(drive), "--frame", "left")
+
+
+def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Real estimators: they find nothing, and the folder says so."""
+    monkeypatch.undo()
+    drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
+    told = sentence(capsys, str(drive), "--out", str(out))
+    assert "no method found any motion: give images with texture" in told
+    assert "no method" in (out / MARKER).read_text() and (out / "metrics.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--stereo-every", "0"), "--stereo-every is 0, give 1 or more"),
+        (("--video-scale", "7"), "--video-scale is 7, give a value from"),
+        (("--max-exposures", "1"), "--max-exposures is 1, give 3 or more"),
+        (("--monocular.max-tracks", "1"), "--monocular.max-tracks is 1, give a value from"),
+    ],
+)
+def test_options_out_of_range(
+    options: tuple[str, str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert message in sentence(capsys, str(make_drive(tmp_path)), *options)
+
+
+@pytest.mark.parametrize("option", [("--methods", "sonar"), ("--seed", "x"), ("--frame", "world"), ("--no-such",)])
+def test_options_that_do_not_exist(option: tuple[str, ...], tmp_path: Path) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["run", str(make_drive(tmp_path)), *option])
+    assert caught.value.code == 2
+
+
+def test_unwritable_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("kept")
+    told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "file" / "out"))
+    assert "file/out cannot be made" in told and "give another --out" in told
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_disk_full_while_writing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file that no longer fits is not there in part, those before it are whole, the marker stays."""
+    write_text = Path.write_text
+
+    def full(self: Path, text: str, *args: object, **kwargs: str) -> int:
+        if "integrated.tum" in self.name:
+            write_text(self, text[:50])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write_text(self, text, **kwargs)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    out = tmp_path / "out"
+    told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
+    assert "integrated.tum cannot be written (No space left on device): make room" in told
+    assert {p.name for p in out.iterdir()} == {"run.yaml", "rig.yaml", "monocular.tum", "stereo.tum", MARKER}
+    assert len(read_tum(out / "stereo.tum")) == 6 and "No space" in (out / MARKER).read_text()
+
+
+def test_disk_full_while_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recording ends, the run does not: all else is written."""
+    write = streams.FileRecording.write
+
+    def full(self: streams.FileRecording, event: streams.Event) -> None:
+        write(self, event)
+        self.failure = f"{self.path} could not be written on (No space left on device): free some space"
+
+    monkeypatch.setattr(streams.FileRecording, "write", full)
+    out = tmp_path / "out"
+    assert main(["run", str(make_drive(tmp_path / "kitti")), "--out", str(out)]) == 2
+    assert "No space left on device): free some space" in capsys.readouterr().err
+    assert {f"{m}.tum" for m in METHODS} | {"metrics.json", "run.rrd", MARKER} <= {p.name for p in out.iterdir()}
+    assert "No space" in (out / MARKER).read_text()
+
+
+def test_a_marker_that_cannot_be_renewed_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = RunFolder(tmp_path / "out")
+
+    def full(*_: object, **__: object) -> int:
+        raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    folder.failed("no reason")
+    assert "has not ended" in (tmp_path / "out" / MARKER).read_text()
