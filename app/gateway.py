@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from aiohttp import ClientError, ClientSession, ClientTimeout, WSMsgType, web
 
-from .messages import command_of, message_of
+from .messages import Pane, command_of, message_of
 from .session import Session
 
 log = logging.getLogger(__name__)
@@ -42,6 +42,8 @@ class Backends:
     stream_port: int
     assets: Callable[[], Path]
     """The folder of the Rerun viewer's files; may take seconds the first time."""
+    show_scene: Callable[[bool], None] = lambda _: None
+    """Told whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
 
 
 class Gateway:
@@ -52,6 +54,7 @@ class Gateway:
         self._hosts = LOOPBACK | hosts
         self._assets: asyncio.Task[Path] | None = None
         self._sockets: set[web.WebSocketResponse] = set()
+        self._wide: set[web.WebSocketResponse] = set()
         self.app = web.Application(middlewares=[self._only_ours])
         self.app.cleanup_ctx.append(self._client)
         self.app.on_shutdown.append(self._say_goodbye)
@@ -62,8 +65,7 @@ class Gateway:
                 web.get("/web/{name}", self._page_file),
                 web.get("/viewer/{name}", self._viewer_file),
                 web.get("/recordings/{name:.+}", self._recording),
-                web.get("/viser", self._to_viser),
-                web.get("/viser/{rest:.*}", self._viser),
+                web.get("/viser{rest:(/.*)?}", self._viser),
                 web.route("*", "/{service:rerun\\..*}", self._stream),
             ]
         )
@@ -121,12 +123,20 @@ class Gateway:
         sender = asyncio.create_task(self._send_states(socket))
         try:
             async for message in socket:
-                if message.type is WSMsgType.TEXT and (command := command_of(message.data)) is not None:
-                    self._session.post(command)
+                heard = command_of(message.data) if message.type is WSMsgType.TEXT else None
+                if isinstance(heard, Pane):
+                    self._see(socket, heard.wide)
+                elif heard is not None:
+                    self._session.post(heard)
         finally:
             sender.cancel()
             self._sockets.discard(socket)
+            self._see(socket, False)
         return socket
+
+    def _see(self, socket: web.WebSocketResponse, wide: bool) -> None:
+        (self._wide.add if wide else self._wide.discard)(socket)
+        self._to.show_scene(bool(self._wide))
 
     async def _send_states(self, socket: web.WebSocketResponse) -> None:
         shown = None
@@ -141,11 +151,8 @@ class Gateway:
 
     # What stands behind
 
-    async def _to_viser(self, request: web.Request) -> web.StreamResponse:
-        raise web.HTTPFound("/viser/" + (f"?{request.query_string}" if request.query_string else ""))
-
     async def _viser(self, request: web.Request) -> web.StreamResponse:
-        target = f"//127.0.0.1:{self._to.viser_port}/{request.match_info['rest']}"
+        target = f"//127.0.0.1:{self._to.viser_port}{request.match_info['rest'] or '/'}"
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return await self._relay(request, f"ws:{target}")
         return await self._forward(request, f"http:{target}", VISER_SECURITY)

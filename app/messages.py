@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import Any
 
 from . import colours
 from . import commands as do
 from .state import State
+
+
+@dataclass(frozen=True)
+class Pane:
+    """How a page has its left pane."""
+
+    wide: bool
+    """Whether viser's scene can be seen beside its panel."""
 
 
 def message_of(state: State) -> dict[str, Any]:
@@ -43,8 +52,8 @@ def message_of(state: State) -> dict[str, Any]:
     }
 
 
-def command_of(text: str) -> do.Command | None:
-    """The command in a page's message; None for anything that is not one."""
+def command_of(text: str) -> do.Command | Pane | None:
+    """What a page's message says; None for anything that is not understood."""
     try:
         message = json.loads(text)
         match message["do"]:
@@ -54,6 +63,8 @@ def command_of(text: str) -> do.Command | None:
                 return do.StepBy(int(message["by"]))
             case "seek":
                 return do.Seek(int(message["index"]))
+            case "pane":
+                return Pane(bool(message["wide"]))
     except (ValueError, TypeError, KeyError):
         pass
     return None

@@ -6,6 +6,7 @@ import logging
 import time
 from threading import Event, Thread
 
+import rich
 import viser
 
 from . import commands as do
@@ -29,13 +30,15 @@ class Screen:
 
     def __init__(self, session: Session, live: LiveStream | None = None) -> None:
         self._session, self._live = session, live
+        rich.get_console().quiet = True  # viser's banner names a port that is nobody's business
         self.server = viser.ViserServer(host="127.0.0.1", port=0, label="ISPOM", verbose=False)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
         self.server.gui.main_panel.dock_left()
-        self.server.gui.main_panel.set_width(374)
+        self.server.gui.main_panel.set_width(380)
         self.panels = self._panels(self.server.gui)
         self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
         self._run, self._painted, self._scene_due_s = -1, None, 0.0
+        self.scene_wanted = True
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
 
@@ -45,6 +48,10 @@ class Screen:
 
     def start(self) -> None:
         self._thread.start()
+
+    def show_scene(self, wanted: bool) -> None:
+        """Whether anybody can see the scene."""
+        self.scene_wanted = wanted
 
     def close(self) -> None:
         self._stop.set()
@@ -82,7 +89,7 @@ class Screen:
             self._painted = state
             for panel in self.panels:
                 panel.show(state)
-        if time.monotonic() < self._scene_due_s:
+        if not self.scene_wanted or time.monotonic() < self._scene_due_s:
             return
         self._scene_due_s = time.monotonic() + SCENE_S
         opened = self._session.opened

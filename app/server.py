@@ -69,7 +69,7 @@ async def _serve(
     stopped = asyncio.Event()
     _on_signals(stopped)
     live, session, screen = await asyncio.to_thread(_start, opener, source, methods, config, recordings, autoplay)
-    gateway = Gateway(session, Backends(screen.port, live.port, viewer_assets), recordings, {host} - {"0.0.0.0", "::"})
+    gateway = Gateway(session, Backends(screen.port, live.port, viewer_assets, screen.show_scene), recordings, {host})
     runner = web.AppRunner(gateway.app, access_log=None, shutdown_timeout=0.3)
     await runner.setup()
     try:

@@ -109,7 +109,8 @@ class State:
     moment: Moment | None = None
     """The exposure that is shown."""
     playing: bool = False
-    speed: float | None = None
+    speed: float | None = 1.0
+    """Times the recorded time; None for as fast as possible."""
     target: int | None = None
     """The exposure that a seek is computing towards."""
     ended: bool = False

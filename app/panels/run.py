@@ -26,7 +26,7 @@ class RunPanel:
         self._buttons.on_click(self._clicked)
         self._slider = gui.add_slider("exposure", 0, 1, 1, 0, hint="what is not computed yet is computed up to there")
         self._slider.on_update(self._moved)
-        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="max", hint="times the recorded time")
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x", hint="times the recorded time")
         self._speed.on_update(lambda _: session.post(do.Speed(SPEEDS[self._speed.value])))
         self._progress = gui.add_progress_bar(0)
         self._text = gui.add_markdown("opening…")

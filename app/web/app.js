@@ -6,15 +6,20 @@ import { makeSplitter } from "./splitter.js";
 const dark = matchMedia("(prefers-color-scheme: dark)");
 dark.addEventListener("change", () => location.reload());
 document.getElementById("controls").src = `/viser/${dark.matches ? "?darkMode" : ""}`;
-makeSplitter();
 
 let socket;
 let state = null;
+let wide = false;
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const viewer = openViewer(dark.matches, (index) => send({ do: "seek", index }));
 
+makeSplitter((now) => {
+  if (now !== wide) send({ do: "pane", wide: (wide = now) });
+});
+
 function connect() {
   socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/ws`);
+  socket.onopen = () => send({ do: "pane", wide });
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
     window.ispom = { state, viewer };

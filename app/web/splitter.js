@@ -1,14 +1,16 @@
 // The border between the controls and the Rerun viewer. Remembered by the browser, where it allows that.
 const NARROW = 380;
+const SCENE = 620; // pixels from which viser's scene shows beside its panel
 const KEEP = 420; // pixels that the right side always has
 
-export function makeSplitter() {
+export function makeSplitter(onWide) {
   const splitter = document.getElementById("splitter");
   const panes = document.getElementById("panes");
   let width = Number(read()) || NARROW;
   const place = (wanted) => {
     width = Math.round(Math.min(Math.max(wanted, 260), Math.max(innerWidth - KEEP, 260)));
     panes.style.setProperty("--left", `${width}px`);
+    onWide(width > SCENE);
   };
   place(width);
   addEventListener("resize", () => place(width));

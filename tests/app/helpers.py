@@ -1,0 +1,36 @@
+"""An app on the stand-in sequence, and waiting for what it says instead of for time to pass."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+
+from ispom.estimators import METHODS, Config, Ensemble, Method
+from ispom.types import Rig
+from ispom_app.session import Session
+from tests import doubles
+
+
+def build(config: Config, methods: tuple[Method, ...], rig: Rig) -> Ensemble:
+    """Stands in for ispom.estimators.build."""
+    return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in METHODS if m in methods})
+
+
+def opener(source: str):
+    """`double:N` has N video frames."""
+    return doubles.sequence(int(source.split(":")[1]))
+
+
+def wait_for(condition: Callable[[], object], what: str, timeout_s: float = 20.0) -> None:
+    until = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < until, f"timed out waiting for {what}"
+        time.sleep(0.005)
+
+
+def started(folder: Path, source: str = "double:20", **options) -> Session:
+    session = Session(options.pop("opener", opener), source, folder, **options)
+    session.start()
+    return session

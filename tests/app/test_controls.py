@@ -1,0 +1,73 @@
+"""Inputs made from a config dataclass, and back. viser without a browser: setting a value calls the callbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import pytest
+import viser
+
+from ispom.estimators import Config
+from ispom.settings import Range
+from ispom_app.controls import ConfigForm, label_of
+
+
+@dataclass(frozen=True)
+class Example:
+    choice: Literal["norm", "vector"] = "norm"
+    """How."""
+    flag: bool = False
+    """Whether."""
+    count: Annotated[int, Range(50, 2000)] = 400
+    """How many."""
+    parallax_px: Annotated[float, Range(1, 200)] = 12.0
+    """How far."""
+    tolerance: Annotated[float, Range(1e-9, 1.0)] = 1e-6
+    free: float = 0.5
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield found
+    found.stop()
+
+
+def test_every_kind_of_field_has_its_input(server: viser.ViserServer):
+    form = ConfigForm(server.gui, Example())
+    kinds = {name: type(handle).__name__ for name, handle in form._inputs.items()}
+    assert kinds == {
+        "choice": "GuiDropdownHandle",
+        "flag": "GuiCheckboxHandle",
+        "count": "GuiSliderHandle",
+        "parallax_px": "GuiSliderHandle",
+        "tolerance": "GuiNumberHandle",
+        "free": "GuiNumberHandle",
+    }
+    assert form._inputs["parallax_px"].label == "parallax [px]"
+    assert form._inputs["choice"].hint == "How."
+    assert form.value == Example()
+
+
+def test_values_go_both_ways(server: viser.ViserServer):
+    heard: list[Example] = []
+    form = ConfigForm(server.gui, Example(), heard.append)
+    form._inputs["count"].value = 120
+    assert heard == [Example(count=120)]
+    form.show(Example(choice="vector", flag=True))
+    assert form.value == Example(choice="vector", flag=True)
+    assert len(heard) == 1, "showing is not changing"
+
+
+def test_the_real_settings_survive_the_round_trip(server: viser.ViserServer):
+    for config in (Config().monocular, Config().stereo, Config().integrated):
+        assert ConfigForm(server.gui, config).value == config
+
+
+@pytest.mark.parametrize(
+    ("name", "label"), [("min_parallax_px", "min parallax [px]"), ("max_tracks", "max tracks"), ("px", "px")]
+)
+def test_labels_carry_units(name: str, label: str):
+    assert label_of(name) == label
