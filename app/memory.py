@@ -19,12 +19,13 @@ class Path:
 
     def __init__(self, times_ns: NDArray[np.int64]) -> None:
         self.frame: Frame = "rig"
+        self.drawn_frame: Frame | None = None
+        """Of the camera as it is drawn now; None before the first pose."""
         self._times = np.unique(times_ns)
         self._index = np.searchsorted(times_ns, self._times)
         n = len(self._times)
         self._rotations, self._positions = np.zeros((n, 3, 3)), np.zeros((n, 3))
         self._known, self._key = np.zeros(n, bool), np.zeros(n, bool)
-        self._drawn_frame: Frame | None = None
 
     def indices(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) of the first exposures at these times of the sequence."""
@@ -45,11 +46,6 @@ class Path:
         row = int(self._rows(np.array([time_ns]))[0])
         self._key[row] = True
         return {row // POSES_PER_BLOCK} if self._known[row] else set()
-
-    def frame_changed(self, frame: Frame) -> bool:
-        """Whether the camera of this frame has yet to be drawn: true once."""
-        changed, self._drawn_frame = self._drawn_frame != frame, frame
-        return changed
 
     def all_blocks(self) -> set[int]:
         return {int(b) for b in np.unique(np.flatnonzero(self._known) // POSES_PER_BLOCK)}
@@ -98,9 +94,6 @@ class Cloud:
         """The blocks changed since this was last asked."""
         changed, self._changed = self._changed, set()
         return changed
-
-    def all_blocks(self) -> set[int]:
-        return set(range(-(-len(self._row) // POINTS_PER_BLOCK)))
 
     def points(self, block: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """xyz (K, 3) in the method's world, rgb (K, 3)."""

@@ -135,7 +135,8 @@ class Recorder:
             if method in self._paths and not _same(self._placements.get(method), new):
                 self._placements[method] = new
                 yield Entry(f"world/{method}", entities.placement(new))
-                yield from self._camera(method)
+                if self._paths[method].drawn_frame:
+                    yield from self._camera(method)
                 yield from self._path_blocks(method, self._paths[method].all_blocks())
 
     def _truth_now(self, event: Stepped) -> Iterator[Entry]:
@@ -170,7 +171,8 @@ class Recorder:
         yield from self._path_blocks(method, changed)
         if step.world_from_frame is not None:
             yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
-            if path.frame_changed(step.frame):
+            if path.drawn_frame != path.frame:
+                path.drawn_frame = path.frame
                 yield from self._camera(method)
         cloud.update(step.landmarks)
         if step.key_frame:
