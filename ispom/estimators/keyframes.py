@@ -93,6 +93,13 @@ class Window:
     """world_from_camera that the first key frame after a (new) start gets."""
     fresh: bool = True
     """No triple has been solved since the (new) start."""
+    starts_ns: tuple[int, ...] = ()
+    """When each start but the first was: poses before and after one have nothing but the last pose in common."""
+
+    @property
+    def final_until_ns(self) -> int | None:
+        """Poses before this time will not change without bundle adjustment, hardly with it; None before a triple."""
+        return self.keys[-2].time_ns if len(self.keys) >= 3 else None
 
     def poses(self) -> list[tuple[int, Pose]]:
         return [(f.time_ns, f.world_from_camera) for f in self.frames if f.world_from_camera is not None]
@@ -155,7 +162,7 @@ class Window:
         """Nothing but this frame as first key frame, at the last known pose."""
         last = self.poses()
         base = last[-1][1] if last else self.base
-        begun = Window((), self.frames, Points(), base, True)
+        begun = Window((), self.frames, Points(), base, True, (*self.starts_ns[-8:], frame.time_ns))
         return begun.with_key(frame)
 
     def settle(self, count: int) -> tuple[Window, list[tuple[int, Pose]]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ispom.estimators.keyframes import Points, Window
@@ -87,4 +89,4 @@ def _carried(window: Window, keys_after: list[Pose], landmarks: Points) -> Windo
         else:
             poses[frame.time_ns] = correction @ frame.world_from_camera
     window = window.revised(poses)
-    return Window(window.keys, window.frames, landmarks, window.base, window.fresh)
+    return replace(window, landmarks=landmarks)
