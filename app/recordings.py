@@ -81,9 +81,10 @@ class Writer:
         """
         until = time.monotonic() + seconds
         while not self.complete(history):
-            fresh, moment = self._fresh, history[self._written]
-            same = fresh is not None and fresh.index == moment.index
-            self._file.write(fresh if same else moment.stepped(self._sequence[moment.index]))
+            event, moment = self._fresh, history[self._written]
+            if event is None or event.index != moment.index:
+                event = moment.stepped(self._sequence[moment.index])
+            self._file.write(event)
             if self._file.failure:
                 raise InputError(self._file.failure)
             self._written += 1

@@ -1,4 +1,4 @@
-"""The Rerun web viewer out of the installed wheel: its script and WebAssembly, read once and kept in the user's cache."""
+"""The Rerun web viewer out of the installed wheel: script and WebAssembly, read once, kept in the user's cache."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def free_port(host: str = "127.0.0.1") -> int:
 
 
 def viewer_assets(cache: Path | None = None) -> Path:
-    """The folder that holds NAMES. Raises OSError where the wheel's viewer does not start, or the cache is unwritable."""
+    """The folder that holds NAMES. OSError where the wheel's viewer does not start, or the cache is unwritable."""
     folder = (cache or user_cache_path("ispom")) / f"rerun-viewer-{version('rerun-sdk')}"
     if not all((folder / name).is_file() for name in NAMES):
         folder.mkdir(parents=True, exist_ok=True)

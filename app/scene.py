@@ -1,4 +1,4 @@
-"""viser's own 3-D scene: light, and the one that answers clicks. Trajectories, the poses now, key frames, a thin cloud."""
+"""viser's own 3-D scene: light, and the one that answers clicks. Paths, the poses now, key frames, a thin cloud."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from ispom.estimators import METHODS
 from ispom.geometry import Array, Pose, Similarity
@@ -33,7 +34,7 @@ class Track:
     frame: Frame = "rig"
     key_frames: list[tuple[int, int]] = field(default_factory=list)
     """(time_ns, index of the exposure)."""
-    clouds: list[tuple[int, Array, Array]] = field(default_factory=list)
+    clouds: list[tuple[int, Array, NDArray[np.uint8]]] = field(default_factory=list)
     """(time_ns, points (M, 3), colours (M, 3)) of key frames."""
 
     def take(self, step: Step, index: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import logging
 import os
@@ -82,10 +83,8 @@ async def _serve(
         _say("closing …")
         if not await asyncio.to_thread(session.close, CLOSE_S):
             _say("the worker is still busy: the recording has what was written so far")
-        try:
+        with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(runner.cleanup(), 0.7)
-        except TimeoutError:
-            pass
     return 0
 
 

@@ -189,11 +189,11 @@ class Session:
         if self._writer is not None:
             self._end_recording()
         self._playback, self.history, self._due_s = playback, [], 0.0
-        self.opened = playback.opened
+        opened = self.opened = playback.opened
         if playback.sequence.prepare is not None:
             playback.sequence.prepare(0)
-        self._to_viewers(lambda live: live.open(self.opened))
-        self._emit(self.opened)
+        self._to_viewers(lambda live: live.open(opened))
+        self._emit(opened)
 
     # Moving
 

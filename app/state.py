@@ -189,7 +189,7 @@ def changed(**values: object) -> Changed:
     return Changed(values)
 
 
-def reduce(state: State, event: Event) -> State:  # noqa: PLR0911 one line per kind of event
+def reduce(state: State, event: Event) -> State:
     """The state after an event."""
     match event:
         case Opening(source):

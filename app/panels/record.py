@@ -39,7 +39,8 @@ class RecordPanel:
             self._name.disabled = recording is not None
         if recording:
             doing = "Closing" if recording.closing else "Recording"
-            text = f"{doing} **{recording.name}**: {recording.written} of {state.head} exposures, {size(recording.size_bytes)}"
+            done = f"{recording.written} of {state.head} exposures"
+            text = f"{doing} **{recording.name}**: {done}, {size(recording.size_bytes)}"
         else:
             text = "Records the run from its first exposure on, whenever you start. Opens in any Rerun 0.41 viewer."
         if self._text.content != text:
@@ -54,8 +55,8 @@ def listing(files: tuple[RecordedFile, ...]) -> str:
     if not files:
         return '<div style="padding:4px 14px;font-size:12px;opacity:.7">No recordings yet.</div>'
     rows = "".join(
-        f'<div style="display:flex;gap:8px"><a style="flex:1;color:inherit" href="/recordings/{quote(f.name)}" download>'
-        f"{escape(f.name)}</a><span>{size(f.size_bytes)}</span></div>"
+        '<div style="display:flex;gap:8px"><a style="flex:1;color:inherit" download '
+        f'href="/recordings/{quote(f.name)}">{escape(f.name)}</a><span>{size(f.size_bytes)}</span></div>'
         for f in files
     )
     return f'<div style="padding:4px 14px;font-size:12px"><b>Recordings</b>{rows}</div>'

@@ -13,6 +13,7 @@ from ispom.types import Decision, Step, TrackStatus
 from .. import colours
 from ..state import Moment, State
 
+ROW = "display:flex;gap:6px;font-variant-numeric:tabular-nums"
 EMPTY = "Nothing is computed yet. Press play, or step forward (→)."
 
 
@@ -55,17 +56,15 @@ def _decision(decision: Decision) -> str:
     unit = f" {escape(decision.unit)}" if decision.unit else ""
     because = f'<div style="opacity:.7;padding-left:18px">{escape(decision.because)}</div>' if decision.because else ""
     return (
-        f'<div style="display:flex;gap:6px;font-variant-numeric:tabular-nums"><span style="color:{tint};width:12px">{mark}'
-        f'</span><span style="flex:1">{escape(decision.name)}</span><span>{decision.value:.4g}{unit} '
-        f'<span style="opacity:.7">{escape(decision.relation)} {decision.threshold:.4g}</span></span></div>{because}'
+        f'<div style="{ROW}"><span style="color:{tint};width:12px;flex:none">{mark}</span>'
+        f'<span style="flex:1">{escape(decision.name)}</span>'
+        f'<span style="white-space:nowrap">{decision.value:.4g}{unit} <span style="opacity:.7">'
+        f"{escape(decision.relation)} {decision.threshold:.4g}</span></span></div>{because}"
     )
 
 
 def _fact(name: str, text: str) -> str:
-    return (
-        f'<div style="display:flex;gap:10px;font-variant-numeric:tabular-nums"><span style="opacity:.7;width:74px;flex:none">'
-        f"{name}</span><span>{text}</span></div>"
-    )
+    return f'<div style="{ROW}"><span style="opacity:.7;width:78px;flex:none">{name}</span><span>{text}</span></div>'
 
 
 def _facts(step: Step) -> list[tuple[str, str]]:

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from ispom_app.session import Session
 
 from ispom.estimators import METHODS, Config, Ensemble, Method
 from ispom.types import Rig
-from ispom_app.session import Session
 from tests import doubles
 
 

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 
 import pytest
 import viser
+from ispom_app.controls import ConfigForm, label_of
 
 from ispom.estimators import Config
 from ispom.settings import Range
-from ispom_app.controls import ConfigForm, label_of
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ispom_app import commands as do
+from ispom_app.session import Session
 
 from ispom.errors import InputError
 from ispom.estimators import Config
 from ispom.types import Sequence
-from ispom_app import commands as do
-from ispom_app.session import Session
 from tests import doubles
 from tests.app.helpers import build, opener, started, wait_for
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pytest
-
-from ispom.estimators import Config
 from ispom_app.playback import Finished, Opened, Stepped
 from ispom_app.state import (
     MAX_NOTICES,
@@ -18,6 +16,8 @@ from ispom_app.state import (
     changed,
     reduce,
 )
+
+from ispom.estimators import Config
 from tests import doubles
 
 SEQUENCE = doubles.sequence(6)
