@@ -54,7 +54,7 @@ def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...]
     sequence, truth = opened.sequence, opened.truth
     report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes), "methods": {}}
     if truth is not None:
-        report["path_length_m"] = truth.length
+        report["path_length_m"] = truth.select(truth.times_ns <= sequence.times_ns[-1]).length
     for method in methods:
         trajectory = finished.trajectories[method]
         entry = {"poses": len(trajectory), **tally.of(method)}

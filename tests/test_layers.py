@@ -1,0 +1,93 @@
+"""The shape of the project: imports go down only, no window in the library, and everything is in the package."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LAYERS = (
+    {"errors", "geometry"},
+    {"settings", "types"},
+    {"estimator", "stopwatch", "chain"},
+    {"solvers", "io"},
+    {"frontends", "sequences", "simulation", "calibration", "evaluation"},
+    {"estimators"},
+)
+"""From the bottom up; those side by side do not import each other, with these exceptions."""
+SIDEWAYS = {("sequences", "simulation")}
+WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
+TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
+TOP |= {"CHANGELOG.md", ".gitignore", ".ci"}
+"""What the repository holds at its top, and nothing else."""
+
+
+def modules(folder: str) -> list[Path]:
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Full names of the modules that a file imports, at any depth of it; relative ones start with a dot."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or "")
+
+
+def part(name: str) -> str:
+    """`solvers` of `ispom.solvers.rigid`."""
+    return name.split(".")[1]
+
+
+def level(name: str) -> int:
+    return next(i for i, layer in enumerate(LAYERS) if name in layer)
+
+
+def test_every_part_has_a_layer() -> None:
+    parts = {path.relative_to(ROOT / "ispom").parts[0].removesuffix(".py") for path in modules("ispom")}
+    assert parts - {"__init__"} <= set().union(*LAYERS)
+
+
+@pytest.mark.parametrize("path", modules("ispom"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_imports_go_down_only(path: Path) -> None:
+    own = path.relative_to(ROOT / "ispom").parts[0].removesuffix(".py")
+    for name in imported(path):
+        if not name.startswith("ispom.") or part(name) == own:
+            continue
+        assert level(part(name)) < level(own) or (own, part(name)) in SIDEWAYS, f"{path} imports {name}"
+
+
+@pytest.mark.parametrize("path", modules("ispom"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_library_has_no_window(path: Path) -> None:
+    assert not {name.split(".")[0] for name in imported(path)} & WINDOWS
+
+
+@pytest.mark.parametrize("path", modules("ispom"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_only_simulated_sequences_use_the_simulation(path: Path) -> None:
+    users = {ROOT / "ispom" / "sequences" / "simulated.py", *(ROOT / "ispom" / "simulation").glob("*.py")}
+    assert path in users or not any(name.startswith("ispom.simulation") for name in imported(path))
+
+
+@pytest.mark.parametrize("path", modules("app"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_app_imports_itself_relatively(path: Path) -> None:
+    assert not {name.split(".")[0] for name in imported(path)} & {"ispom_app", "app", "evo", "tests"}
+
+
+def test_every_folder_is_in_the_package() -> None:
+    listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
+    folders = {path.parent.relative_to(ROOT).as_posix().replace("/", ".") for path in modules("ispom") + modules("app")}
+    assert listed == {name.replace("app", "ispom_app", 1) if name.startswith("app") else name for name in folders}
+
+
+def test_the_top_level_is_as_agreed() -> None:
+    try:
+        listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("not a git checkout")
+    assert {name.split("/")[0] for name in listing.splitlines()} <= TOP

@@ -1,0 +1,24 @@
+"""The README's commands and the checks' are the same ones, each a single line that sets up all it needs."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_two_commands() -> None:
+    commands = re.findall(r"^python3 -m venv .*$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    assert [line.split()[-1] for line in commands] == ["demo", "pytest"]
+    assert all(".venv/bin/pip install" in line for line in commands)
+
+
+def test_the_checks_run_the_readmes_test_command() -> None:
+    script = (ROOT / ".ci" / "run").read_text()
+    assert "README.md" in script and (ROOT / ".ci" / "run").stat().st_mode & 0o100
+    for check in ("ruff check .", "ruff format --check .", "pyright"):
+        assert check in script
+
+
+def test_every_picture_is_there() -> None:
+    for name in re.findall(r"!\[.*?\]\((.*?)\)", (ROOT / "README.md").read_text()):
+        assert (ROOT / name).is_file(), f"{name} is missing"
