@@ -15,6 +15,7 @@ recording stopped on its own (disk full): the run goes on, and what was written 
 
 from __future__ import annotations
 
+import shutil
 import socket
 import threading
 from collections import deque
@@ -36,6 +37,8 @@ from .recorder import Batch, Columns, Event, Recorder
 APPLICATION = "ispom"
 FLUSH_S = 5.0
 """Longest wait for the disk."""
+FULL_BYTES = 1 << 20
+"""With less free space than this, it was for lack of space that writing failed."""
 FLUSH_EVERY = 10
 """Events between two flushes of a file: what a crash may lose."""
 PICTURES_WAITING = 30
@@ -97,7 +100,9 @@ class FileRecording:
         try:
             action(self._stream)
         except (OSError, RuntimeError, TimeoutError) as error:
-            self.failure = f"{self.path} could not be written on ({error}): free some space and record again"
+            full = shutil.disk_usage(self.path.parent).free < FULL_BYTES
+            why = "the disk is full: free some space" if full else f"of {error}: see to its folder"
+            self.failure = f"{self.path} ends early because {why} and record again"
             self._disconnect()
 
     def _disconnect(self) -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import sysconfig
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rerun as rr
@@ -67,18 +68,28 @@ def test_an_unwritable_path_says_so(run, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full, a disk without space")
-def test_a_full_disk_ends_the_recording_and_not_the_run(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(streams, "FLUSH_EVERY", 1)
+def test_a_full_disk_says_so(run, tmp_path):
     (tmp_path / "run.rrd").symlink_to("/dev/full")
-    try:
-        file = streams.FileRecording(tmp_path / "run.rrd", run.opened)
-    except InputError as error:
-        assert "run.rrd" in str(error)
-        return
-    for _ in range(4):
+    with pytest.raises(InputError, match=r"run\.rrd.*No space left"):
+        streams.FileRecording(tmp_path / "run.rrd", run.opened)
+
+
+@pytest.mark.parametrize(("free", "said"), [(0, "the disk is full"), (10**9, "the pen broke")])
+def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, monkeypatch, free, said):
+    def no_more(*_, **__):
+        raise RuntimeError("the pen broke")
+
+    file = streams.FileRecording(tmp_path / "run.rrd", run.opened)
+    for _ in range(streams.FLUSH_EVERY):
         file.write(run.step())
+    monkeypatch.setattr(rr.RecordingStream, "flush", no_more)
+    monkeypatch.setattr(streams.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    for _ in range(streams.FLUSH_EVERY):
+        file.write(run.step())
+    assert file.failure is not None and "run.rrd" in file.failure and said in file.failure
+    file.write(run.step())
     file.close()
-    assert file.failure is not None and "run.rrd" in file.failure and "free some space" in file.failure
+    assert "/video/image" in entities(file.path)
 
 
 def test_a_reader_that_never_comes_costs_pictures_only(run):
