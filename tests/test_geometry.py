@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import rerun as rr
 import viser.transforms as vtf
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -22,9 +22,6 @@ from ispom.geometry import (
     so3_left_jacobian,
     so3_log,
 )
-
-settings.register_profile("steady", derandomize=True, deadline=None, max_examples=60)
-settings.load_profile("steady")
 
 triples = st.tuples(*[st.floats(-20, 20, allow_subnormal=False)] * 3).map(np.array)
 directions = triples.filter(lambda v: np.linalg.norm(v) > 1e-3).map(lambda v: v / np.linalg.norm(v))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.geometry import Pose
@@ -22,7 +22,6 @@ CAMERAS = [
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
-@settings(derandomize=True, deadline=None, max_examples=60)
 @given(u=st.floats(0, 639), v=st.floats(0, 479), depth=st.floats(0.1, 1000))
 def test_projecting_undoes_normalising(camera: Camera, u: float, v: float, depth: float) -> None:
     x, y = camera.normalise(np.array([[u, v]]))[0]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.errors import InputError
@@ -66,7 +66,6 @@ def test_other_calibration_entries_are_left_out(tmp_path: Path) -> None:
     assert list(read_calibration(tmp_path / "calib.txt")) == ["P0"]
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_gives_values_or_a_sentence(tmp_path_factory: pytest.TempPathFactory, content: str) -> None:
     path = tmp_path_factory.getbasetemp() / "any.txt"

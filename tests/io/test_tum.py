@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.errors import InputError
@@ -21,7 +21,6 @@ poses = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.dictionaries(st.integers(-(10**10), 2 * 10**18), poses, max_size=8))
 def test_what_is_written_is_read_back(tmp_path_factory: pytest.TempPathFactory, items: dict[int, Pose]) -> None:
     trajectory = Trajectory.of(list(items.items()))
@@ -73,7 +72,6 @@ def test_a_mistake_is_named(line: str, message: str, tmp_path: Path) -> None:
     assert str(path) in str(caught.value)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.binary(max_size=60))
 def test_any_bytes_give_a_trajectory_or_a_sentence(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "any.tum"
