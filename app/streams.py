@@ -15,11 +15,13 @@ recording stopped on its own (disk full): the run goes on, and what was written 
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -56,7 +58,7 @@ class FileRecording:
         self.failure: str | None = None
         """Why the recording stopped on its own, one sentence; None while all is well."""
         self._recorder = Recorder(opened)
-        self._since_flush = 0
+        self._since_flush, self._whole_bytes = 0, 0
         stream = rr.RecordingStream(
             APPLICATION, recording_id=self._recorder.recording_id, batcher_config=rr.ChunkBatcherConfig(flush_tick=2.0)
         )
@@ -67,6 +69,7 @@ class FileRecording:
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self.path} cannot be written ({error}): choose another folder to record to") from error
         self._guarded(lambda stream: send(stream, self._recorder.opening()))
+        self._guarded(self._flush)
 
     @property
     def size_bytes(self) -> int:
@@ -80,12 +83,12 @@ class FileRecording:
             self._guarded(lambda stream: send(stream, batch))
             self._since_flush += 1
             if self._since_flush >= FLUSH_EVERY:
-                self._guarded(lambda stream: stream.flush(timeout_sec=FLUSH_S))
+                self._guarded(self._flush)
                 self._since_flush = 0
 
     def close(self) -> None:
         """Ends the file properly. Calling it again does nothing."""
-        self._guarded(lambda stream: stream.flush(timeout_sec=FLUSH_S))
+        self._guarded(self._flush)
         self._disconnect()
 
     def __enter__(self) -> Self:
@@ -104,6 +107,12 @@ class FileRecording:
             why = "the disk is full: free some space" if full else f"of {error}: see to its folder"
             self.failure = f"{self.path} ends early because {why} and record again"
             self._disconnect()
+            with suppress(OSError):  # readers refuse a file that ends within a message
+                os.truncate(self.path, self._whole_bytes)
+
+    def _flush(self, stream: rr.RecordingStream) -> None:
+        stream.flush(timeout_sec=FLUSH_S)
+        self._whole_bytes = self.size_bytes
 
     def _disconnect(self) -> None:
         if self._stream is not None:
