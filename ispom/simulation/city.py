@@ -194,9 +194,9 @@ def _pavement_lane(builder: SceneBuilder, side: int) -> None:
 def _tree(builder: SceneBuilder, x: float, z: float) -> None:
     rng, trunk = builder.rng, builder.rng.uniform(2.3, 3.0)
     builder.box((x, z), (0.3, trunk + 0.5, 0.3), Material.WOOD, _BARK, yaw_rad=rng.uniform(0, 1.5))
-    for _ in range(7):
-        size = rng.uniform(0.8, 1.7, 3)
-        place = (x + rng.uniform(-0.75, 0.75), z + rng.uniform(-0.8, 0.8))
+    for _ in range(11):
+        size = rng.uniform(0.6, 1.35, 3)
+        place = (x + rng.uniform(-0.85, 0.85), z + rng.uniform(-0.9, 0.9))
         builder.box(
             place,
             tuple(size),

@@ -7,13 +7,21 @@ nothing finer than a pixel is left to alias: aliasing would look like motion of 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cache
 
+import cv2
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-FAST = {"cache": True, "nogil": True, "inline": "never"}
+_SIZE, _TEXEL_M = 2048, 0.005
+_LEVELS = 10
+"""Mip levels of the grain: 2048 .. 4 texels wide."""
+FAST = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 
-@njit(**FAST)
+@njit("float64(int64, int64, int64)", **FAST)  # else one more compilation for every constant passed
 def hash01(i: int, j: int, seed: int) -> float:
     """A number in [0, 1) that depends on nothing but the three integers."""
     h = (i * 73856093) ^ (j * 19349663) ^ (seed * 83492791)
@@ -23,33 +31,76 @@ def hash01(i: int, j: int, seed: int) -> float:
     return ((h >> 8) & 0xFFFFFF) * (1.0 / 16777216.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Grain:
+    """A square of noise of all scales in two channels, with its mip levels; the plane is covered by two turned copies."""
+
+    texels: NDArray[np.float32]
+    """(N, 2) the levels one after the other, each row by row, finest first: fine grain, and stain (no scale below 0.1 m)."""
+
+    @staticmethod
+    @cache
+    def make() -> Grain:
+        """Built once per process, always the same."""
+        rng = np.random.default_rng(2013)
+        fine, stain = np.zeros((4, 4), np.float32), np.zeros((4, 4), np.float32)
+        while len(fine) < _SIZE:
+            fine = 0.72 * _doubled(fine) + rng.standard_normal((2 * len(fine),) * 2, dtype=np.float32)
+            stain = _doubled(stain)
+            if len(stain) <= _SIZE // 16:
+                stain += rng.standard_normal(stain.shape, dtype=np.float32)
+        level = np.stack([fine / np.std(fine), stain / np.std(stain)], axis=-1)
+        level -= level.mean(axis=(0, 1))
+        levels = [level]
+        while len(level) > 4:
+            padded = np.pad(level, ((4, 4), (4, 4), (0, 0)), mode="wrap")
+            level = cv2.pyrDown(padded)[2:-2, 2:-2]
+            levels.append(level)
+        return Grain(np.concatenate([a.reshape(-1, 2) for a in levels]))
+
+
+def _doubled(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(n, n) smoothly enlarged to (2n, 2n), wrapping around."""
+    return cv2.resize(np.pad(values, 2, mode="wrap"), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)[4:-4, 4:-4]
+
+
 @njit(**FAST)
-def value_noise(x: float, y: float, seed: int) -> float:
-    """Smooth noise in -1..1 with one random value per unit square."""
+def _look_up(texels, x, y, level):
+    """Both channels, bilinear within a mip level, at (x, y) [texels of the finest level]."""
+    size = _SIZE >> level
+    start = (_SIZE * _SIZE - size * size) // 3 * 4
+    factor = 1.0 / (1 << level)
+    x, y = x * factor, y * factor
     xf, yf = math.floor(x), math.floor(y)
-    i, j = int(xf), int(yf)
-    x, y = x - xf, y - yf
-    x, y = x * x * (3.0 - 2.0 * x), y * y * (3.0 - 2.0 * y)
-    a, b = hash01(i, j, seed), hash01(i + 1, j, seed)
-    c, d = hash01(i, j + 1, seed), hash01(i + 1, j + 1, seed)
-    low, high = a + (b - a) * x, c + (d - c) * x
-    return 2.0 * (low + (high - low) * y) - 1.0
+    fx, fy = np.float32(x - xf), np.float32(y - yf)
+    i, j = int(xf) & (size - 1), int(yf) & (size - 1)
+    i1, j1 = (i + 1) & (size - 1), (j + 1) & (size - 1)
+    a, b, c, d = start + j * size + i, start + j * size + i1, start + j1 * size + i, start + j1 * size + i1
+    p, q = texels[a, 0], texels[c, 0]
+    p, q = p + (texels[b, 0] - p) * fx, q + (texels[d, 0] - q) * fx
+    r, s = texels[a, 1], texels[c, 1]
+    r, s = r + (texels[b, 1] - r) * fx, s + (texels[d, 1] - s) * fx
+    return p + (q - p) * fy, r + (s - r) * fy
 
 
 @njit(**FAST)
-def octaves(x: float, y: float, width: float, seed: int, coarsest: float, finest: float, gain: float) -> float:
-    """Noise in about -1..1 of all scales coarsest..finest [m], without those that a footprint `width` [m] cannot carry."""
-    total, norm, amplitude, scale = 0.0, 0.0, 1.0, coarsest
-    while scale >= finest:
-        norm += amplitude * amplitude
-        fade = min(1.0, scale / (1.5 * width) - 1.0)  # all of it above 3 footprints, nothing below 1.5
-        if fade > 0.0:
-            total += amplitude * fade * value_noise(x / scale, y / scale, seed)
-        x, y = 0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y  # octaves whose lattices do not line up
-        amplitude *= gain
-        scale *= 0.5
-        seed += 1
-    return 1.4 * total / math.sqrt(norm)
+def grain(texels, x, y, width, seed):
+    """Noise of deviation about 1 at (x, y) [m], filtered to a footprint `width` [m]: fine grain, and stain."""
+    x, y = x / _TEXEL_M + (seed & 0xFFFF), y / _TEXEL_M + ((seed >> 8) & 0xFFFF)
+    lod = math.log2(max(width / _TEXEL_M, 1.0))
+    fine, stain = 0.0, 0.0
+    for copy in range(2):  # the second one turned and larger, so that the sum does not repeat
+        if copy:
+            x, y, lod = 0.2476 * x - 0.1866 * y + 977.0, 0.1866 * x + 0.2476 * y + 313.0, max(0.0, lod - 1.6897)
+        level = min(int(lod), _LEVELS - 2)
+        part = min(1.0, lod - level)
+        f0, s0 = _look_up(texels, x, y, level)
+        if part > 0.0:
+            f1, s1 = _look_up(texels, x, y, level + 1)
+            f0, s0 = f0 + (f1 - f0) * part, s0 + (s1 - s0) * part
+        weight = 0.6 if copy else 0.8
+        fine, stain = fine + weight * f0, stain + weight * s0
+    return fine, stain
 
 
 @njit(**FAST)

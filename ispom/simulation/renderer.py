@@ -83,29 +83,23 @@ class Renderer:
         """(H, W, 3) RGB, 0-255 without noise or rounding."""
         view, faces = self.view(camera), self.faces(camera, world_from_camera, threads)
         r, o, s = world_from_camera.rotation, world_from_camera.translation, self.scene
-        out = np.empty((camera.height, camera.width, 3), np.float32)
-        world = (s.corner, s.axes, s.material, s.seed, s.parameters, s.light)
-        edges = np.argwhere(_edges(faces))
+        edge = _edges(faces)
+        where = np.argwhere(edge)
+        slot = np.full(faces.shape, -1, np.int32)
+        slot[edge] = np.arange(len(where))
+        samples = np.empty((len(where), len(_ROOKS), 6), np.float32)
+        _fill_samples(view.rays, view.right, view.down, r, o, where, _ROOKS, samples)
+        hits = self._cast(samples.reshape(-1, 6), threads).reshape(len(where), len(_ROOKS))
+        out = np.empty((*faces.shape, 3), np.float32)
+
+        def shade(rows: NDArray[np.int64]) -> None:
+            _shade(
+                view.rays, view.right, view.down, r, o, faces, slot, hits, _ROOKS, rows[0], rows[-1] + 1,
+                s.corner, s.axes, s.material, s.seed, s.parameters, s.light, s.grain, out,
+            )  # fmt: skip
+
         with ThreadPoolExecutor(threads) as pool:
-            rows = np.array_split(np.arange(camera.height), 4 * threads)
-            list(
-                pool.map(
-                    lambda b: _shade(view.rays, view.right, view.down, r, o, faces, b[0], b[-1] + 1, *world, out), rows
-                )
-            )
-            if len(edges):
-                samples = np.empty((len(edges), len(_ROOKS), 6), np.float32)
-                _fill_samples(view.rays, view.right, view.down, r, o, edges, _ROOKS, samples)
-                hits = self._cast(samples.reshape(-1, 6), threads).reshape(len(edges), -1)
-                parts = np.array_split(np.arange(len(edges)), 4 * threads)
-                list(
-                    pool.map(
-                        lambda b: _shade_edges(
-                            view.rays, view.right, view.down, r, o, edges, _ROOKS, hits, b[0], b[-1] + 1, *world, out
-                        ),
-                        [p for p in parts if len(p)],
-                    )
-                )
+            list(pool.map(shade, np.array_split(np.arange(camera.height), min(camera.height, 8 * threads))))
         return out
 
     def _cast(self, rays: NDArray[np.float32], threads: int) -> NDArray[np.int32]:
@@ -174,7 +168,7 @@ def _hit(r, o, corner, axis, a, b):
 
 
 @njit(**FAST)
-def _colour(a, b, ra, rb, da, db, r, o, face, corner, axes, material, seed, parameters, light):
+def _colour(a, b, ra, rb, da, db, r, o, face, corner, axes, material, seed, parameters, light, texels):
     """Colour of a face (or the sky) along the ray (a, b, 1), over the pixel spanned by (ra, rb) and (da, db)."""
     if face < 0:
         x, y, z = (
@@ -182,7 +176,7 @@ def _colour(a, b, ra, rb, da, db, r, o, face, corner, axes, material, seed, para
             r[1, 0] * a + r[1, 1] * b + r[1, 2],
             r[2, 0] * a + r[2, 1] * b + r[2, 2],
         )
-        return sky(x, y, z, math.sqrt(abs(ra * db - rb * da)))
+        return sky(texels, x, y, z, math.sqrt(abs(ra * db - rb * da)))
     t, u, v = _hit(r, o, corner[face], axes[face], a, b)
     _, u1, v1 = _hit(r, o, corner[face], axes[face], a + ra, b + rb)
     _, u2, v2 = _hit(r, o, corner[face], axes[face], a + da, b + db)
@@ -190,14 +184,14 @@ def _colour(a, b, ra, rb, da, db, r, o, face, corner, axes, material, seed, para
     long, short = math.hypot(u1, v1), math.hypot(u2, v2)
     if long < short:
         u1, v1, u2, v2, long, short = u2, v2, u1, v1, short, long
-    count = int(min(4.0, max(1.0, math.ceil(long / (1.3 * short) - 0.2))))
+    count = int(min(4.0, max(1.0, math.ceil(long / (1.5 * short) - 0.2))))
     u1, v1 = u1 / count, v1 / count
     wu, wv = abs(u1) + abs(u2), abs(v1) + abs(v2)
     wu, wv = max(wu, 0.1 * wv), max(wv, 0.1 * wu)
     red, green, blue = 0.0, 0.0, 0.0
     for n in range(count):
         step = n - 0.5 * (count - 1)
-        x, y, z = surface(material[face], parameters[face], seed[face], u + step * u1, v + step * v1, wu, wv)
+        x, y, z = surface(texels, material[face], parameters[face], seed[face], u + step * u1, v + step * v1, wu, wv)
         red, green, blue = red + x, green + y, blue + z
     factor = light[face] / count
     haze = 1.0 - math.exp(-t / 260.0)
@@ -209,46 +203,37 @@ def _colour(a, b, ra, rb, da, db, r, o, face, corner, axes, material, seed, para
 
 
 @njit(**FAST)
-def _shade(rays, right, down, r, o, faces, y0, y1, corner, axes, material, seed, parameters, light, out):
+def _shade(
+    rays, right, down, r, o, faces, slot, hits, offsets, y0, y1,
+    corner, axes, material, seed, parameters, light, texels, out,
+):  # fmt: skip
+    """Rows y0..y1-1. A pixel where faces meet is the mean of its parts, one look at each face that its samples hit."""
     for y in range(y0, y1):
         for x in range(rays.shape[1]):
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = _colour(
-                rays[y, x, 0], rays[y, x, 1], right[y, x, 0], right[y, x, 1], down[y, x, 0], down[y, x, 1],
-                r, o, faces[y, x], corner, axes, material, seed, parameters, light,
-            )  # fmt: skip
-
-
-@njit(**FAST)
-def _shade_edges(
-    rays, right, down, r, o, edges, offsets, hits, e0, e1, corner, axes, material, seed, parameters, light, out
-):
-    count = len(offsets)
-    for e in range(e0, e1):
-        y, x = edges[e]
-        ra, rb, da, db = right[y, x, 0], right[y, x, 1], down[y, x, 0], down[y, x, 1]
-        red, green, blue = 0.0, 0.0, 0.0
-        for n in range(count):
-            dx, dy = offsets[n]
-            a, b = rays[y, x, 0] + dx * ra + dy * da, rays[y, x, 1] + dx * rb + dy * db
-            p, q, s = _colour(
-                a,
-                b,
-                0.5 * ra,
-                0.5 * rb,
-                0.5 * da,
-                0.5 * db,
-                r,
-                o,
-                hits[e, n],
-                corner,
-                axes,
-                material,
-                seed,
-                parameters,
-                light,
-            )
-            red, green, blue = red + p, green + q, blue + s
-        out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / count, green / count, blue / count
+            edge = slot[y, x]
+            count = 1 if edge < 0 else len(offsets)
+            ra, rb, da, db = right[y, x, 0], right[y, x, 1], down[y, x, 0], down[y, x, 1]
+            red, green, blue = 0.0, 0.0, 0.0
+            for n in range(count):
+                face, alike, dx, dy = faces[y, x], 1, 0.0, 0.0
+                if edge >= 0:
+                    face, alike = hits[edge, n], 0
+                    for m in range(count):
+                        if hits[edge, m] == face:
+                            if m < n:  # seen already
+                                break
+                            alike, dx, dy = alike + 1, dx + offsets[m, 0], dy + offsets[m, 1]
+                    if alike == 0:
+                        continue
+                    dx, dy = dx / alike, dy / alike
+                size = math.sqrt(alike / count)
+                p, q, s = _colour(
+                    rays[y, x, 0] + dx * ra + dy * da, rays[y, x, 1] + dx * rb + dy * db,
+                    size * ra, size * rb, size * da, size * db,
+                    r, o, face, corner, axes, material, seed, parameters, light, texels,
+                )  # fmt: skip
+                red, green, blue = red + alike * p, green + alike * q, blue + alike * s
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red / count, green / count, blue / count
 
 
 @njit(**FAST)

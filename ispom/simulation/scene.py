@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, so3_exp
 from ispom.simulation.materials import Material
+from ispom.simulation.noise import Grain
 
 Colour = tuple[float, float, float]
 SUN = np.array([0.45, -0.75, -0.48])
@@ -31,6 +32,8 @@ class Scene:
     """(Q, 8) columns as in `materials`."""
     light: Array
     """(Q,) brightness from the sun and the sky."""
+    grain: NDArray[np.float32]
+    """The noise that all materials are made with."""
     caster: o3d.t.geometry.RaycastingScene
     """Face q is triangles 2q and 2q + 1."""
 
@@ -94,4 +97,4 @@ class SceneBuilder:
         sun = np.clip(axes[:, 2] @ (SUN / np.linalg.norm(SUN)), 0, 1)
         light = 0.66 + 0.42 * sun - 0.12 * np.clip(axes[:, 2, 1], 0, 1)
         seeds = self.rng.integers(1, 2**31, len(corner))
-        return Scene(corner, axes, np.array(self.materials), seeds, parameters, light, caster)
+        return Scene(corner, axes, np.array(self.materials), seeds, parameters, light, Grain.make().texels, caster)
