@@ -1,0 +1,62 @@
+"""`ispom demo` and `ispom app`: what reaches the app."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ispom_app import server
+from ispom_app.cli import main
+
+from ispom.errors import InputError
+from tests.sequences.kitti_folder import make_drive
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    calls: list[tuple[Any, ...]] = []
+
+    def serve(opener: Any, source: str, **options: Any) -> int:
+        calls.append((opener, source, options))
+        return 0
+
+    monkeypatch.setattr(server, "serve", serve)
+    return calls
+
+
+def test_the_demo_is_the_city_on_this_machine_only(served: list[tuple[Any, ...]]) -> None:
+    assert main(["demo", "--no-browser"]) == 0
+    ((_, source, options),) = served
+    assert source == "sim:city" and options["host"] == "127.0.0.1"
+    assert not options["open_browser"] and options["methods"] is None
+
+
+def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
+    drive = str(make_drive(tmp_path))
+    arguments = ["--port", "9000", "--host", "0.0.0.0", "--stereo-every", "3", "--methods", "stereo", "monocular"]
+    assert main(["app", drive, *arguments, "--stereo.matching", "klt"]) == 0
+    ((opener, source, options),) = served
+    assert source == drive and (options["host"], options["port"]) == ("0.0.0.0", 9000) and options["open_browser"]
+    assert options["methods"] == ("stereo", "monocular") and options["config"].stereo.matching == "klt"
+    assert opener(source).kinds.count("stereo") == 2
+    with pytest.raises(InputError, match="does not exist"):
+        opener(f"{drive}/nowhere")
+
+
+def test_a_mistake_of_the_app_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def serve(*_: Any, **__: Any) -> int:
+        raise InputError("ports 1 to 20 are all taken: give another --port")
+
+    monkeypatch.setattr(server, "serve", serve)
+    assert main(["demo"]) == 2
+    assert capsys.readouterr().err == "ispom: ports 1 to 20 are all taken: give another --port\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["app"], ["run"]])
+def test_misuse_ends_with_code_2(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
