@@ -153,7 +153,8 @@ class Gateway:
     # What stands behind
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:
-        target = f"//127.0.0.1:{self._to.viser_port}{request.match_info['rest'] or '/'}"
+        query = f"?{request.query_string}" if request.query_string else ""
+        target = f"//127.0.0.1:{self._to.viser_port}{request.match_info['rest'] or '/'}{query}"
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return await self._relay(request, f"ws:{target}")
         return await self._forward(request, f"http:{target}", VISER_SECURITY)

@@ -63,6 +63,8 @@ def command_of(text: str) -> do.Command | Pane | None:
                 return do.StepBy(int(message["by"]))
             case "seek":
                 return do.Seek(int(message["index"]))
+            case "record":
+                return do.Record("")
             case "pane":
                 return Pane(bool(message["wide"]))
     except (ValueError, TypeError, KeyError):

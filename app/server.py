@@ -8,6 +8,7 @@ import errno
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 import webbrowser
@@ -26,7 +27,7 @@ from .session import Session
 
 log = logging.getLogger(__name__)
 PORTS_TRIED = 20
-CLOSE_S = 2.0
+CLOSE_S = 1.2
 """For the recording to be closed after Ctrl-C."""
 EXIT_S = 2.9
 """After this long the process ends, whatever still hangs."""
@@ -45,15 +46,21 @@ def serve(
     recordings_dir: Path = Path("recordings"),
     autoplay: bool = True,
 ) -> int:
-    """Runs the app until SIGINT or SIGTERM. Returns the exit code: 0 after either, 2 where no port could be had.
+    """Runs the app until SIGINT or SIGTERM, then ends the process with code 0 (in the main thread; else it returns).
 
     `sequence_opener` opens a source that the person names, now `source` and later what is typed in the page; it runs
     in the worker thread and raises InputError for what cannot be opened. `methods` None means all that the source has
     the cameras for. InputError where `host` cannot be listened on.
     """
-    return asyncio.run(
+    code = asyncio.run(
         _serve(sequence_opener, source, host, port, open_browser, methods, config, recordings_dir, autoplay)
     )
+    if threading.current_thread() is threading.main_thread():
+        # Viewers' and renderers' threads may hang for seconds at exit, and nothing of theirs is worth waiting for.
+        logging.shutdown()
+        sys.stdout.flush()
+        os._exit(code)
+    return code
 
 
 async def _serve(
@@ -67,22 +74,24 @@ async def _serve(
     recordings: Path,
     autoplay: bool,
 ) -> int:
+    listener = _listener(host, port)
     stopped = asyncio.Event()
     _on_signals(stopped)
     live, session, screen = await asyncio.to_thread(_start, opener, source, methods, config, recordings, autoplay)
-    gateway = Gateway(session, Backends(screen.port, live.port, viewer_assets, screen.show_scene), recordings, {host})
-    runner = web.AppRunner(gateway.app, access_log=None, shutdown_timeout=0.3)
+    backends = Backends(screen.port, live.port, viewer_assets, screen.show_scene)
+    runner = web.AppRunner(Gateway(session, backends, recordings, {host}).app, access_log=None, shutdown_timeout=0.3)
     await runner.setup()
     try:
-        url = await _listen(runner, host, port)
+        await web.SockSite(runner, listener).start()
+        url = f"http://{_name(host)}:{listener.getsockname()[1]}/"
         _say(f"ISPOM is at {url}   (Ctrl-C ends it)")
         if open_browser:
-            await asyncio.to_thread(webbrowser.open, url)
+            threading.Thread(target=webbrowser.open, args=(url,), daemon=True, name="browser").start()
         await stopped.wait()
     finally:
         _say("closing …")
         if not await asyncio.to_thread(session.close, CLOSE_S):
-            _say("the worker is still busy: the recording has what was written so far")
+            _say("the worker was still busy: a recording that was going on ends with what was written so far")
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(runner.cleanup(), 0.7)
     return 0
@@ -100,20 +109,23 @@ def _start(opener, source, methods, config, recordings, autoplay):
     return live, session, screen
 
 
-async def _listen(runner: web.AppRunner, host: str, port: int) -> str:
-    """Listens on the first free port from `port` on, and says where."""
+def _listener(host: str, port: int) -> socket.socket:
+    """A socket on the first free port from `port` on (0: on any); says which ones are taken."""
     for candidate in range(port, port + PORTS_TRIED) if port else (0,):
         try:
-            site = web.TCPSite(runner, host, candidate)
-            await site.start()
+            family = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0][0]
+            return socket.create_server((host, candidate), family=family, backlog=128)
         except OSError as fault:
-            if fault.errno in _TAKEN:
-                _say(f"port {candidate} is taken, trying the next one")
-                continue
-            raise InputError(f"{host} cannot be listened on ({fault.strerror}): give another --host") from fault
-        bound = site._server.sockets[0].getsockname()[1]  # type: ignore[union-attr]
-        return f"http://{'127.0.0.1' if host in ('0.0.0.0', '::') else host}:{bound}/"
+            if fault.errno not in _TAKEN:
+                raise InputError(f"{host} cannot be listened on ({fault.strerror}): give another --host") from fault
+            _say(f"port {candidate} is taken, trying the next one")
     raise InputError(f"ports {port} to {port + PORTS_TRIED - 1} are all taken: give another --port")
+
+
+def _name(host: str) -> str:
+    """What a browser on this machine calls the host."""
+    everywhere = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}
+    return everywhere.get(host, f"[{host}]" if ":" in host else host)
 
 
 def _on_signals(stopped: asyncio.Event) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any, Protocol
 
 from ispom.errors import InputError
@@ -59,6 +59,7 @@ class Session:
         self._writer: Writer | None = None
         self._due_s = 0.0
         self._closing = False
+        self._writing = Lock()
         self._thread = Thread(target=self._run, name="session", daemon=True)
 
     def start(self) -> None:
@@ -69,10 +70,17 @@ class Session:
         self._inbox.put(command)
 
     def close(self, timeout_s: float) -> bool:
-        """Closes the recording and ends the worker; False where it was not done in time."""
+        """Closes the recording and ends the worker; False where that is too busy: the recording is closed even so."""
         self.post(do.Shutdown())
         self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        if not self._thread.is_alive():
+            return True
+        if self._writing.acquire(timeout=0.5):  # it is computing, not writing
+            writer, self._writer = self._writer, None
+            if writer is not None:
+                writer.close(None)
+            self._writing.release()
+        return False
 
     def _run(self) -> None:
         self._list_recordings()
@@ -83,8 +91,9 @@ class Session:
             for command in self._commands():
                 self._guarded(lambda command=command: self._obey(command))
             self._guarded(self._advance)
-            self._write()
-        if self._writer is not None:
+            with self._writing:
+                self._write()
+        with self._writing:
             self._end_recording(in_time=False)
 
     def _commands(self) -> list[do.Command]:
@@ -241,7 +250,7 @@ class Session:
 
     def _compute(self) -> None:
         assert self._playback is not None
-        self._busy(f"exposure {self._playback.position + 1} of {len(self._playback.sequence)}")
+        self._busy(f"{self._work} exposure {self._playback.position + 1}")
         event = self._playback.step()
         moment = Moment.of(event, self.history[-1] if self.history else None)
         self.history.append(moment)
@@ -252,6 +261,14 @@ class Session:
         if self._playback.done:
             self._finish(self._playback.finish())
         self._emit(changed(activity=None))
+
+    @property
+    def _work(self) -> str:
+        """What takes its time when an exposure does."""
+        sequence = self._playback.sequence if self._playback else None
+        if sequence is None or sequence.prepare is None:
+            return "compiling, then computing" if not self.history else "computing"
+        return "building the scene, then" if not self.history else "rendering and computing"
 
     def _finish(self, finished: Finished) -> None:
         self._to_viewers(lambda live: live.write(finished))

@@ -22,7 +22,7 @@ function connect() {
   socket.onopen = () => send({ do: "pane", wide });
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
-    window.ispom = { state, viewer };
+    window.ispom = { state, viewer, send };
     showState(state);
     viewer.follow(state);
   };
