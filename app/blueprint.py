@@ -29,7 +29,7 @@ def blueprint(opened: Opened, hidden: Collection[str] = ()) -> rrb.Blueprint:
     ]
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(_world(opened, hidden), rrb.Vertical(*images), column_shares=[1.9, 1]),
+            rrb.Horizontal(_world(opened, hidden), rrb.Vertical(*images), column_shares=[1.65, 1]),
             rrb.Horizontal(rrb.Tabs(*_plots(opened, hidden)), rrb.Tabs(*texts), column_shares=[1.3, 1]),
             row_shares=[2.3, 1],
         ),
@@ -61,13 +61,12 @@ def _world(opened: Opened, hidden: Collection[str]) -> rrb.Spatial3DView:
 
 def _image(opened: Opened, name: str, title: str, hidden: Collection[str]) -> rrb.Spatial2DView:
     camera = opened.sequence.rig.camera("video" if name == "video" else "left")
-    scale = entities.shown_scale(camera.width, camera.height)
-    bottom = camera.height + entities.LEGEND_ROWS * entities.LEGEND_PITCH * camera.width
+    width, height = entities.shown_size(camera)
     return rrb.Spatial2DView(
         origin=f"/{name}",
         name=f"{title}, tracks and disparity" if name == "left" else f"{title}, tracks",
         overrides=_hide([f"{name}/{layer}" for layer in ("tracks", "trails", "disparity") if layer in hidden]),
-        visual_bounds=rrb.VisualBounds2D(x_range=(0, scale * camera.width), y_range=(0, scale * bottom)),
+        visual_bounds=rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height)),
     )
 
 

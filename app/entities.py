@@ -18,8 +18,6 @@ from . import colours
 JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
 """Larger images are shown, and kept, at about this many pixels."""
-LEGEND_COLUMNS, LEGEND_ROWS, LEGEND_PITCH = 4, 3, 0.085
-"""The legend below an image; the pitch of its rows is a fraction of the image's width, as labels keep their size."""
 TRAIL_LENGTH = 5
 """Earlier positions of a track that its trail shows."""
 
@@ -96,19 +94,34 @@ def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
 
 
 def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """Below the image: how many tracks have which status, in its colour."""
+    """Beside or below the image: how many tracks have which status, in its colour."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
     present = [s for s in TrackStatus if counts[s]]
-    scale = shown_scale(camera.width, camera.height)
-    row, column = np.divmod(np.arange(len(present)), LEGEND_COLUMNS)
-    u, v = (column + 0.5) / LEGEND_COLUMNS * camera.width, camera.height + LEGEND_PITCH * camera.width * (row + 0.3)
+    size, places = np.array([camera.width, camera.height]), np.arange(len(present))
+    if _legend_below(camera):
+        row, column = np.divmod(places, 4)
+        at = np.stack([(column + 0.5) / 4, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
+    else:
+        at = np.stack([np.full(len(present), 1.17), 0.03 + 0.13 * places], 1)
     return rr.Points2D(
-        np.stack([u, v], 1) * scale,
+        at * size * shown_scale(camera.width, camera.height),
         class_ids=[int(s) for s in present],
         labels=[f"{counts[s]} {_SHORT.get(s, s.name.lower())}" for s in present],
         radii=-4.0,
         show_labels=True,
     )
+
+
+def shown_size(camera: Camera) -> Array:
+    """Width and height (2,), in Rerun's coordinates, of the shown image with its legend."""
+    width, height = camera.width, camera.height
+    size = [width, height + 3 * 0.085 * width] if _legend_below(camera) else [1.34 * width, height]
+    return np.array(size) * shown_scale(width, height)
+
+
+def _legend_below(camera: Camera) -> bool:
+    """Labels keep their size on the screen, so a legend takes what room the image's shape leaves."""
+    return camera.width > 1.7 * camera.height
 
 
 _SHORT = {

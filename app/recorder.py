@@ -32,6 +32,8 @@ from .memory import Cloud, Path
 from .playback import Finished, Opened, Stepped
 
 Event = Stepped | Finished
+SCALES = {"monocular": "unit carried on", "stereo": "unit", "integrated": "m per monocular unit"}
+"""What Step.scale means."""
 TINT = 0.3
 """How much of a cloud's colour is its method's, the rest being what the camera saw."""
 
@@ -126,7 +128,7 @@ class Recorder:
         for method in self.opened.methods:
             for kind in ("error", "inliers", "residual"):
                 yield Entry(f"plots/{kind}/{method}", _series(method, colours.METHOD[method]), static=True)
-            for kind, name, pale in (("transferred", "unit carried on", 0.5), ("of_truth", "step / true step", 0.0)):
+            for kind, name, pale in (("transferred", SCALES[method], 0.5), ("of_truth", "step / true step", 0.0)):
                 colour = colours.shade(colours.METHOD[method], (128, 128, 128), pale)
                 yield Entry(f"plots/scale/{method}/{kind}", _series(f"{method}: {name}", colour), static=True)
 
