@@ -1,0 +1,22 @@
+"""One short simulated flight, rendered once for all estimator tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ispom.sequences.simulated import open_simulated
+from ispom.types import Exposure, Sequence
+
+
+@pytest.fixture(scope="session")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
+    """2.4 s of sim:tiny."""
+    cache: Path = tmp_path_factory.mktemp("rendered")
+    return open_simulated("tiny", seed=0, cache_dir=cache, duration_s=2.4)
+
+
+@pytest.fixture(scope="session")
+def exposures(flight: Sequence) -> list[Exposure]:
+    return [flight[i] for i in range(len(flight))]
