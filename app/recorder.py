@@ -176,6 +176,9 @@ class Recorder:
             if path.drawn_frame != path.frame:
                 path.drawn_frame = path.frame
                 yield from self._camera(method)
+        elif path.drawn_frame:  # a camera left standing would look like a pose
+            path.drawn_frame = None
+            yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
         cloud.update(step.landmarks)
         if step.key_frame:
             yield from self._cloud_blocks(method, cloud.changed())

@@ -176,6 +176,17 @@ def test_a_new_placement_redraws_the_monocular_world(run):
     assert_allclose(entry.value.mat3x3.as_arrow_array().to_pylist()[0], 2.5 * np.eye(3).ravel())
 
 
+def test_without_a_pose_no_camera_is_left_standing(run):
+    recorder, first, second, third = Recorder(run.opened), run.step(), run.step(), run.step()
+    lost = replace(second, steps=tuple(replace(s, world_from_frame=None) for s in first.steps))
+    found = replace(third, steps=first.steps)
+    shown = [
+        [type(e.value) for e in recorder.batch(event).entries if e.path == f"world/{first.steps[0].method}/camera"]  # type: ignore[union-attr]
+        for event in (first, lost, found)
+    ]
+    assert shown == [[rr.Transform3D, rr.LineStrips3D], [rr.Clear], [rr.Transform3D, rr.LineStrips3D]]
+
+
 def test_what_is_logged_per_exposure_does_not_grow(run):
     recorder = Recorder(run.opened)
     counts = [len(recorder.batch(event).entries) for event in events(run)]
