@@ -131,7 +131,7 @@ class Scene:
             OCTAHEDRON_FACES,
             batched_wxyzs=np.tile(np.array([1, 0, 0, 0], np.float32), (len(found), 1)),
             batched_positions=np.stack([xyz for xyz, _ in found]).astype(np.float32),
-            batched_colors=colour,
+            batched_colors=colours.shade(colour, (0, 0, 0), 0.5),  # viser's lights brighten it again
             flat_shading=True,
             lod="off",
             cast_shadow=False,

@@ -6,8 +6,11 @@ import logging
 import time
 from threading import Event, Thread
 
+import numpy as np
 import rich
 import viser
+
+from ispom.types import Trajectory
 
 from . import commands as do
 from .panels.methods import MethodsPanel
@@ -32,10 +35,11 @@ class Screen:
         self._session, self._live = session, live
         rich.get_console().quiet = True  # viser's banner names a port that is nobody's business
         self.server = viser.ViserServer(host="127.0.0.1", port=0, label="ISPOM", verbose=False)
-        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(52, 148, 208))
         self.server.gui.main_panel.dock_left()
         self.server.gui.main_panel.set_width(380)
         self.panels = self._panels(self.server.gui)
+        self.server.scene.world_axes.visible = False
         self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
         self._run, self._painted, self._scene_due_s = -1, None, 0.0
         self.scene_wanted = True
@@ -71,6 +75,16 @@ class Screen:
             record = RecordPanel(gui, self._session)
         return [run, why, methods, self._view, record]
 
+    def _look_at(self, truth: Trajectory | None) -> None:
+        """From behind and above, the whole true path in sight; without truth, the first metres ahead."""
+        xyz = truth.translations if truth is not None and len(truth) else np.array([[-5.0, 0, 0], [5.0, 0, 15.0]])
+        low, high = xyz.min(0), xyz.max(0)
+        centre, extent = (low + high) / 2, max(float(np.linalg.norm(high - low)), 2.0)
+        self.server.initial_camera.up = (0.0, -1.0, 0.0)
+        for camera in (self.server.initial_camera, *(c.camera for c in self.server.get_clients().values())):
+            camera.position = tuple(centre + extent * np.array([-0.35, -0.6, -0.75]))
+            camera.look_at = tuple(centre)
+
     def _arrange(self, hidden: frozenset[str]) -> None:
         if self._live is not None and self._session.opened is not None:
             self._live.arrange(self._session.opened, hidden)
@@ -96,5 +110,6 @@ class Screen:
         if state.run != self._run and opened is not None:
             self._run = state.run
             self._scene.start(opened.sequence.rig, opened.truth)
+            self._look_at(opened.truth)
         if state.index < len(history):
             self._scene.show(history, state.index, self._view.hidden)

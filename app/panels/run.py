@@ -32,7 +32,9 @@ class RunPanel:
         self._text = gui.add_markdown("opening…")
         with gui.add_folder("Source", expand_by_default=False):
             self._source = gui.add_text(
-                "open", session.state.source, hint="sim:city, or the path of a recording (KITTI, folder of images …)"
+                "open",
+                session.state.source,
+                hint="sim:city, sim:city#3 (another seed), or the path of a recording (KITTI, folder of images …)",
             )
             gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN).on_click(self._open)
         self._commands = [

@@ -16,7 +16,7 @@ export function openViewer(dark, seek) {
       sync.handle = handle;
       push(sync);
     },
-    (fault) => cover(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls at the left work without it.`),
+    (fault) => failed(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls at the left work without it.`),
   );
   return { follow: (state) => follow(sync, state), sync };
 }
@@ -53,6 +53,11 @@ async function counted(url) {
     },
   });
   return new Response(response.body.pipeThrough(count), { headers: { "Content-Type": "application/wasm" } });
+}
+
+function failed(text) {
+  cover(text);
+  document.getElementById("loaded").hidden = true;
 }
 
 const cover = (text) => (document.getElementById("loading").textContent = text);

@@ -21,7 +21,7 @@ def open_sequence(
     seed: int = 0,
     max_exposures: int | None = None,
 ) -> Sequence:
-    """The sequence of `sim:NAME` (made from `seed`) or of a path whose kind is recognised (shaped by `two_rate`).
+    """The sequence of `sim:NAME` (made from `seed`; `sim:NAME#SEED` has its own) or of a path whose kind is recognised (shaped by `two_rate`).
 
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option.
     """
@@ -30,7 +30,10 @@ def open_sequence(
     if source.startswith("sim:"):
         from ispom.sequences.simulated import open_simulated  # brings the ray caster, which takes seconds
 
-        sequence = open_simulated(source.removeprefix("sim:"), seed)
+        name, _, own_seed = source.removeprefix("sim:").partition("#")
+        if own_seed and not own_seed.isdecimal():
+            raise InputError(f"{source} has no seed after #: give a whole number, such as sim:{name}#3")
+        sequence = open_simulated(name, int(own_seed or seed))
     else:
         sequence = two_rate(_recording(Path(source).expanduser()), stereo_every, video_scale)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
