@@ -21,7 +21,8 @@ def open_sequence(
     seed: int = 0,
     max_exposures: int | None = None,
 ) -> Sequence:
-    """The sequence of `sim:NAME` (made from `seed`; `sim:NAME#SEED` has its own) or of a path whose kind is recognised (shaped by `two_rate`).
+    """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), or of a path whose kind is
+    recognised (shaped by `two_rate`).
 
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option.
     """
