@@ -48,18 +48,22 @@ def open_simulated(
 ) -> Sequence:
     """The simulated sequence `name`: "city", or "tiny" (the same place, small images, 3 s: for tests).
 
-    World: x right, y down, z along the street, ground at y = 0. `cache_dir` replaces the user's cache folder, `duration_s` [s] the
-    preset's. InputError for an unknown name, and for a duration outside 0.1-20 s.
+    World: x right, y down, z along the street, ground at y = 0. `cache_dir` replaces the user's cache folder,
+    `duration_s` [s] the preset's. InputError for an unknown name, and for a duration outside 0.1-20 s.
     """
     if name not in PRESETS:
-        raise InputError(f"there is no simulated sequence sim:{name}, choose one of {', '.join(f'sim:{n}' for n in PRESETS)}")
+        raise InputError(
+            f"there is no simulated sequence sim:{name}, choose one of {', '.join(f'sim:{n}' for n in PRESETS)}"
+        )
     preset = PRESETS[name]
     duration_s = preset.duration_s if duration_s is None else duration_s
     if not 0.1 <= duration_s <= 20.0:
         raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to 20 s")
     rig, path, stamps = simulated_rig(preset.scale), FlightPath.seeded(seed), Timing(duration_s).exposures()
     source = _Source(seed, motion_blur, preset.scale)
-    key = source_key(seed, motion_blur, preset.scale, NOISE_SIGMA, BLUR_EXPOSURE_S, BLUR_SAMPLES, o3d.__version__, cv2.__version__)
+    key = source_key(
+        seed, motion_blur, preset.scale, NOISE_SIGMA, BLUR_EXPOSURE_S, BLUR_SAMPLES, o3d.__version__, cv2.__version__
+    )
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
         lambda i, threads: source.render(*stamps[i], threads),
@@ -106,6 +110,6 @@ class _Source:
         count = BLUR_SAMPLES if self._motion_blur else 1
         offsets_s = BLUR_EXPOSURE_S * ((np.arange(count) + 0.5) / count - 0.5)
         poses = [self._path.pose_at(time_ns + round(s * 1e9)) @ rig_from_camera for s in offsets_s]
-        image = np.mean([renderer.image(camera, pose, threads) for pose in poses], axis=0, dtype=np.float32)
+        image = np.stack([renderer.image(camera, pose, threads) for pose in poses]).mean(axis=0)
         noise_seed = zlib.crc32(f"{self._seed} {time_ns} {name}".encode())
         return exposed(image, noise_seed, NOISE_SIGMA)

@@ -15,7 +15,7 @@ from ispom.simulation.cache import ImageCache
 from ispom.types import Image
 
 _KEPT_IMAGES = 16
-"""The last images made or read stay in memory: what was rendered ahead is not decoded again, and works without a disk."""
+"""The last images made or read stay in memory: nothing rendered ahead is decoded again, and no disk is needed."""
 _PATIENCE_S = 1.0
 """How long process exit waits for the exposure in work."""
 _alive: weakref.WeakSet[AheadRenderer] = weakref.WeakSet()
@@ -50,7 +50,9 @@ class AheadRenderer:
             self._cursor = i
             self._wake.notify()
             if self._thread is None:
-                self._thread = threading.Thread(target=_work, args=(weakref.ref(self),), daemon=True, name="render-ahead")
+                self._thread = threading.Thread(
+                    target=_work, args=(weakref.ref(self),), daemon=True, name="render-ahead"
+                )
                 self._thread.start()
 
     def stop(self) -> None:

@@ -69,9 +69,9 @@ class ImageCache:
 
     def write(self, name: str, image: Image) -> bool:
         """Whether it is on disk now: a full or read-only disk only costs the next run its time."""
-        body = cv2.imencode(
-            ".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 1]
-        )[1].tobytes()
+        body = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 1])[
+            1
+        ].tobytes()
         try:
             handle, part = tempfile.mkstemp(dir=self.folder, suffix=".part")
         except OSError:

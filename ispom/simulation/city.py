@@ -10,10 +10,12 @@ from ispom.simulation.scene import Colour, Scene, SceneBuilder
 ROAD_HALF_M = 6.0
 STREET_FROM_M, STREET_TO_M = -24.0, 84.0
 _WALLS: tuple[Colour, ...] = (
-    (176, 92, 70), (198, 170, 128), (150, 118, 96), (205, 196, 178), (168, 176, 184), (190, 142, 96), (140, 148, 130), (196, 128, 112),
+    (176, 92, 70), (198, 170, 128), (150, 118, 96), (205, 196, 178), (168, 176, 184), (190, 142, 96), (140, 148, 130),
+    (196, 128, 112),
 )  # fmt: skip
 _PAINTS: tuple[Colour, ...] = (
-    (170, 40, 38), (36, 70, 132), (200, 198, 190), (52, 92, 62), (212, 164, 48), (78, 80, 88), (120, 52, 96), (40, 122, 130),
+    (170, 40, 38), (36, 70, 132), (200, 198, 190), (52, 92, 62), (212, 164, 48), (78, 80, 88), (120, 52, 96),
+    (40, 122, 130),
 )  # fmt: skip
 _GREEN: Colour = (78, 104, 48)
 _BARK: Colour = (104, 82, 62)
@@ -22,7 +24,7 @@ _STONE: Colour = (166, 160, 150)
 
 
 def build_city(seed: int) -> Scene:
-    """A street 108 m long and 18-22 m wide along z; what stands in it leaves |x| < 3.5 m free up to 4.5 m above ground."""
+    """A street along z, 108 m long and 18-22 m wide; |x| < 3.5 m is free up to 4.5 m above ground."""
     builder = SceneBuilder(np.random.default_rng([seed, 2]))
     _ground(builder)
     for side in (-1, 1):

@@ -31,7 +31,7 @@ class Material(IntEnum):
 
 
 WIDTH, HEIGHT, RED, GREEN, BLUE, STYLE, BAY, FLOOR = range(8)
-"""Columns of a face's parameters: size [m], colour 0-255; of a facade its wall's Material, bay width and floor height [m]."""
+"""Columns of a face's parameters: size [m], colour 0-255; of a facade also its wall, bay width and floor height [m]."""
 
 _LOOKS = np.array([
     # grain stain warmth | stones: length height [m], joint [m], shift per row, tint, brightness of the joint
@@ -110,10 +110,13 @@ def _front(colour, p, seed, u, v, wu, wv, fine, stain):
         kind = 2 if what < 0.3 else 1 if what < 0.85 else 3
         width, height, bottom = (1.15, 2.3, 0.05) if kind == 2 else (bay - 0.5, 2.15, 0.55)
     else:
-        k = 1 + int(math.floor((v - ground) / floor))
+        k = 1 + math.floor((v - ground) / floor)
         low = ground + (k - 1) * floor
         kind = 0 if low + floor < p[HEIGHT] - 0.2 else 3
-        width, height = min(bay - 0.6, 1.0 + 0.9 * hash01(i, k, seed + 15)), min(floor - 1.1, 1.4 + 0.7 * hash01(i, k, seed + 16))
+        width, height = (
+            min(bay - 0.6, 1.0 + 0.9 * hash01(i, k, seed + 15)),
+            min(floor - 1.1, 1.4 + 0.7 * hash01(i, k, seed + 16)),
+        )
         bottom = low + 0.75 + 0.25 * hash01(i, k, seed + 17)
         pale = (0.5 * p[RED] + 95 + 9 * fine, 0.5 * p[GREEN] + 90 + 9 * fine, 0.5 * p[BLUE] + 85 + 9 * fine)
         colour = _mix(colour, pale, span(v, wv, low - 0.02, low + 0.16))
@@ -129,13 +132,13 @@ def _front(colour, p, seed, u, v, wu, wv, fine, stain):
 @njit(**FAST)
 def _street(colour, p, seed, u, v, wu, wv, fine, stain):
     """Worn lines and manholes on a road; u across it, v along it."""
-    dash = int(math.floor(v / 4.3))
+    dash = math.floor(v / 4.3)
     start, middle = 4.3 * dash + 0.3 + hash01(dash, 1, seed), 0.5 * p[WIDTH]
     line = rectangle(u, v, wu, wv, middle - 0.07, start, middle + 0.07, start + 1.6 + hash01(dash, 2, seed))
     line = max(line, span(u, wu, 0.3, 0.42), span(u, wu, p[WIDTH] - 0.42, p[WIDTH] - 0.3))
     line *= min(1.0, max(0.0, 0.75 + 0.3 * fine + 0.3 * stain))
     colour = _mix(colour, (215.0, 212.0, 198.0), line)
-    i, j = int(math.floor(u / 3.4)), int(math.floor(v / 5.2))
+    i, j = math.floor(u / 3.4), math.floor(v / 5.2)
     if hash01(i, j, seed + 3) < 0.6:
         w = math.sqrt(wu * wv)
         x, y = u - 3.4 * i - 0.8 - 1.8 * hash01(i, j, seed + 4), v - 5.2 * j - 0.8 - 3.5 * hash01(i, j, seed + 5)

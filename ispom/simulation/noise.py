@@ -1,6 +1,6 @@
-"""Band-limited noise and patterns, evaluated per pixel: nothing repeats and no texture is stored.
+"""Band-limited noise and patterns, evaluated per pixel: nothing repeats, and no face needs a texture of its own.
 
-Every function takes the widths of the pixel's footprint on the surface and answers with the mean over it (a box filter), so that
+Every function takes the widths of the pixel's footprint on the surface and answers with the mean over it, so that
 nothing finer than a pixel is left to alias: aliasing would look like motion of its own.
 """
 
@@ -33,10 +33,10 @@ def hash01(i: int, j: int, seed: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Grain:
-    """A square of noise of all scales in two channels, with its mip levels; the plane is covered by two turned copies."""
+    """A square of noise of all scales in two channels, with its mip levels; two turned copies cover the plane."""
 
     texels: NDArray[np.float32]
-    """(N, 2) the levels one after the other, each row by row, finest first: fine grain, and stain (no scale below 0.1 m)."""
+    """(N, 2) the levels one after the other, finest first, row by row: fine grain, and stain (nothing below 0.1 m)."""
 
     @staticmethod
     @cache
@@ -151,7 +151,7 @@ def _row_tint(x: float, width: float, size: float, row: int, seed: int) -> float
 def masonry(
     x: float, y: float, wx: float, wy: float, length: float, height: float, joint: float, shift: float, seed: int
 ) -> tuple[float, float]:
-    """Rows of stones, each row moved by `shift` lengths: the stone's own tint -1..1, and the part that is joint 0..1."""
+    """Rows of stones, each moved by `shift` lengths: the stone's own tint -1..1, and the part that is joint 0..1."""
     fade = min(1.0, max(0.0, 2.0 - max(wx / length, wy / height)))
     row = math.floor(y / height)
     inside, width = y / height - row, min(1.0, wy / height)
@@ -188,7 +188,7 @@ def lettering(x: float, y: float, wx: float, wy: float, cell: float, seed: int) 
     if y < -wy or y > 5.0 * cell + wy:
         return 0.0
     ink = 0.0
-    letter = int(math.floor(x / (4.0 * cell)))
+    letter = math.floor(x / (4.0 * cell))
     x0 = letter * 4.0 * cell
     if hash01(letter, 3, seed) < 0.14:
         return 0.0

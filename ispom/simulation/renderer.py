@@ -105,7 +105,7 @@ class Renderer:
     def _cast(self, rays: NDArray[np.float32], threads: int) -> NDArray[np.int32]:
         out = np.empty(len(rays), np.int32)
         for a in range(0, len(rays), _BAND_RAYS):
-            found = self.scene.caster.cast_rays(o3d.core.Tensor(rays[a : a + _BAND_RAYS]), nthreads=threads)
+            found = self.scene.caster.cast_rays(o3d.core.Tensor.from_numpy(rays[a : a + _BAND_RAYS]), nthreads=threads)
             ids = found["primitive_ids"].numpy()
             out[a : a + _BAND_RAYS] = np.where(ids == np.iinfo(np.uint32).max, SKY, ids // 2)
         return out

@@ -72,7 +72,7 @@ class SceneBuilder:
         """A box of size (x, height, z) [m] standing `bottom` above the ground, turned about the vertical."""
         turn = so3_exp(np.array([0.0, yaw_rad, 0.0]))
         base = np.array([centre_xz[0], -bottom, centre_xz[1]])
-        (sx, sy, sz), up = size, np.array([0.0, -size[1], 0.0])
+        (sx, _, sz), up = size, np.array([0.0, -size[1], 0.0])
         ring = [(-sx / 2, -sz / 2), (sx / 2, -sz / 2), (sx / 2, sz / 2), (-sx / 2, sz / 2)]
         foot = [base + turn @ np.array([x, 0.0, z]) for x, z in ring]
         for a, b in zip(foot, foot[1:] + foot[:1], strict=True):
@@ -92,8 +92,13 @@ class SceneBuilder:
         first = 4 * np.arange(len(corner))[:, None, None]
         triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
         caster = o3d.t.geometry.RaycastingScene()
-        caster.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(triangles.astype(np.uint32)))
-        caster.cast_rays(o3d.core.Tensor(np.ones((1, 6), np.float32)))  # commits: afterwards safe from any thread
+        caster.add_triangles(
+            o3d.core.Tensor.from_numpy(vertices.astype(np.float32)),
+            o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)),
+        )
+        caster.cast_rays(
+            o3d.core.Tensor.from_numpy(np.ones((1, 6), np.float32))
+        )  # commits: afterwards safe from any thread
         sun = np.clip(axes[:, 2] @ (SUN / np.linalg.norm(SUN)), 0, 1)
         light = 0.66 + 0.42 * sun - 0.12 * np.clip(axes[:, 2, 1], 0, 1)
         seeds = self.rng.integers(1, 2**31, len(corner))
