@@ -7,6 +7,7 @@ import json
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -89,8 +90,10 @@ class Gateway:
         """Refuses other sites' pages: a foreign name for this host (DNS rebinding), or a foreign origin."""
         name = urlsplit(f"//{request.host}").hostname or ""
         origin = request.headers.get("Origin")
-        if name not in self._hosts or (origin is not None and urlsplit(origin).netloc != request.host):
-            raise web.HTTPForbidden(text=f"This is ISPOM's page for {', '.join(sorted(self._hosts))} only.")
+        if not (name in self._hosts or _is_address(name)) or (
+            origin is not None and urlsplit(origin).netloc != request.host
+        ):
+            raise web.HTTPForbidden(text=f"ISPOM answers as {', '.join(sorted(self._hosts))} only.")
         return await handler(request)
 
     # Our page
@@ -208,6 +211,15 @@ async def _pump(source, sink) -> None:
                 await sink.send_str(message.data)
     except ConnectionError:
         pass  # one of the two went away; the other one follows
+
+
+def _is_address(name: str) -> bool:
+    """Whether it is a numeric address: nobody can make those point elsewhere."""
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _file(folder: Path, name: str) -> web.FileResponse:

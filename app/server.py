@@ -79,7 +79,9 @@ async def _serve(
     _on_signals(stopped)
     live, session, screen = await asyncio.to_thread(_start, opener, source, methods, config, recordings, autoplay)
     backends = Backends(screen.port, live.port, viewer_assets, screen.show_scene)
-    runner = web.AppRunner(Gateway(session, backends, recordings, {host}).app, access_log=None, shutdown_timeout=0.3)
+    runner = web.AppRunner(
+        Gateway(session, backends, recordings, {host, socket.gethostname()}).app, access_log=None, shutdown_timeout=0.3
+    )
     await runner.setup()
     try:
         await web.SockSite(runner, listener).start()

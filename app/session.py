@@ -164,10 +164,7 @@ class Session:
         self._busy(f"opening {source}")
         try:
             sequence = self._opener(source)
-            methods = self._wanted or possible_methods(sequence.rig)
-            if not methods:
-                raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
-            playback = Playback(sequence, methods, before.config)
+            playback = Playback(sequence, self._methods_for(source, sequence), before.config)
         except InputError as mistake:
             self._opening_failed(before, str(mistake))
         except Exception as fault:
@@ -175,6 +172,14 @@ class Session:
             self._opening_failed(before, f"internal fault while opening {source}: {type(fault).__name__}: {fault}")
         else:
             self._begin(playback)
+
+    def _methods_for(self, source: str, sequence: Sequence) -> tuple[Method, ...]:
+        """Those asked for; of a later source those of them that it has the cameras for, or else all that it has."""
+        possible = possible_methods(sequence.rig)
+        if not possible:
+            raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
+        wanted = self._wanted or possible
+        return wanted if self._playback is None else tuple(m for m in wanted if m in possible) or possible
 
     def _opening_failed(self, before: State, reason: str) -> None:
         if before.phase == "ready":

@@ -142,6 +142,14 @@ def test_rerun_starts_and_follows_the_time_shown(page: Page):
     page.until("window.ispom.viewer.sync.seen === 12", "Rerun to stand at the exposure shown")
 
 
+def test_a_hand_on_reruns_timeline_moves_our_time(page: Page):
+    page.until("state.index === 12", "the exposure shown before")
+    box = page.tab.locator("#canvas").bounding_box()
+    page.tab.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + box["height"] - 14)
+    page.until("state.index !== 12", "our time to follow")
+    page.until("window.ispom.viewer.sync.seen === state.index", "both to agree")
+
+
 def test_keys_step_forward_and_back(page: Page):
     page.send("{do: 'seek', index: 10}")
     page.until("state.index === 10", "the seek")
