@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 import re
-import time
+from collections import deque
 from pathlib import Path
+from threading import Event, Thread
 
 from ispom.errors import InputError
 
 from .playback import Finished, Opened, Stepped
 from .state import Moment, RecordedFile, Recording
+from .streams import FileRecording
 
+log = logging.getLogger(__name__)
+KEPT = 16
+"""Exposures whose images wait in memory to be recorded."""
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")
 
 
@@ -41,60 +47,78 @@ def list_recordings(folder: Path) -> tuple[RecordedFile, ...]:
 
 
 class Writer:
-    """Writes the history into a file, from its first exposure on, a little at a time; images are read again."""
+    """Writes a history into a file, from its first exposure on, in a thread of its own: a slow disk stops nobody."""
 
-    def __init__(self, path: Path, opened: Opened) -> None:
+    def __init__(self, path: Path, opened: Opened, history: list[Moment]) -> None:
         """OSError or InputError where the file cannot be made."""
-        from .streams import FileRecording
-
         path.parent.mkdir(parents=True, exist_ok=True)
-        self.path, self._sequence = path, opened.sequence
+        self.path, self._sequence, self._history = path, opened.sequence, history
+        self.failure: str | None = None
+        """Why the recording is not whole, one sentence; None while all is well."""
         self._file = FileRecording(path, opened)
         self._written = 0
         self._end: int | None = None
-        self._fresh: Stepped | None = None
+        self._finished: Finished | None = None
+        self._fresh: deque[Stepped] = deque(maxlen=KEPT)
+        self._more = Event()
+        self._hurry = False
+        self._thread = Thread(target=self._run, name="recording", daemon=True)
+        self._thread.start()
 
     @property
     def info(self) -> Recording:
-        return Recording(self.path.name, self._file.size_bytes, self._written, self.stopping)
+        return Recording(self.path.name, self._file.size_bytes, self._written, self._end is not None)
 
     @property
-    def stopping(self) -> bool:
-        return self._end is not None
-
-    def stop(self, count: int) -> None:
-        """No more than the first `count` exposures will be written."""
-        self._end = count if self._end is None else min(count, self._end)
-
-    def complete(self, history: list[Moment]) -> bool:
-        """Whether all that there is to write is written."""
-        return self._written >= min(len(history), self._end if self._end is not None else len(history))
+    def done(self) -> bool:
+        """Whether the file is closed."""
+        return not self._thread.is_alive()
 
     def offer(self, event: Stepped) -> None:
-        """The newest event with its images, so that they need not be read again where its turn comes next."""
-        self._fresh = event
+        """The newest exposure of the history, with its images, so that they need not be read again."""
+        self._fresh.append(event)
+        self._more.set()
 
-    def write(self, history: list[Moment], seconds: float) -> None:
-        """At least one exposure, where any is left, and more while time is left.
+    def stop(self, finished: Finished | None) -> None:
+        """Writes what the history holds by now and the final trajectories, where there are any; then closes."""
+        if self._end is None:
+            self._finished, self._end = finished, len(self._history)
+            self._more.set()
 
-        Raises OSError where the file cannot take more, InputError where an image cannot be read again.
-        """
-        until = time.monotonic() + seconds
-        while not self.complete(history):
-            event, moment = self._fresh, history[self._written]
-            if event is None or event.index != moment.index:
-                event = moment.stepped(self._sequence[moment.index])
-            self._file.write(event)
-            if self._file.failure:
-                raise InputError(self._file.failure)
-            self._written += 1
-            if time.monotonic() >= until:
-                break
+    def close(self, timeout_s: float) -> None:
+        """Closes the file within about this time, with what is written by then."""
+        self.stop(None)
+        self._thread.join(0.6 * timeout_s)
+        self._hurry = True
+        self._thread.join(0.4 * timeout_s)
 
-    def close(self, finished: Finished | None) -> None:
-        """Ends the file, with the final trajectories where there are any. InputError where that cannot be written."""
-        if finished is not None:
-            self._file.write(finished)
+    def _run(self) -> None:
+        try:
+            while not self._hurry:
+                if self._written < (len(self._history) if self._end is None else self._end):
+                    self._write(self._event(self._history[self._written]))
+                    self._written += 1
+                elif self._end is None:
+                    self._more.wait(1.0)
+                    self._more.clear()
+                else:
+                    break
+            if self._finished is not None and not self._hurry:
+                self._write(self._finished)
+        except (InputError, OSError) as fault:
+            self.failure = str(fault)
+        except Exception as fault:
+            log.exception("recording %s failed", self.path)
+            self.failure = f"internal fault, please report it: {type(fault).__name__}: {fault}"
         self._file.close()
+        self.failure = self.failure or self._file.failure
+
+    def _write(self, event: Stepped | Finished) -> None:
+        self._file.write(event)
         if self._file.failure:
             raise InputError(self._file.failure)
+
+    def _event(self, moment: Moment) -> Stepped:
+        """With the images that are at hand, or read again."""
+        fresh = next((event for event in tuple(self._fresh) if event.index == moment.index), None)
+        return fresh or moment.stepped(self._sequence[moment.index])

@@ -27,7 +27,7 @@ from .session import Session
 
 log = logging.getLogger(__name__)
 PORTS_TRIED = 20
-CLOSE_S = 1.2
+CLOSE_S = 1.1
 """For the recording to be closed after Ctrl-C."""
 EXIT_S = 2.9
 """After this long the process ends, whatever still hangs."""

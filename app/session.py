@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Lock, Thread
+from threading import Thread
 from typing import Any, Protocol
 
 from ispom.errors import InputError
@@ -21,8 +21,10 @@ from .state import Activity, Computed, Event, Moment, Opening, OpeningFailed, Sh
 
 log = logging.getLogger(__name__)
 IDLE_S = 0.5
-BACKLOG_S = 0.02
-"""How long the worker writes recorded exposures at a time, before it looks at its commands again."""
+WATCH_S = 0.05
+"""How often a recording is looked at while nothing else happens."""
+CLOSE_S = 1.0
+"""For a recording to be closed at the end."""
 
 
 class Live(Protocol):
@@ -59,7 +61,6 @@ class Session:
         self._writer: Writer | None = None
         self._due_s = 0.0
         self._closing = False
-        self._writing = Lock()
         self._thread = Thread(target=self._run, name="session", daemon=True)
 
     def start(self) -> None:
@@ -75,11 +76,8 @@ class Session:
         self._thread.join(timeout_s)
         if not self._thread.is_alive():
             return True
-        if self._writing.acquire(timeout=0.5):  # it is computing, not writing
-            writer, self._writer = self._writer, None
-            if writer is not None:
-                writer.close(None)
-            self._writing.release()
+        if self._writer is not None:
+            self._writer.close(CLOSE_S)
         return False
 
     def _run(self) -> None:
@@ -91,10 +89,9 @@ class Session:
             for command in self._commands():
                 self._guarded(lambda command=command: self._obey(command))
             self._guarded(self._advance)
-            with self._writing:
-                self._write()
-        with self._writing:
-            self._end_recording(in_time=False)
+            self._watch_recording()
+        if self._writer is not None:
+            self._writer.close(CLOSE_S)
 
     def _commands(self) -> list[do.Command]:
         """All that were posted, of seeks the newest only; waits for the first where there is nothing else to do."""
@@ -111,9 +108,10 @@ class Session:
         return [command for i, command in enumerate(found) if i not in seeks[:-1]]
 
     def _patience(self) -> float:
-        if self.state.target is not None or (self._writer is not None and not self._writer.complete(self.history)):
+        if self.state.target is not None:
             return 0.0
-        return max(0.0, self._due_s - time.monotonic()) if self.state.playing else IDLE_S
+        idle = IDLE_S if self._writer is None else WATCH_S
+        return min(idle, max(0.0, self._due_s - time.monotonic())) if self.state.playing else idle
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """A user's mistake is told; anything else is a fault of the program: told, logged, and the worker lives on."""
@@ -150,8 +148,7 @@ class Session:
             case do.Record(name):
                 self._record(name)
             case do.StopRecording():
-                if self._writer is not None:
-                    self._writer.stop(len(self.history))
+                self._stop_recording()
             case do.Shutdown():
                 self._closing = True
 
@@ -200,8 +197,7 @@ class Session:
         self._emit(changed(playing=True))
 
     def _begin(self, playback: Playback) -> None:
-        if self._writer is not None:
-            self._end_recording()
+        self._stop_recording()
         self._playback, self.history, self._due_s = playback, [], 0.0
         opened = self.opened = playback.opened
         if playback.sequence.prepare is not None:
@@ -301,40 +297,33 @@ class Session:
         if self._writer is not None:
             raise InputError(f"{self._writer.path.name} is being recorded: stop it before the next one")
         try:
-            self._writer = Writer(recording_path(self._folder, name, self.opened.sequence.name), self.opened)
+            self._writer = Writer(
+                recording_path(self._folder, name, self.opened.sequence.name), self.opened, self.history
+            )
         except OSError as fault:
             raise InputError(
                 f"{self._folder} cannot be written ({fault.strerror}): free it or choose another"
             ) from fault
         self._emit(changed(recording=self._writer.info))
 
-    def _write(self) -> None:
-        """A little more of the history into the file that is being recorded."""
-        if self._writer is None:
-            return
-        try:
-            self._writer.write(self.history, BACKLOG_S)
-        except (InputError, OSError) as fault:
-            self._emit(Told(f"recording {self._writer.path.name} stopped: {fault}"))
-            self._end_recording(in_time=False)
-            return
-        if self._writer.stopping and self._writer.complete(self.history):
-            self._end_recording()
-        elif self._writer.info != self.state.recording:
-            self._emit(changed(recording=self._writer.info))
+    def _stop_recording(self) -> None:
+        """The file is closed when all of the history so far is written, which may take a while."""
+        if self._writer is not None and self._playback is not None:
+            self._writer.stop(self._playback.finish() if self.history else None)
 
-    def _end_recording(self, *, in_time: bool = True) -> None:
-        """Closes the file: with all of the history where there is time, else with what is quickly written."""
-        writer, self._writer = self._writer, None
+    def _watch_recording(self) -> None:
+        """Shows how the recording goes, and what became of it."""
+        writer = self._writer
         if writer is None:
             return
-        try:
-            writer.write(self.history, 60.0 if in_time else 0.8)
-            whole = self._playback is not None and writer.complete(self.history)
-            writer.close(self._playback.finish() if self._playback is not None and whole else None)
-        except Exception as fault:
-            self._emit(Told(f"recording {writer.path.name} is not complete: {fault}"))
+        if not writer.done:
+            if (info := writer.info) != self.state.recording:
+                self._emit(changed(recording=info))
+            return
+        self._writer = None
         self._emit(changed(recording=None))
+        if writer.failure:
+            self._emit(Told(f"recording {writer.path.name} stopped: {writer.failure}"))
         self._list_recordings()
 
     def _list_recordings(self) -> None:
