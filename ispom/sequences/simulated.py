@@ -5,20 +5,21 @@ from __future__ import annotations
 import threading
 import zlib
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
-import open3d as o3d
 
 from ispom.errors import InputError
 from ispom.simulation.ahead import AheadRenderer
 from ispom.simulation.cache import ImageCache, default_folder, source_key
 from ispom.simulation.cameras import Timing, simulated_rig
-from ispom.simulation.city import build_city
 from ispom.simulation.path import Path as FlightPath
-from ispom.simulation.renderer import Renderer, exposed
 from ispom.types import Exposure, Frame, Image, Kind, Sequence, StereoPair, Trajectory, VideoFrame
+
+if TYPE_CHECKING:
+    from ispom.simulation.renderer import Renderer
 
 NOISE_SIGMA = 1.6
 """Sensor noise [grey levels]."""
@@ -62,7 +63,7 @@ def open_simulated(
     rig, path, stamps = simulated_rig(preset.scale), FlightPath.seeded(seed), Timing(duration_s).exposures()
     source = _Source(seed, motion_blur, preset.scale)
     key = source_key(
-        seed, motion_blur, preset.scale, NOISE_SIGMA, BLUR_EXPOSURE_S, BLUR_SAMPLES, o3d.__version__, cv2.__version__
+        seed, motion_blur, preset.scale, NOISE_SIGMA, BLUR_EXPOSURE_S, BLUR_SAMPLES, version("open3d"), version("numba")
     )
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
@@ -101,11 +102,19 @@ class _Source:
     def render(self, time_ns: int, kind: Kind, threads: int) -> Image:
         """The video image, or the left image above the right one."""
         names: tuple[Frame, ...] = ("video",) if kind == "video" else ("left", "right")
+        from ispom.simulation.city import (
+            build_city,
+        )  # not before: Open3D takes seconds to import, cached images need none
+        from ispom.simulation.renderer import Renderer
+
         with self._lock:
             self._renderer = self._renderer or Renderer(build_city(self._seed))
-        return np.concatenate([self._camera(self._renderer, name, time_ns, threads) for name in names])
+            renderer = self._renderer
+        return np.concatenate([self._camera(renderer, name, time_ns, threads) for name in names])
 
     def _camera(self, renderer: Renderer, name: Frame, time_ns: int, threads: int) -> Image:
+        from ispom.simulation.renderer import exposed
+
         camera, rig_from_camera = self._rig.camera(name), self._rig.rig_from(name)
         count = BLUR_SAMPLES if self._motion_blur else 1
         offsets_s = BLUR_EXPOSURE_S * ((np.arange(count) + 0.5) / count - 0.5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import os
 import threading
 import weakref
@@ -16,9 +15,6 @@ from ispom.types import Image
 
 _KEPT_IMAGES = 16
 """The last images made or read stay in memory: nothing rendered ahead is decoded again, and no disk is needed."""
-_PATIENCE_S = 1.0
-"""How long process exit waits for the exposure in work."""
-_alive: weakref.WeakSet[AheadRenderer] = weakref.WeakSet()
 
 
 class AheadRenderer:
@@ -35,7 +31,6 @@ class AheadRenderer:
         self._on_disk = True
         self._stopping = False
         self._thread: threading.Thread | None = None
-        _alive.add(self)
 
     def get(self, i: int) -> Image:
         """Image i, waiting for the thread that is making it, or making it here."""
@@ -49,10 +44,8 @@ class AheadRenderer:
         with self._lock:
             self._cursor = i
             self._wake.notify()
-            if self._thread is None:
-                self._thread = threading.Thread(
-                    target=_work, args=(weakref.ref(self),), daemon=True, name="render-ahead"
-                )
+            if self._thread is None or not self._thread.is_alive():
+                self._thread = threading.Thread(target=_work, args=(weakref.ref(self),), name="render-ahead")
                 self._thread.start()
 
     def stop(self) -> None:
@@ -62,7 +55,7 @@ class AheadRenderer:
             self._wake.notify()
             thread = self._thread
         if thread is not None and thread is not threading.current_thread():
-            thread.join(_PATIENCE_S)
+            thread.join()
 
     def _obtain(self, i: int, threads: int) -> Image:
         with self._lock:
@@ -115,22 +108,17 @@ class AheadRenderer:
 
 
 def _work(owner: weakref.ref[AheadRenderer]) -> None:
-    """The background thread: lives as long as its owner does."""
+    """The background thread: lives as long as its owner and the main thread do.
+
+    Not a daemon: those are cut off in the middle of native code while its libraries unload, and the process crashes.
+    """
     with suppress(OSError, AttributeError):  # on Linux a thread has a priority of its own, elsewhere only processes
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
-    while True:
+    while threading.main_thread().is_alive():
         renderer = owner()
         try:
             if renderer is None or not renderer._render_one():
                 return
-        except RuntimeError:
-            if threading.main_thread().is_alive():
-                raise
-            return  # no new work is accepted while Python shuts down
+        except Exception:  # whoever asks for that image meets the error; at process exit nobody does
+            return
         del renderer
-
-
-@atexit.register
-def _stop_all() -> None:
-    for renderer in list(_alive):
-        renderer.stop()

@@ -65,13 +65,16 @@ class ImageCache:
         body, digest = raw[:-_DIGEST_BYTES], raw[-_DIGEST_BYTES:]
         if not body or _digest(body) != digest:
             return None
-        return cv2.cvtColor(cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+        image = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
+        return None if image is None else np.ascontiguousarray(image[:, :, ::-1], np.uint8)
 
     def write(self, name: str, image: Image) -> bool:
         """Whether it is on disk now: a full or read-only disk only costs the next run its time."""
-        body = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 1])[
-            1
-        ].tobytes()
+        body = cv2.imencode(
+            ".png",
+            cv2.cvtColor(image, cv2.COLOR_RGB2BGR),
+            [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY],
+        )[1].tobytes()
         try:
             handle, part = tempfile.mkstemp(dir=self.folder, suffix=".part")
         except OSError:

@@ -61,7 +61,8 @@ class Grain:
 
 def _doubled(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """(n, n) smoothly enlarged to (2n, 2n), wrapping around."""
-    return cv2.resize(np.pad(values, 2, mode="wrap"), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)[4:-4, 4:-4]
+    padded = np.pad(values, 2, mode="wrap")
+    return np.asarray(cv2.resize(padded, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.float32)[4:-4, 4:-4]
 
 
 @njit(**FAST)
