@@ -7,13 +7,15 @@ export function makeSplitter(onWide) {
   const splitter = document.getElementById("splitter");
   const panes = document.getElementById("panes");
   let width = Number(read()) || NARROW;
-  const place = (wanted) => {
+  let wanted = width; // kept while a small window allows less
+  const place = (asked) => {
+    wanted = asked;
     width = Math.round(Math.min(Math.max(wanted, 260), Math.max(innerWidth - KEEP, 260)));
     panes.style.setProperty("--left", `${width}px`);
     onWide(width > SCENE);
   };
   place(width);
-  addEventListener("resize", () => place(width));
+  addEventListener("resize", () => place(wanted));
   splitter.addEventListener("pointerdown", (event) => {
     splitter.setPointerCapture(event.pointerId);
     document.body.classList.add("dragging");
