@@ -11,7 +11,10 @@ from ispom.types import Exposure, Step, Trajectory
 class Estimator(Protocol):
     """Turns exposures into poses. Never prints, draws, logs, locks, or sees the truth."""
 
-    method: str
+    @property
+    def method(self) -> str:
+        """Its name: monocular, stereo, integrated."""
+        ...
 
     def uses(self, exposure: Exposure) -> bool:
         """Whether `step` wants exposures of this kind."""

@@ -6,12 +6,13 @@ Convention: a pose is named `target_from_source` and maps points, x_target = R x
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 
 def skew(v: Array) -> Array:
@@ -163,11 +164,11 @@ def rotation_between(a: Array, b: Array) -> Array:
     if norm_a == 0 or norm_b == 0:
         raise ValueError("a vector of length zero has no direction")
     a, b = a / norm_a, b / norm_b
-    axis = np.cross(a, b)
+    axis = np.asarray(np.cross(a, b), float)
     sine, cosine = np.linalg.norm(axis), float(a @ b)
     if sine < 1e-12:
         if cosine > 0:
             return np.eye(3)
-        axis = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])
-        return so3_exp(np.pi * axis / np.linalg.norm(axis))
-    return so3_exp(np.arctan2(sine, cosine) * axis / sine)
+        axis = np.asarray(np.cross(a, np.eye(3)[np.argmin(np.abs(a))]), float)
+        return so3_exp(axis * (np.pi / float(np.linalg.norm(axis))))
+    return so3_exp(axis * (float(np.arctan2(sine, cosine)) / float(sine)))

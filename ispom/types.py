@@ -58,12 +58,13 @@ class Camera:
         uv = np.asarray(uv, float).reshape(-1, 2)
         if not self.distortion or not len(uv):
             return (uv - (self.cx, self.cy)) / (self.fx, self.fy)
-        return cv2.undistortPoints(
+        undistorted = cv2.undistortPoints(
             uv[:, None],
             self.matrix,
             np.array(self.distortion, float),
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-12),
-        ).reshape(-1, 2)
+        )
+        return np.asarray(undistorted, float).reshape(-1, 2)
 
     def scaled(self, factor: float) -> Camera:
         """The camera of the image resized by factor (pixel centres kept in place)."""
@@ -399,7 +400,7 @@ class Sequence:
 
 def as_grey(image: Image) -> Image:
     """(H, W) of an RGB or grey image."""
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
 def colours_at(image: Image, uv: NDArray[np.float32]) -> NDArray[np.uint8]:

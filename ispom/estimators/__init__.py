@@ -70,6 +70,7 @@ def build(config: Config, methods: tuple[Method, ...], rig: Rig) -> Ensemble:
     if missing:
         need = "a video camera" if missing[0] == "monocular" else "a left and a right camera"
         raise InputError(f"{missing[0]} needs {need}, which this sequence lacks: choose other --methods")
+    estimators: dict[str, Estimator]
     if "integrated" in methods:
         estimators = {"integrated": config.integrated.build(rig, config.monocular, config.stereo)}
     else:

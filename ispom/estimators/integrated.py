@@ -20,8 +20,6 @@ from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, Stereo
 
 MARGIN_NS = 200_000_000
 """Video poses this long before a segment are kept, for the interpolation at its start."""
-MAX_WAITING = 2
-"""Stereo poses beyond a segment's end after which it is closed with what the video has given by then."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +30,9 @@ class IntegratedConfig:
     """Of video positions at stereo exposures; rotations are interpolated spherically."""
     min_segment_m: Annotated[float, Range(0, 10)] = 0.02
     """A shorter segment gives no ratio of lengths: its positions come from the stereo poses alone."""
+
+    max_waiting_pairs: Annotated[int, Range(1, 100)] = 12
+    """Stereo pairs after a segment's end that its video poses are waited for, as while the video initialises."""
 
     def build(self, rig: Rig, monocular: MonocularConfig, stereo: StereoConfig) -> Integrated:
         return Integrated(rig, self, monocular.build(rig), stereo.build(rig))
@@ -151,7 +152,7 @@ class Integrated:
             return False
         final = state.monocular.window.final_until_ns
         waiting = sum(t > ends[1] for t, _ in state.metric)
-        return (final is not None and final >= ends[1]) or waiting >= MAX_WAITING
+        return (final is not None and final >= ends[1]) or waiting >= self.config.max_waiting_pairs
 
     def _close(self, state: IntegratedState) -> tuple[IntegratedState, Trajectory, tuple[Decision, ...]] | None:
         """Steps 1 to 3 for the open segment; None while it has no end."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.solvers.triple import Triple
-from ispom.types import Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +64,7 @@ def common_points(keys: tuple[Frame, ...], frame: Frame) -> int:
     return len(ids)
 
 
-def parallax_px(key: Frame, frame: Frame, camera: Camera, scale: float) -> float:
+def parallax_deg(key: Frame, frame: Frame, scale: float) -> float:
     """Median displacement of the common points between two frames, the rotation taken away.
 
     The rotation is that of their poses where both have one, else the one that explains most of the motion.
@@ -78,7 +77,7 @@ def parallax_px(key: Frame, frame: Frame, camera: Camera, scale: float) -> float
         rotation = frame.world_from_camera.rotation.T @ key.world_from_camera.rotation
     else:
         rotation = dominant_rotation(x1, x2, scale)
-    return camera.fx * median_displacement(rotation, x1, x2)
+    return float(np.degrees(np.arctan(median_displacement(rotation, x1, x2))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,17 +104,11 @@ class Window:
         return [(f.time_ns, f.world_from_camera) for f in self.frames if f.world_from_camera is not None]
 
     def predicted(self) -> Pose | None:
-        """world_from_camera of the next frame at the velocity of the last two; None without a pose before."""
-        known = [f.world_from_camera for f in self.frames[-2:]]
-        if self.fresh or not known or known[-1] is None:
-            return (
-                None
-                if self.fresh
-                else next((f.world_from_camera for f in reversed(self.frames) if f.world_from_camera is not None), None)
-            )
-        if len(known) < 2 or known[0] is None:
-            return known[-1]
-        return known[1] @ known[0].inverse() @ known[1]
+        """world_from_camera of the next frame, at the velocity of the last two poses; None without a triple yet."""
+        known = [f.world_from_camera for f in self.frames if f.world_from_camera is not None][-2:]
+        if self.fresh or not known:
+            return None
+        return known[-1] @ known[0].inverse() @ known[-1]
 
     def with_frame(self, frame: Frame) -> Window:
         return replace(self, frames=(*self.frames, frame))

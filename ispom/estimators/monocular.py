@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.chain import Chain, in_order
-from ispom.estimators.keyframes import Frame, Window, common_points, parallax_px
+from ispom.estimators.keyframes import Frame, Window, common_points, parallax_deg
 from ispom.estimators.refinement import adjust_window, fill_between
 from ispom.estimators.scale import ScaleStep, transfer_scale
 from ispom.frontends import corners
@@ -52,10 +52,12 @@ class MonocularConfig:
     """First guess of positions between key frames; rotations are interpolated spherically."""
     max_tracks: Annotated[int, Range(50, 2000)] = 400
     """Points tracked at a time."""
-    min_parallax_px: Annotated[float, Range(1, 200)] = 12.0
+    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.0
     """Median displacement since the last key frame, its rotation taken away, that makes the next one."""
-    min_common: Annotated[int, Range(12, 1000)] = 80
-    """A key frame is taken before fewer points than this are common to three."""
+    min_share: Annotated[float, Range(0.1, 1)] = 0.6
+    """A key frame is taken early, before a smaller share of the last one's points is left."""
+    min_common: Annotated[int, Range(12, 1000)] = 30
+    """With fewer points common to three key frames no triple is solved: lost, and a new start."""
     max_error_px: Annotated[float, Range(0.2, 10)] = 1.5
     """Largest distance from the epipolar line, and largest reprojection error."""
     min_angle_deg: Annotated[float, Range(0, 10)] = 0.8
@@ -147,18 +149,15 @@ class Monocular:
         """Large displacement and still enough common points."""
         if not window.keys:
             return True, ()
-        displacement = parallax_px(window.keys[-1], frame, self.rig.camera("video"), self._limit)
-        common = common_points(window.keys[-2:], frame)
-        wanted = self.config.min_parallax_px
-        moved = Decision("parallax", displacement, wanted, displacement >= wanted, "px")
-        enough = Decision(
-            "points common with the last key frames", common, self.config.min_common, common >= self.config.min_common
-        )
-        if moved.passed:
-            return True, (moved, enough)
-        if not enough.passed and displacement >= wanted / 2:
-            return True, (moved, replace(enough, because="key frame taken early, before more points are lost"))
-        return False, (moved, enough)
+        displacement = parallax_deg(window.keys[-1], frame, self._limit)
+        share = common_points(window.keys[-1:], frame) / max(len(window.keys[-1].ids), 1)
+        wanted, least = self.config.min_parallax_deg, self.config.min_share
+        moved = Decision("parallax", displacement, wanted, displacement >= wanted, "deg")
+        enough = Decision("share of the last key frame's points left", share, least, share >= least)
+        early = not moved.passed and not enough.passed and displacement >= wanted / 4
+        if early:
+            enough = replace(enough, because="key frame taken early, before more points are lost")
+        return moved.passed or early, (moved, enough)
 
     def _key_frame(self, state: MonocularState, frame: Frame, decisions: tuple[Decision, ...]) -> Revision:
         """Solve the triple that ends with this frame, scale it, place it, and fill in the frames between."""
@@ -199,12 +198,12 @@ class Monocular:
         self, state: MonocularState, frame: Frame, common: int, decisions: tuple[Decision, ...]
     ) -> Revision:
         """No triple here: try the next frame instead, or, with too few points left, begin again from the last pose."""
-        if common >= self.config.min_common // 2:
+        if common >= self.config.min_common:
             return Revision(state.window.with_frame(frame), state.scale, decisions)
         restart = Decision(
             "points common to three key frames",
             common,
-            self.config.min_common // 2,
+            self.config.min_common,
             False,
             because="lost; a new start from the last pose, the step length carried over",
         )

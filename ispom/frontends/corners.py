@@ -23,6 +23,7 @@ def detect(
     found = cv2.goodFeaturesToTrack(grey, count, 0.005, min_distance_px, mask=mask, blockSize=5)
     if found is None or not len(found):
         return np.zeros((0, 2), np.float32)
-    return cv2.cornerSubPix(
+    refined = cv2.cornerSubPix(
         grey, np.ascontiguousarray(found.reshape(-1, 1, 2)), (3, 3), (-1, -1), (cv2.TERM_CRITERIA_COUNT, 5, 0.01)
-    ).reshape(-1, 2)
+    )
+    return np.asarray(refined, np.float32).reshape(-1, 2)

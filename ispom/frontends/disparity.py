@@ -50,10 +50,10 @@ class RowSearch:
         small_left, small_right = (cv2.resize(i, size, interpolation=cv2.INTER_AREA) for i in (left, right))
         # Without padding on the left, the first `count` columns would have no disparity at all.
         padded = [cv2.copyMakeBorder(i, 0, 0, count, 0, cv2.BORDER_REPLICATE) for i in (small_left, small_right)]
-        matcher = cv2.StereoSGBM_create(
+        matcher = cv2.StereoSGBM.create(
             0, count, 5, P1=8 * 25, P2=32 * 25, disp12MaxDiff=-1, uniquenessRatio=0, mode=cv2.STEREO_SGBM_MODE_SGBM
         )
         coarse = matcher.compute(*padded)[:, count:].astype(np.float32) / 16
         column = np.clip(np.rint((uv[:, 0] + 0.5) * factor - 0.5).astype(int), 0, size[0] - 1)
         row = np.clip(np.rint((uv[:, 1] + 0.5) * factor - 0.5).astype(int), 0, size[1] - 1)
-        return np.maximum(coarse[row, column], 0) / factor
+        return (np.maximum(coarse[row, column], 0) / factor).astype(np.float32)

@@ -42,17 +42,16 @@ class Klt:
     def _flow(
         self, a: Image, b: Image, uv: NDArray[np.float32], guess: NDArray[np.float32] | None
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        flags = 0 if guess is None else cv2.OPTFLOW_USE_INITIAL_FLOW
-        start = None if guess is None else guess.astype(np.float32).reshape(-1, 1, 2).copy()
+        start = uv if guess is None else guess
         out, found, _ = cv2.calcOpticalFlowPyrLK(
             a,
             b,
             uv.reshape(-1, 1, 2),
-            start,
+            start.astype(np.float32).reshape(-1, 1, 2),
             winSize=(self.window_px, self.window_px),
             maxLevel=self.levels,
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, self.iterations, 0.01),
-            flags=flags,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
             minEigThreshold=1e-4,
         )
-        return out.reshape(-1, 2), found.ravel() > 0
+        return np.asarray(out, np.float32).reshape(-1, 2), found.ravel() > 0

@@ -24,7 +24,7 @@ class Features:
 
 def detect_and_describe(grey: Image, count: int) -> Features:
     """The `count` strongest SIFT features of an image, each place once."""
-    keypoints, descriptors = cv2.SIFT_create(nfeatures=count, contrastThreshold=0.02).detectAndCompute(grey, None)
+    keypoints, descriptors = cv2.SIFT.create(nfeatures=count, contrastThreshold=0.02).detectAndCompute(grey, None)
     if descriptors is None or not len(keypoints):
         return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
     uv = np.array([k.pt for k in keypoints], np.float32)

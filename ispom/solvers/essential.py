@@ -39,7 +39,9 @@ def relative_pose(x1: Array, x2: Array, threshold: float) -> RelativePose | None
     inliers = front.ravel() > 0
     if count < 8:
         return None
-    pose = _refine_sampson(Pose(rotation, translation.ravel()), x1[inliers], x2[inliers], threshold)
+    pose = _refine_sampson(
+        Pose(np.asarray(rotation, float), np.asarray(translation, float).ravel()), x1[inliers], x2[inliers], threshold
+    )
     return RelativePose(pose, inliers)
 
 

@@ -40,7 +40,7 @@ def resect(xyz: Array, x: Array, threshold: float) -> Resection | None:
     )
     if not found or index is None or len(index) < 6:
         return None
-    return refine_pose(xyz, x, Pose.from_rotvec(rvec, tvec), threshold)
+    return refine_pose(xyz, x, Pose.from_rotvec(np.asarray(rvec, float), np.asarray(tvec, float)), threshold)
 
 
 def refine_pose(
