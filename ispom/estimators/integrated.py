@@ -106,9 +106,7 @@ class Integrated:
             decisions += why
         pose = self._live(state, exposure.time_ns)
         watch.lap("integrate")
-        status = Status.INITIALISING if pose is None else Status.TRACKING
-        if pose is None and state.poses is not None:
-            status = Status.LOST
+        status = Status.TRACKING if pose else Status.INITIALISING if state.scale is None else Status.LOST
         return state, Step(
             self.method,
             exposure.time_ns,
