@@ -52,7 +52,7 @@ class MonocularConfig:
     """First guess of positions between key frames; rotations are interpolated spherically."""
     max_tracks: Annotated[int, Range(50, 2000)] = 400
     """Points tracked at a time."""
-    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.0
+    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.5
     """Median displacement since the last key frame, its rotation taken away, that makes the next one."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.6
     """A key frame is taken early, before a smaller share of the last one's points is left."""

@@ -34,16 +34,23 @@ from ispom.types import (
 )
 
 
+MIN_DISPARITY_PX = 1.0
+"""A smaller disparity says no more than that the point is far."""
+
+
 @dataclass(frozen=True)
 class StereoConfig:
     """Settings of the stereo estimator (section 6.2)."""
 
     matching: Literal["sift", "klt"] = "sift"
     """How consecutive left images correspond: descriptors survive metres between pairs, tracking is faster."""
-    max_points: Annotated[int, Range(50, 5000)] = 1500
-    """Points looked for in each left image."""
-    max_depth_baselines: Annotated[float, Range(5, 500)] = 60.0
-    """Points farther than this many baselines are left out of the clouds: unweighted, they would spoil the fit."""
+    max_points: Annotated[int, Range(50, 5000)] = 3000
+    """Points described in each left image, with sift."""
+    max_tracks: Annotated[int, Range(50, 5000)] = 1000
+    """Points tracked into each left image, with klt."""
+    max_depth_baselines: Annotated[float, Range(5, 500)] = 50.0
+    """Points farther than this many baselines are left out of the fit, which, unweighted, they would spoil;
+    where too few are nearer, up to two and four times as far."""
     inlier_disparity_px: Annotated[float, Range(0.1, 10)] = 0.7
     """A point fits the rigid motion where its distance is within the depth error of this disparity error."""
     min_inliers: Annotated[int, Range(6, 500)] = 12
@@ -133,9 +140,9 @@ class Stereo:
 
     def _correspond_in_time(self, state: StereoState, left: Image) -> Found:
         """Points of this left image, and which of them the reference image shows as well."""
-        reference, n = state.reference, self.config.max_points
-        if self.config.matching == "sift":
-            features = sift.detect_and_describe(left, n)
+        reference, config = state.reference, self.config
+        if config.matching == "sift":
+            features = sift.detect_and_describe(left, config.max_points)
             ended = np.zeros(0, np.uint8) if reference is None else np.full(len(reference), TrackStatus.UNMATCHED)
             ids, previous = np.full(len(features), -1, np.int64), np.full(len(features), -1, np.int64)
             if reference is not None:
@@ -149,7 +156,7 @@ class Stereo:
                 uv, ended = Klt(levels=4, window_px=15).track(reference.grey, left, reference.features.uv)
                 previous = np.flatnonzero(ended == TrackStatus.ALIVE)
                 uv = uv[previous]
-            fresh = corners.detect(left, n - len(uv), uv)
+            fresh = corners.detect(left, config.max_tracks - len(uv), uv)
             features = sift.Features(np.concatenate([uv, fresh]), np.zeros((len(uv) + len(fresh), 0), np.float32))
             previous = np.concatenate([previous, np.full(len(fresh), -1, np.int64)])
             ids = np.full(len(features), -1, np.int64)
@@ -160,20 +167,26 @@ class Stereo:
         return Found(left, features, ids, previous, ended, state.next_id + int((~known).sum()))
 
     def _cloud(self, left: Image, right: Image, found: Found) -> tuple[Cloud, NDArray[np.bool_]]:
-        """Left to right along the row, triangulated; only points near enough to count."""
+        """Left to right along the row, triangulated."""
         camera, baseline = self.rig.camera("left"), self.rig.baseline_m
         disparity, _ = RowSearch().disparity(left, right, found.features.uv)
-        keep = disparity > camera.fx / self.config.max_depth_baselines
+        keep = disparity >= MIN_DISPARITY_PX
         features = sift.Features(found.features.uv[keep], found.features.descriptors[keep])
         xyz = points_from_disparity(camera, baseline, features.uv, disparity[keep])
         return Cloud(left, found.ids[keep], features, disparity[keep], xyz), keep
 
     def _pairs(self, reference: Cloud | None, cloud: Cloud) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Indices into the reference and into this cloud of the points that both have."""
+        """Indices into the reference and into this cloud of the points that both have near enough to count."""
         if reference is None:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
         _, old, new = np.intersect1d(reference.ids, cloud.ids, assume_unique=True, return_indices=True)
-        return old, new
+        depth = np.maximum(reference.xyz_in_left[old, 2], cloud.xyz_in_left[new, 2])
+        limit = self.config.max_depth_baselines * self.rig.baseline_m
+        near = depth <= limit
+        for factor in (2, 4):
+            if near.sum() < 3 * self.config.min_inliers:
+                near = depth <= factor * limit
+        return old[near], new[near]
 
     def _rigid_motion(
         self, reference: Cloud | None, cloud: Cloud, pairs: tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -266,8 +279,9 @@ class Stereo:
     def _landmarks(self, exposure: StereoPair, cloud: Cloud, world_from_rig: Pose | None) -> Landmarks:
         if world_from_rig is None:
             return Landmarks.empty()
-        xyz = (world_from_rig @ self.rig.rig_from_left).apply(cloud.xyz_in_left)
-        return Landmarks(cloud.ids, xyz, colours_at(exposure.left, cloud.features.uv))
+        near = cloud.xyz_in_left[:, 2] <= self.config.max_depth_baselines * self.rig.baseline_m
+        xyz = (world_from_rig @ self.rig.rig_from_left).apply(cloud.xyz_in_left[near])
+        return Landmarks(cloud.ids[near], xyz, colours_at(exposure.left, cloud.features.uv[near]))
 
 
 @dataclass

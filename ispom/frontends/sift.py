@@ -34,7 +34,7 @@ def detect_and_describe(grey: Image, count: int) -> Features:
     return Features(uv[keep], root.astype(np.float32))
 
 
-def match(a: Features, b: Features, max_ratio: float = 0.8) -> NDArray[np.int64]:
+def match(a: Features, b: Features, max_ratio: float = 0.9) -> NDArray[np.int64]:
     """Index pairs (M, 2) of mutual nearest neighbours that pass the ratio test."""
     if len(a) < 2 or len(b) < 2:
         return np.zeros((0, 2), np.int64)
