@@ -28,7 +28,13 @@ def skew(v: Array) -> Array:
 def so3_exp(rotvec_rad: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad] (Rodrigues)."""
     rotvec = np.asarray(rotvec_rad, float)
-    return Rotation.from_rotvec(rotvec.reshape(-1, 3)).as_matrix().reshape(*rotvec.shape[:-1], 3, 3)
+    angle = np.sqrt((rotvec * rotvec).sum(-1))[..., None, None]
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    sine = np.where(small, 1 - angle**2 / 6, np.sin(safe) / safe)
+    versine = np.where(small, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
+    k = skew(rotvec)
+    return np.eye(3) + sine * k + versine * (k @ k)
 
 
 def so3_log(rotation: Array) -> Array:

@@ -33,7 +33,6 @@ from ispom.types import (
     colours_at,
 )
 
-
 MIN_DISPARITY_PX = 1.0
 """A smaller disparity says no more than that the point is far."""
 
@@ -153,7 +152,7 @@ class Stereo:
             uv, ended = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
             previous = np.zeros(0, np.int64)
             if reference is not None:
-                uv, ended = Klt(levels=4, window_px=15).track(reference.grey, left, reference.features.uv)
+                uv, ended = Klt(levels=4).track(reference.grey, left, reference.features.uv)
                 previous = np.flatnonzero(ended == TrackStatus.ALIVE)
                 uv = uv[previous]
             fresh = corners.detect(left, config.max_tracks - len(uv), uv)

@@ -20,8 +20,8 @@ class RowSearch:
     """Largest disparity looked for, as a share of the image width."""
     max_row_error_px: float = 2.0
     """Real rectifications are off by a pixel or so."""
-    refine: Klt = field(default_factory=lambda: Klt(window_px=11, levels=1, max_forward_backward_px=0.5))
-    """The sub-pixel search: small windows are less biased."""
+    refine: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=0.5))
+    """The sub-pixel search."""
 
     def disparity(
         self, left: Image, right: Image, uv: NDArray[np.float32]

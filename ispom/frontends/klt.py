@@ -13,7 +13,8 @@ from ispom.types import Image, TrackStatus
 
 @dataclass(frozen=True)
 class Klt:
-    window_px: int = 15
+    window_px: int = 11
+    """Small windows are faster, and less biased where the motion varies."""
     levels: int = 3
     """Pyramid levels above the image itself."""
     iterations: int = 20

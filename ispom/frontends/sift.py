@@ -22,12 +22,21 @@ class Features:
         return len(self.uv)
 
 
+SEARCH_WIDTH_PX = 900
+"""Wider images are searched at this width: as accurate on real drives, and much faster."""
+
+
 def detect_and_describe(grey: Image, count: int) -> Features:
     """The `count` strongest SIFT features of an image, each place once."""
-    keypoints, descriptors = cv2.SIFT.create(nfeatures=count, contrastThreshold=0.02).detectAndCompute(grey, None)
+    height, width = grey.shape
+    factor = min(1.0, SEARCH_WIDTH_PX / width)
+    size = (round(width * factor), round(height * factor))
+    searched = grey if factor == 1 else cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    keypoints, descriptors = cv2.SIFT.create(nfeatures=count, contrastThreshold=0.02).detectAndCompute(searched, None)
     if descriptors is None or not len(keypoints):
         return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.float32))
-    uv = np.array([k.pt for k in keypoints], np.float32)
+    stretch = np.array([width / size[0], height / size[1]])
+    uv = ((np.array([k.pt for k in keypoints]) + 0.5) * stretch - 0.5).astype(np.float32)
     _, first = np.unique(uv, axis=0, return_index=True)
     keep = np.sort(first)
     root = np.sqrt(descriptors[keep] / np.maximum(descriptors[keep].sum(1, keepdims=True), 1e-9))
@@ -42,7 +51,8 @@ def match(a: Features, b: Features, max_ratio: float = 0.9) -> NDArray[np.int64]
     to_b, to_a = similarity.argmax(1), similarity.argmax(0)
     rows = np.arange(len(a))
     best = similarity[rows, to_b]
-    second = np.partition(similarity, -2, axis=1)[:, -2]
+    similarity[rows, to_b] = -1
+    second = similarity.max(1)
     # Unit vectors: squared distance is 2 - 2 similarity, and the ratio test compares distances.
     clear = (1 - best) < max_ratio**2 * (1 - second)
     mutual = to_a[to_b] == rows

@@ -60,10 +60,14 @@ def refine_pose(
         weight = np.repeat(1 / (1 + (residual**2).sum(1) / scale**2), 2)
         j, r = jacobian.reshape(-1, 6), residual.ravel()
         normal = j.T @ (weight[:, None] * j)
-        if np.linalg.cond(normal) > 1e14:
+        try:
+            delta = -np.linalg.solve(normal, j.T @ (weight * r))
+        except np.linalg.LinAlgError:
             return None
-        delta = -np.linalg.solve(normal, j.T @ (weight * r))
-        pose = Pose(so3_exp(delta[3:]) @ pose.rotation, so3_exp(delta[3:]) @ pose.translation + delta[:3])
+        if not np.abs(delta).max() < 1e6:
+            return None
+        turn = so3_exp(delta[3:])
+        pose = Pose(turn @ pose.rotation, turn @ pose.translation + delta[:3])
         if i >= 4 and np.abs(delta).max() < 1e-8:
             break
     residual, _, front = _reprojection(xyz, x, pose)
