@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from ispom.types import Image
 
-
 SEARCH_WIDTH_PX = 700
 """Wider images are searched at half size: as good to track, and four times as fast."""
 
