@@ -118,8 +118,9 @@ class Stereo:
         first = state.reference is None
         located, decisions = self._decide(state, cloud, pairs, motion)
         world_from_rig = self._locate(state, motion) if located else None
-        tracks, cloud = self._tracks(state, found, has_depth, cloud, pairs, motion)
-        after = self._next_state(state, exposure.time_ns, cloud, world_from_rig, int(found.next_id))
+        tracks = self._tracks(state, found, has_depth, cloud, pairs, motion)
+        cloud, next_id = _renamed(cloud, pairs[1], motion, found.next_id)
+        after = self._next_state(state, exposure.time_ns, cloud, world_from_rig, next_id)
         status = Status.TRACKING if located else Status.INITIALISING if first else Status.LOST
         residuals = tracks.residual_px[tracks.status == TrackStatus.ALIVE]
         step = Step(
@@ -238,34 +239,27 @@ class Stereo:
         cloud: Cloud,
         pairs: tuple[NDArray, NDArray],
         motion: RigidMotion | None,
-    ) -> tuple[Tracks, Cloud]:
-        """What a person sees of this pair, and the cloud with new ids for the points whose track ended here."""
+    ) -> Tracks:
+        """What a person sees of this pair: its points, and those of the reference that were not found again."""
         reference = state.reference
         status = np.where(found.previous >= 0, TrackStatus.ALIVE, TrackStatus.NEW).astype(np.uint8)
         status[~has_depth] = TrackStatus.NO_DISPARITY
         residual = np.full(len(found.ids), np.nan, np.float32)
         disparity = np.full(len(found.ids), np.nan, np.float32)
         disparity[has_depth] = cloud.disparity_px
-        uv_prev = np.full((len(found.ids), 2), np.nan, np.float32)
         if reference is None:
-            return Tracks.of(
-                found.ids, found.features.uv, status=status, disparity_px=disparity, uv_prev=uv_prev
-            ), cloud
+            return Tracks.of(found.ids, found.features.uv, status=status, disparity_px=disparity)
+        uv_prev = np.full((len(found.ids), 2), np.nan, np.float32)
         known = found.previous >= 0
         uv_prev[known] = reference.features.uv[found.previous[known]]
-        ids_in_cloud = cloud.ids
         if motion is not None:
             place = np.flatnonzero(has_depth)[pairs[1]]
             moved = motion.target_from_source.inverse().apply(reference.xyz_in_left[pairs[0]])
             seen = self.rig.camera("left").project(moved)
             residual[place] = np.linalg.norm(seen - found.features.uv[place], axis=1)
             status[place[~motion.inliers]] = TrackStatus.RIGID
-            ids_in_cloud = cloud.ids.copy()
-            outliers = pairs[1][~motion.inliers]
-            ids_in_cloud[outliers] = found.next_id + np.arange(len(outliers))
-            found.next_id += len(outliers)
         gone = found.ended != TrackStatus.ALIVE
-        tracks = Tracks.of(
+        return Tracks.of(
             np.concatenate([found.ids, reference.ids[gone]]),
             np.concatenate([found.features.uv, reference.features.uv[gone]]),
             status=np.concatenate([status, found.ended[gone]]),
@@ -273,7 +267,6 @@ class Stereo:
             residual_px=np.concatenate([residual, np.full(gone.sum(), np.nan, np.float32)]),
             disparity_px=np.concatenate([disparity, np.full(gone.sum(), np.nan, np.float32)]),
         )
-        return tracks, replace(cloud, ids=ids_in_cloud)
 
     def _landmarks(self, exposure: StereoPair, cloud: Cloud, world_from_rig: Pose | None) -> Landmarks:
         if world_from_rig is None:
@@ -283,9 +276,18 @@ class Stereo:
         return Landmarks(cloud.ids[near], xyz, colours_at(exposure.left, cloud.features.uv[near]))
 
 
-@dataclass
+def _renamed(cloud: Cloud, used: NDArray[np.int64], motion: RigidMotion | None, next_id: int) -> tuple[Cloud, int]:
+    """The cloud with new ids for the points that did not fit the motion (their tracks ended), and the next free id."""
+    if motion is None:
+        return cloud, next_id
+    ids, outliers = cloud.ids.copy(), used[~motion.inliers]
+    ids[outliers] = next_id + np.arange(len(outliers))
+    return replace(cloud, ids=ids), next_id + len(outliers)
+
+
+@dataclass(frozen=True, eq=False)
 class Found:
-    """Points of one left image while the step works on them."""
+    """Points of one left image, and how they go on from the reference."""
 
     grey: Image
     features: sift.Features
