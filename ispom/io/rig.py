@@ -10,11 +10,11 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.rows import read_text
+from ispom.io.camera import INTRINSICS, SIZES, camera_of
+from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.types import Camera, Rig
 
 _CAMERAS = ("video", "left", "right")
-_SIZES, _INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
 
 
 def rig_text(rig: Rig) -> str:
@@ -25,13 +25,8 @@ def rig_text(rig: Rig) -> str:
 
 def read_rig(path: Path) -> Rig:
     """The rig of a file; InputError names the entry that is missing or wrong."""
-    try:
-        content = yaml.safe_load(read_text(path))
-    except (yaml.YAMLError, ValueError) as error:
-        place = getattr(error, "problem_mark", None)
-        where = f" line {place.line + 1}" if place else ""
-        raise InputError(f"{path}{where} is not valid YAML: correct it") from None
-    if not isinstance(content, dict) or not content or not set(content) <= set(_CAMERAS):
+    content = read_mapping(path)
+    if not content or not set(content) <= set(_CAMERAS):
         raise InputError(f"{path} must hold entries called video, left or right, and no others: correct it")
     fields: dict[str, Any] = {}
     for name, entry in content.items():
@@ -42,8 +37,8 @@ def read_rig(path: Path) -> Rig:
 def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
     camera, rig_from_camera = rig.camera(name), rig.rig_from(name)
     return {
-        **{key: getattr(camera, key) for key in _SIZES},
-        **{key: float(getattr(camera, key)) for key in _INTRINSICS},
+        **{key: getattr(camera, key) for key in SIZES},
+        **{key: float(getattr(camera, key)) for key in INTRINSICS},
         "distortion": [float(v) for v in camera.distortion],
         f"rig_from_{name}": {
             "translation_m": rig_from_camera.translation.tolist(),
@@ -55,27 +50,12 @@ def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
 def _camera(path: Path, name: str, entry: Any) -> tuple[Camera, Pose]:
     if not isinstance(entry, dict):
         raise InputError(f"{path}: {name} must hold the camera's values: correct it")
-    values = {key: _list(path, f"{name}.{key}", [entry.get(key)], 1)[0] for key in (*_SIZES, *_INTRINSICS)}
-    for key in ("width", "height", "fx", "fy"):
-        if values[key] <= 0:
-            raise InputError(f"{path}: {name}.{key} is {values[key]:g}, not positive: correct it")
-    distortion = _list(path, f"{name}.distortion", entry.get("distortion", []), (0, 4, 5, 8))
+    camera = camera_of(path, entry, f"{name}.")
     pose = entry.get(f"rig_from_{name}")
     if not isinstance(pose, dict):
         raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw")
-    translation = _list(path, f"{name}.rig_from_{name}.translation_m", pose.get("translation_m"), 3)
-    xyzw = _list(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
+    translation = finite_numbers(path, f"{name}.rig_from_{name}.translation_m", pose.get("translation_m"), 3)
+    xyzw = finite_numbers(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
     if abs(np.linalg.norm(xyzw) - 1) > 0.01:
         raise InputError(f"{path}: {name}.rig_from_{name}.rotation_xyzw is not of length 1: correct it")
-    width, height = int(values["width"]), int(values["height"])
-    camera = Camera(width, height, *(values[key] for key in _INTRINSICS), distortion=tuple(distortion))
     return camera, Pose.from_xyzw(np.array(xyzw), np.array(translation))
-
-
-def _list(path: Path, where: str, value: Any, counts: int | tuple[int, ...]) -> list[float]:
-    counts = (counts,) if isinstance(counts, int) else counts
-    good = isinstance(value, list) and len(value) in counts
-    if not good or not all(isinstance(v, int | float) and np.isfinite(v) for v in value):
-        wanted = " or ".join(str(count) for count in counts)
-        raise InputError(f"{path}: {where} needs {wanted} finite number(s): correct it")
-    return [float(v) for v in value]
