@@ -7,25 +7,50 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ispom.errors import InputError
+from ispom.errors import InputError, UnreadableImage
 from ispom.types import Image
 
 _PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_TAIL = 4096
+"""Some cameras write this much behind the end of a JPEG."""
 
 
 def read_grey(path: Path, size: tuple[int, int] | None = None) -> Image:
-    """(H, W), read-only; InputError where it is missing, damaged, or not of `size` (width, height)."""
+    """(H, W), read-only.
+
+    UnreadableImage where it is missing or damaged, InputError where it is not of `size` (width, height).
+    """
+    return _read(path, size, cv2.IMREAD_GRAYSCALE)
+
+
+def read_image(path: Path, size: tuple[int, int] | None = None) -> Image:
+    """The same, (H, W, 3) RGB where the file has colours."""
+    return _read(path, size, cv2.IMREAD_ANYCOLOR)
+
+
+def _read(path: Path, size: tuple[int, int] | None, flag: int) -> Image:
     try:
         content = path.read_bytes()
     except OSError:
-        raise InputError(f"{path} is missing or unreadable: restore the image") from None
-    # Checked before decoding, because the decoder writes about a cut file to standard error.
-    whole = not content.startswith(_PNG_START) or content.rstrip(b"\0").endswith(_PNG_END)
-    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE) if whole and content else None
+        raise UnreadableImage(f"{path} is missing or unreadable: restore the image") from None
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
     if image is None:
-        raise InputError(f"{path} is not a whole image (truncated or damaged): restore it")
-    height, width = image.shape
+        raise UnreadableImage(f"{path} is not a whole image (truncated or damaged): restore it")
+    height, width = image.shape[:2]
     if size is not None and (width, height) != size:
-        raise InputError(f"{path} is {width} x {height}, the first image {size[0]} x {size[1]}: restore the image")
+        cure = "restore the image, or correct the calibration"
+        raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
+    if image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     image.setflags(write=False)
     return np.asarray(image, np.uint8)
+
+
+def _is_whole(content: bytes) -> bool:
+    """Whether the end is there; checked before decoding, because decoders write about a cut file to standard error."""
+    if content.startswith(_PNG_START):
+        return content.rstrip(b"\0").endswith(_PNG_END)
+    if content.startswith(_JPEG_START):
+        return _JPEG_END in content[2:][-_TAIL:]
+    return bool(content)
