@@ -30,3 +30,5 @@ class Recording:
     """Reads image i of a side; InputError where its file is unreadable or of the wrong size."""
     truth: Trajectory | None = None
     """world_from_left."""
+    notes: tuple[str, ...] = ()
+    """What a person must know about it: images without a partner, a gap in time."""

@@ -22,11 +22,11 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
     if not 0.05 <= video_scale <= 1:
         raise InputError(f"--video-scale is {video_scale:g}, give a value from 0.05 to 1")
     video = recording.camera.scaled(video_scale)
-    rig, notes = Rig.single(video), ()
+    rig, notes = Rig.single(video), recording.notes
     if recording.baseline_m is not None:
         stereo = Rig.stereo(recording.camera, recording.baseline_m)
         rig = Rig(video, stereo.left, stereo.right, stereo.rig_from_left, stereo.rig_from_left, stereo.rig_from_right)
-        notes = (_emulation(stereo_every, video_scale),)
+        notes = (_emulation(stereo_every, video_scale), *notes)
     plan: list[tuple[int, Kind]] = []
     for i in range(len(recording.times_ns)):
         if rig.has_stereo and i % stereo_every == 0:
