@@ -7,12 +7,16 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
 from ispom.geometry import Array
+from ispom.types import Frame, Trajectory
 
 Row = tuple[int, list[str]]
 """Line number, counted from 1, and the words of the line."""
+LARGEST = 1e15
+"""No length, angle or intrinsic is larger; squares and cubes of it are still numbers."""
 
 
 def read_text(path: Path) -> str:
@@ -46,7 +50,9 @@ def numbers(path: Path, line: int, words: list[str]) -> Array:
         except ValueError:
             values.append(np.nan)
         if not np.isfinite(values[-1]):
-            raise InputError(f"{path} line {line}: '{word}' is not a finite number: correct that line")
+            raise InputError(f"{path} line {line}: '{word[:40]}' is not a finite number: correct that line")
+        if abs(values[-1]) > LARGEST:
+            raise InputError(f"{path} line {line}: '{word[:40]}' is too large for what it says: correct that line")
     return np.array(values)
 
 
@@ -64,10 +70,29 @@ def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
     return times
 
 
+def latest(
+    path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: Frame
+) -> Trajectory:
+    """The trajectory of times (N,), positions (N, 3) and quaternions (N, 4); of several poses at one time the last.
+
+    InputError where time goes backwards or a quaternion is not of length 1 (to 1 %).
+    """
+    _refuse(path, rows, np.diff(times) < 0)
+    lengths = np.linalg.norm(xyzw, axis=1)
+    wrong = np.flatnonzero(abs(lengths - 1) > 0.01)
+    if len(wrong):
+        line = rows[wrong[0]][0]
+        raise InputError(f"{path} line {line}: the quaternion's length is {lengths[wrong[0]]:.3g}, not 1: correct it")
+    if not len(times):
+        return Trajectory.empty(frame)
+    last = np.append(np.diff(times) > 0, True)
+    return Trajectory(times[last], Rotation.from_quat(xyzw[last]).as_matrix(), positions[last], frame)
+
+
 def _refuse(path: Path, rows: list[Row], wrong: NDArray[np.bool_]) -> None:
     if wrong.any():
         line, words = rows[np.flatnonzero(wrong)[0] + 1]
-        raise InputError(f"{path} line {line}: time {words[0]} s is not after the one before: put the lines in order")
+        raise InputError(f"{path} line {line}: time {words[0]} is not after the one before: put the lines in order")
 
 
 def _time_ns(path: Path, line: int, word: str) -> int:

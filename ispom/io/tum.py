@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from ispom.errors import InputError
-from ispom.io.rows import numbers, read_rows, times_ns
+from ispom.io.rows import latest, numbers, read_rows, times_ns
 from ispom.types import Frame, Trajectory
 
 
@@ -27,15 +25,7 @@ def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
     rows = read_rows(path, 8)
     times = times_ns(path, rows)
     values = np.array([numbers(path, line, words[1:]) for line, words in rows]).reshape(-1, 7)
-    lengths = np.linalg.norm(values[:, 3:], axis=1)
-    wrong = np.flatnonzero(abs(lengths - 1) > 0.01)
-    if len(wrong):
-        line = rows[wrong[0]][0]
-        raise InputError(f"{path} line {line}: the quaternion's length is {lengths[wrong[0]]:.3g}, not 1: correct it")
-    if not len(values):
-        return Trajectory.empty(frame)
-    last = np.append(np.diff(times) > 0, True)
-    return Trajectory(times[last], Rotation.from_quat(values[last, 3:]).as_matrix(), values[last, :3], frame)
+    return latest(path, rows, times, values[:, :3], values[:, 3:], frame)
 
 
 def _seconds(time_ns: int) -> str:

@@ -60,7 +60,7 @@ def test_of_two_poses_at_one_time_the_last_counts(tmp_path: Path) -> None:
         ("0.2 0 x 0 0 0 0 1", "line 2: 'x' is not a finite number"),
         ("x 0 0 0 0 0 0 1", "line 2: 'x' is not a time"),
         ("nan 0 0 0 0 0 0 1", "line 2: 'nan' is not a time"),
-        ("0.05 0 0 0 0 0 0 1", "line 2: time 0.05 s is not after"),
+        ("0.05 0 0 0 0 0 0 1", "line 2: time 0.05 is not after"),
         ("0.2 0 0 0 0 0 0 2", "line 2: the quaternion's length is 2"),
     ],
 )
