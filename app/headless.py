@@ -25,10 +25,20 @@ from .options import Run
 from .playback import Finished, Playback
 from .results import Tally, in_frame, metrics_text, run_text, summary
 from .run_folder import RunFolder
+from .step_log import DECISIONS, STEPS, StepLog
 
 TERMINATED = 143
 RECORDING = "run.rrd"
-OUTPUTS = ["run.yaml", "rig.yaml", "truth.tum", *(f"{m}.tum" for m in METHODS), "metrics.json", RECORDING]
+OUTPUTS = [
+    "run.yaml",
+    "rig.yaml",
+    "truth.tum",
+    *(f"{m}.tum" for m in METHODS),
+    "metrics.json",
+    STEPS,
+    DECISIONS,
+    RECORDING,
+]
 
 
 def run(options: Run) -> int:
@@ -79,6 +89,7 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
 
             stack.callback(folder.keep, RECORDING)
             record = stack.enter_context(FileRecording(folder.part(RECORDING), playback.opened))
+        log = stack.enter_context(StepLog(folder))
         if playback.sequence.prepare:
             playback.sequence.prepare(0)
         try:
@@ -87,6 +98,7 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
                     event = playback.step()
                     for step in event.steps:
                         tally.add(step)
+                    log.add(event)
                     if record:
                         record.write(event)
                     advance()

@@ -23,7 +23,15 @@ from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.sequences.kitti_folder import make_drive
 
-FILES = {"run.yaml", "rig.yaml", "truth.tum", *(f"{m}.tum" for m in METHODS), "metrics.json"}
+FILES = {
+    "run.yaml",
+    "rig.yaml",
+    "truth.tum",
+    *(f"{m}.tum" for m in METHODS),
+    "metrics.json",
+    "steps.csv",
+    "decisions.csv",
+}
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,122 @@
+"""steps.csv and decisions.csv: what every method said about every exposure, written while a run goes on."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any, Self, TextIO
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.types import Step, TrackStatus
+
+from .playback import Stepped
+from .run_folder import RunFolder
+
+STEPS, DECISIONS = "steps.csv", "decisions.csv"
+DROPPED = {f"dropped_{status.name.lower()}": status for status in TrackStatus if status.dropped}
+"""By column: why a track ended."""
+STEP_COLUMNS = (
+    *("exposure", "time_ns", "method", "status", "key_frame", "error_m", "scale", "inliers", "residual_median_px"),
+    *("alive", "new", *DROPPED, "seconds", "stages"),
+)
+"""`error_m` is of the pose as it was given at that time; `stages` is `name=seconds;...`, `seconds` their sum."""
+DECISION_COLUMNS = (
+    "exposure",
+    "time_ns",
+    "method",
+    "name",
+    "value",
+    "relation",
+    "threshold",
+    "unit",
+    "passed",
+    "because",
+)
+
+
+class StepLog:
+    """The two files of one run, growing row by row; nothing is kept in memory. They get their names at the end."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        """InputError where the folder cannot be written to."""
+        self._folder, self._stack = folder, ExitStack()
+        try:
+            self._steps, self._decisions = (self._open(name) for name in (STEPS, DECISIONS))
+            self._write([STEP_COLUMNS], [DECISION_COLUMNS])
+        except OSError as error:
+            raise self._refusal(error) from None
+
+    def add(self, event: Stepped) -> None:
+        """The rows of one exposure. InputError where the disk does not take them."""
+        steps = list(_by_method(event.steps).values())
+        try:
+            self._write(
+                (_step_row(event, step) for step in steps),
+                (row for step in steps for row in _decision_rows(event, step)),
+            )
+        except OSError as error:
+            raise self._refusal(error) from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Closes both files, whole as far as they go, and gives them their names."""
+        try:
+            self._stack.close()
+        except OSError as error:
+            raise self._refusal(error) from None
+        for name in (STEPS, DECISIONS):
+            self._folder.keep(name)
+
+    def _open(self, name: str) -> TextIO:
+        return self._stack.enter_context(self._folder.part(name).open("w", encoding="utf-8", newline=""))
+
+    def _write(self, steps: Any, decisions: Any) -> None:
+        csv.writer(self._steps, lineterminator="\n").writerows(steps)
+        csv.writer(self._decisions, lineterminator="\n").writerows(decisions)
+
+    def _refusal(self, error: OSError) -> InputError:
+        place = self._folder.path / STEPS
+        return InputError(f"{place} cannot be written ({error.strerror}): make room, or give another --out")
+
+
+def _by_method(steps: tuple[Step, ...]) -> dict[str, Step]:
+    """The asked methods' steps, and those of the estimators inside them that were not asked for themselves."""
+    found = {step.method: step for step in steps}
+    for step in steps:
+        for method, part in _by_method(step.parts).items():
+            found.setdefault(method, part)
+    return found
+
+
+def _step_row(event: Stepped, step: Step) -> list[Any]:
+    statuses = np.concatenate([[], *(tracks.status for tracks in step.tracks.values())])
+    counts = [int((statuses == status).sum()) for status in (TrackStatus.ALIVE, TrackStatus.NEW, *DROPPED.values())]
+    residuals = step.residuals_px
+    return [
+        *(event.index, step.time_ns, step.method, str(step.status), int(step.key_frame)),
+        *(_number(event.errors_m.get(step.method)), _number(step.scale)),
+        *((len(residuals), _number(float(np.median(residuals)))) if len(residuals) else ("", "")),
+        *(counts if step.tracks else [""] * len(counts)),
+        _number(sum(step.seconds.values())),
+        ";".join(f"{stage}={_number(seconds)}" for stage, seconds in step.seconds.items()),
+    ]
+
+
+def _decision_rows(event: Stepped, step: Step) -> Iterator[list[Any]]:
+    for d in step.decisions:
+        value, threshold = _number(d.value), _number(d.threshold)
+        yield [
+            *(event.index, step.time_ns, step.method, d.name),
+            *(value, d.relation, threshold, d.unit, int(d.passed), d.because),
+        ]
+
+
+def _number(value: float | None) -> str:
+    """Nine digits; empty for what is not known."""
+    return "" if value is None or not math.isfinite(value) else f"{value:.9g}"
