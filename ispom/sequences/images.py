@@ -10,6 +10,7 @@ import numpy as np
 from ispom.errors import InputError, UnreadableImage
 from ispom.types import Image
 
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 _PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _TAIL = 4096
@@ -29,22 +30,29 @@ def read_image(path: Path, size: tuple[int, int] | None = None) -> Image:
     return _read(path, size, cv2.IMREAD_ANYCOLOR)
 
 
+def decode(content: bytes, flag: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
+    """The image (H, W) or RGB (H, W, 3) of a file's bytes, read-only; None where it is not whole."""
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
+    if image is None:
+        return None
+    image = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+    image.setflags(write=False)
+    return image
+
+
 def _read(path: Path, size: tuple[int, int] | None, flag: int) -> Image:
     try:
         content = path.read_bytes()
     except OSError:
         raise UnreadableImage(f"{path} is missing or unreadable: restore the image") from None
-    image = cv2.imdecode(np.frombuffer(content, np.uint8), flag) if _is_whole(content) else None
+    image = decode(content, flag)
     if image is None:
         raise UnreadableImage(f"{path} is not a whole image (truncated or damaged): restore it")
     height, width = image.shape[:2]
     if size is not None and (width, height) != size:
         cure = "restore the image, or correct the calibration"
         raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
-    if image.ndim == 3:
-        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-    image.setflags(write=False)
-    return np.asarray(image, np.uint8)
+    return image
 
 
 def _is_whole(content: bytes) -> bool:
