@@ -5,12 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.sequences.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.recording import Recording
+from ispom.sequences.tum import looks_like_tum, open_tum
 from ispom.sequences.two_rate import two_rate
 from ispom.types import Sequence
 
 MIN_FRAMES = 3
+LAYOUTS = (
+    (looks_like_kitti, open_kitti),
+    (looks_like_euroc, open_euroc),
+    (looks_like_tum, open_tum),
+)
+"""How each kind of folder is recognised and opened."""
 
 
 def open_sequence(
@@ -48,10 +56,18 @@ def _recording(folder: Path) -> Recording:
         raise InputError(f"{folder} does not exist: correct the path, or give a simulation such as sim:city")
     if not folder.is_dir():
         raise InputError(f"{folder} is a file, not a folder: give the folder of a drive, such as kitti/sequences/06")
-    if looks_like_kitti(folder):
-        return open_kitti(folder)
+    for looks_like, opened in LAYOUTS:
+        if looks_like(folder):
+            return opened(folder)
     if not any(folder.iterdir()):
         raise InputError(f"{folder} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
-    drives = sorted(p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if looks_like_kitti(p))
+    drives = sorted(p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if _is_known(p))
     cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
-    raise InputError(f"{folder} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry): {cure}")
+    raise InputError(
+        f"{folder} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
+        f"mav0, as in EuRoC, and rgb.txt, as in TUM): {cure}"
+    )
+
+
+def _is_known(folder: Path) -> bool:
+    return any(looks_like(folder) for looks_like, _ in LAYOUTS)

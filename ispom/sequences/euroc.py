@@ -1,0 +1,144 @@
+"""EuRoC: a folder `mav0` with cam0, cam1 and state_groundtruth_estimate0; raw stereo images, rectified here.
+
+The right camera (cam1) and the truth may be missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ispom.errors import InputError
+from ispom.geometry import Pose
+from ispom.io.camera import camera_of
+from ispom.io.euroc import read_euroc
+from ispom.io.mapping import finite_numbers, read_mapping
+from ispom.io.rows import read_text
+from ispom.sequences.images import read_grey
+from ispom.sequences.matching import pairs, truth_at, unmatched_note
+from ispom.sequences.recording import Recording, Side
+from ispom.sequences.rectification import Rectification, remapped
+from ispom.types import Camera, Image, Trajectory
+
+DISTORTION_MODELS = ("radial-tangential", "radtan", "none")
+
+
+@dataclass(frozen=True, eq=False)
+class _Sensor:
+    """One camera's folder: its calibration and its list of images."""
+
+    camera: Camera
+    body_from_camera: Pose
+    times_ns: NDArray[np.int64]
+    paths: list[Path]
+
+
+def looks_like_euroc(folder: Path) -> bool:
+    """Whether it is a `mav0`, or the folder that holds one."""
+    return (folder / "mav0").is_dir() or (folder / "cam0" / "data.csv").exists()
+
+
+def open_euroc(folder: Path) -> Recording:
+    """The recording of a `mav0`, or of the folder that holds it; InputError names the file that is missing or wrong."""
+    mav0 = folder / "mav0" if (folder / "mav0").is_dir() else folder
+    name = f"EuRoC {mav0.resolve().parent.name}"
+    left = _sensor(mav0 / "cam0")
+    if not (mav0 / "cam1").is_dir():
+        truth = _truth(mav0, left.body_from_camera, left.times_ns)
+        size = (left.camera.width, left.camera.height)
+        return Recording(name, left.camera, None, left.times_ns, lambda _, i: read_grey(left.paths[i], size), truth)
+    right = _sensor(mav0 / "cam1")
+    i_left, i_right = pairs(left.times_ns, right.times_ns)
+    if not len(i_left):
+        raise InputError(f"{mav0 / 'cam1' / 'data.csv'} has no image of the same time as one of cam0: restore it")
+    rectified = _rectification(mav0, left, right)
+    sides = {
+        "left": ([left.paths[i] for i in i_left], (left.camera.width, left.camera.height), rectified.left_maps),
+        "right": ([right.paths[i] for i in i_right], (right.camera.width, right.camera.height), rectified.right_maps),
+    }
+
+    def read(side: Side, i: int) -> Image:
+        paths, size, maps = sides[side]
+        return remapped(read_grey(paths[i], size), maps)
+
+    times_ns = left.times_ns[i_left]
+    truth = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
+    notes = unmatched_note(len(left.paths), len(right.paths), len(i_left))
+    return Recording(name, rectified.camera, rectified.baseline_m, times_ns, read, truth, notes)
+
+
+def _rectification(mav0: Path, left: _Sensor, right: _Sensor) -> Rectification:
+    try:
+        found = Rectification.of(left.camera, right.camera, right.body_from_camera.inverse() @ left.body_from_camera)
+    except ValueError:
+        found = None
+    if found is None or found.baseline_m <= 0:
+        raise InputError(f"{mav0 / 'cam1' / 'sensor.yaml'}: T_BS does not put cam1 to the right of cam0: correct it")
+    return found
+
+
+def _sensor(folder: Path) -> _Sensor:
+    camera, body_from_camera = _calibration(folder / "sensor.yaml")
+    times_ns, names = _image_list(folder / "data.csv")
+    return _Sensor(camera, body_from_camera, times_ns, [folder / "data" / name for name in names])
+
+
+def _calibration(path: Path) -> tuple[Camera, Pose]:
+    content = read_mapping(path)
+    width, height = finite_numbers(path, "resolution", content.get("resolution"), 2)
+    fx, fy, cx, cy = finite_numbers(path, "intrinsics", content.get("intrinsics"), 4)
+    model = content.get("distortion_model", "none")
+    if content.get("camera_model", "pinhole") != "pinhole" or model not in DISTORTION_MODELS:
+        raise InputError(
+            f"{path}: only pinhole cameras with radial-tangential distortion are read, not "
+            f"{content.get('camera_model', 'pinhole')} with {model}: give undistorted images and their calibration"
+        )
+    values: dict[str, Any] = {"width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
+    if model != "none":
+        values["distortion"] = content.get("distortion_coefficients")
+    return camera_of(path, values), _body_from_camera(path, content.get("T_BS"))
+
+
+def _body_from_camera(path: Path, entry: Any) -> Pose:
+    data = entry.get("data") if isinstance(entry, dict) else entry
+    matrix = np.array(finite_numbers(path, "T_BS.data", data, 16)).reshape(4, 4)
+    rotation = matrix[:3, :3]
+    if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
+        raise InputError(f"{path}: T_BS is not a rotation and a translation: correct it")
+    return Pose(Rotation.from_matrix(rotation).as_matrix(), matrix[:3, 3])
+
+
+def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
+    """Times (N,) [ns] and file names of a data.csv."""
+    times_ns, names = [], []
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        stamp, comma, name = (word.strip() for word in text.partition(","))
+        if not text.strip() or stamp.startswith("#"):
+            continue
+        if not comma or not name or not stamp.isascii() or not stamp.isdigit() or not _fits(stamp):
+            raise InputError(f"{path} line {line} is not 'time in nanoseconds,file name': correct that line")
+        if times_ns and int(stamp) <= times_ns[-1]:
+            raise InputError(f"{path} line {line}: time {stamp} is not after the one before: put the lines in order")
+        times_ns.append(int(stamp))
+        names.append(name)
+    if not names:
+        raise InputError(f"{path} lists no image: restore the file")
+    return np.array(times_ns, np.int64), names
+
+
+def _fits(digits: str) -> bool:
+    return len(digits) <= 19 and int(digits) < 2**63
+
+
+def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> Trajectory | None:
+    """world_from_left at the images' times, of the body's poses."""
+    path = mav0 / "state_groundtruth_estimate0" / "data.csv"
+    if not path.exists():
+        return None
+    found = truth_at(read_euroc(path, "body"), times_ns)
+    return found and found.moved(right=body_from_left, frame="left")

@@ -1,0 +1,64 @@
+"""Raw stereo images made rectified: one K without distortion, rows aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Pose
+from ispom.types import Camera, Image
+
+Maps = tuple[NDArray, NDArray]
+"""What cv2.remap takes: the place in the raw image of each pixel of the rectified one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rectification:
+    """Of one pair of cameras (Fusiello et al., as cv2.stereoRectify has it)."""
+
+    camera: Camera
+    """Of both rectified images."""
+    baseline_m: float
+    """Negative where the second camera is to the left of the first."""
+    left_from_rectified: Pose
+    left_maps: Maps
+    right_maps: Maps
+
+    @staticmethod
+    def of(left: Camera, right: Camera, right_from_left: Pose) -> Rectification:
+        """All pixels of the rectified images are inside the raw ones. ValueError where one is above the other."""
+        size = (left.width, left.height)
+        k_left, k_right = left.matrix, right.matrix
+        d_left, d_right = np.array(left.distortion, float), np.array(right.distortion, float)
+        rotation, translation = right_from_left.rotation, right_from_left.translation.reshape(3, 1)
+        turn_left, turn_right, p_left, p_right = cv2.stereoRectify(
+            k_left, d_left, k_right, d_right, size, rotation, translation, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0
+        )[:4]
+        if p_right[0, 3] == 0:
+            raise ValueError("the cameras are not beside each other")
+        fx, fy, cx, cy = p_left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+        return Rectification(
+            Camera(*size, fx, fy, cx, cy),
+            float(-p_right[0, 3] / p_right[0, 0]),
+            Pose(np.asarray(turn_left, float).T),
+            undistortion(left, turn_left, p_left, size),
+            undistortion(right, turn_right, p_right, size),
+        )
+
+
+def undistortion(camera: Camera, turn: NDArray, projection: NDArray, size: tuple[int, int]) -> Maps:
+    """Maps from an image (width, height) seen through `projection` (3, 3) or (3, 4), whose axes are `turn` (3, 3) times
+    the camera's, to the camera's own image."""
+    distortion = np.array(camera.distortion, float)
+    first, second = cv2.initUndistortRectifyMap(camera.matrix, distortion, turn, projection[:, :3], size, cv2.CV_16SC2)
+    return first, second
+
+
+def remapped(image: Image, maps: Maps) -> Image:
+    """The image seen through maps, read-only."""
+    found = cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)
+    found.setflags(write=False)
+    return np.asarray(found, np.uint8)

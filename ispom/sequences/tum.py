@@ -1,0 +1,42 @@
+"""TUM style: one camera's `rgb.txt`, `camera.yaml`, and perhaps `groundtruth.txt` (world_from_camera)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.io.camera import read_camera
+from ispom.io.rows import increasing_times_ns, read_rows
+from ispom.io.tum import read_tum
+from ispom.sequences.images import read_image
+from ispom.sequences.matching import truth_at
+from ispom.sequences.recording import Recording, Side
+from ispom.types import Image
+
+
+def looks_like_tum(folder: Path) -> bool:
+    """Whether the list of images is there."""
+    return (folder / "rgb.txt").exists()
+
+
+def open_tum(folder: Path) -> Recording:
+    """The recording of a folder; InputError names the file that is missing or wrong."""
+    listing = folder / "rgb.txt"
+    rows = read_rows(listing, 2)
+    if not rows:
+        raise InputError(f"{listing} lists no image: restore the file")
+    times_ns = increasing_times_ns(listing, rows)
+    paths = [folder / words[1] for _, words in rows]
+    if not (folder / "camera.yaml").exists():
+        raise InputError(
+            f"{folder / 'camera.yaml'} is missing: write one with width, height, fx, fy, cx, cy and distortion"
+        )
+    camera = read_camera(folder / "camera.yaml")
+    size = (camera.width, camera.height)
+
+    def read(_: Side, i: int) -> Image:
+        return read_image(paths[i], size)
+
+    truth = folder / "groundtruth.txt"
+    found = truth_at(read_tum(truth, "left"), times_ns) if truth.exists() else None
+    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found)

@@ -1,0 +1,77 @@
+"""Tiny recordings on disk in the layouts of data sets, for tests that then break them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ispom.types import Image
+from tests.sequences.kitti_folder import make_drive
+
+WIDTH, HEIGHT = 96, 64
+START_NS, STEP_NS = 1_403_715_273_262_142_976, 50_000_000
+
+
+def images(frames: int, shift: int) -> list[Image]:
+    """Noise that slides."""
+    texture = np.random.default_rng(7).integers(0, 256, (HEIGHT, WIDTH + 4 * frames + 20), np.uint8)
+    texture = cv2.GaussianBlur(texture, (0, 0), 1.5)
+    return [np.ascontiguousarray(texture[:, 4 * i + shift :][:, :WIDTH]) for i in range(frames)]
+
+
+def make_euroc(root: Path, frames: int = 6, right: bool = True, truth: bool = True) -> Path:
+    """Writes `V9/mav0`; the truth, of the body, has three poses per image."""
+    mav0 = root / "V9" / "mav0"
+    for camera, shift, y in (("cam0", 8, -0.06), ("cam1", 0, 0.05)) if right else (("cam0", 8, -0.06),):
+        (mav0 / camera / "data").mkdir(parents=True)
+        lines = ["#timestamp [ns],filename"]
+        for i, image in enumerate(images(frames, shift)):
+            lines.append(f"{START_NS + i * STEP_NS},{START_NS + i * STEP_NS}.png")
+            cv2.imwrite(str(mav0 / camera / "data" / f"{START_NS + i * STEP_NS}.png"), image)
+        (mav0 / camera / "data.csv").write_text("\r\n".join(lines) + "\r\n")
+        # As on the real platform: the camera's x axis is the body's y axis.
+        (mav0 / camera / "sensor.yaml").write_text(
+            "%YAML:1.0\n# made for a test\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n"
+            f"  data: [0, -1, 0, -0.02, 1, 0, 0, {y}, 0, 0, 1, 0.01, 0, 0, 0, 1]\n"
+            f"rate_hz: 20\nresolution: [{WIDTH}, {HEIGHT}]\ncamera_model: pinhole\n"
+            "intrinsics: [80.0, 80.0, 47.5, 31.5]\ndistortion_model: radial-tangential\n"
+            "distortion_coefficients: [-0.05, 0.01, 0.0, 0.0]\n"
+        )
+    if truth:
+        (mav0 / "state_groundtruth_estimate0").mkdir()
+        rows = ["#timestamp, p_RS_R_x [m], ..."]
+        times = range(START_NS - STEP_NS // 3, START_NS + frames * STEP_NS, STEP_NS // 3)
+        rows += [f"{t},{(t - START_NS) * 1e-9:.9f},2,3,1,0,0,0" + ",0" * 9 for t in times]
+        (mav0 / "state_groundtruth_estimate0" / "data.csv").write_text("\n".join(rows) + "\n")
+    return mav0.parent
+
+
+def make_tum(root: Path, frames: int = 6, truth: bool = True) -> Path:
+    """Writes rgb.txt, camera.yaml and coloured JPEG images."""
+    (root / "rgb").mkdir(parents=True)
+    lines = ["# timestamp filename"]
+    for i, image in enumerate(images(frames, 0)):
+        lines.append(f"{i / 30:.6f} rgb/{i}.jpg")
+        cv2.imwrite(str(root / "rgb" / f"{i}.jpg"), np.dstack([image, image, 255 - image]))
+    (root / "rgb.txt").write_text("\n".join(lines) + "\n")
+    (root / "camera.yaml").write_text(
+        f"model: opencv\nwidth: {WIDTH}\nheight: {HEIGHT}\nfx: 80\nfy: 80\ncx: 47.5\ncy: 31.5\n"
+        "distortion: [-0.05, 0.01, 0, 0]\n"
+    )
+    if truth:
+        rows = [f"{i / 100:.6f} {i / 100} 0 0 0 0 0 1" for i in range(1, 4 * frames)]
+        (root / "groundtruth.txt").write_text("\n".join(rows) + "\n")
+    return root
+
+
+MAKERS: dict[str, Callable[[Path], Path]] = {
+    "kitti": make_drive,
+    "kitti, one camera": lambda root: make_drive(root, right=False, poses=False),
+    "euroc": make_euroc,
+    "euroc, one camera": lambda root: make_euroc(root, right=False, truth=False),
+    "tum": make_tum,
+}
+"""Each writes a recording of six exposures below a folder and gives its path."""

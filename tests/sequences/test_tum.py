@@ -1,0 +1,50 @@
+"""TUM style folders: images in colour, truth at the images' times, and what is wrong named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ispom.errors import InputError
+from ispom.sequences import open_sequence
+from ispom.types import VideoFrame
+from tests.sequences.folders import make_tum
+
+
+def test_video_in_colour_with_the_truth_at_its_times(tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_tum(tmp_path / "desk")))
+    assert sequence.name == "TUM desk" and set(sequence.kinds) == {"video"} and sequence.rig.video.distortion
+    frame = sequence[1]
+    assert isinstance(frame, VideoFrame) and frame.image.ndim == 3
+    assert frame.image[..., 0].mean() + frame.image[..., 2].mean() == pytest.approx(255, abs=2)  # red is 255 - blue
+    # The truth starts after the first image; it moves by 1 m/s along x.
+    np.testing.assert_array_equal(sequence.truth.times_ns, sequence.times_ns[1:])
+    np.testing.assert_allclose(sequence.truth.translations[:, 0], sequence.times_ns[1:] * 1e-9, atol=1e-9)
+
+
+def test_truth_is_not_interpolated_over_a_gap(tmp_path: Path) -> None:
+    folder = make_tum(tmp_path)
+    rows = (folder / "groundtruth.txt").read_text().splitlines()
+    (folder / "groundtruth.txt").write_text("\n".join(rows[:4] + rows[15:]))
+    assert open_sequence(str(folder)).truth.times_ns.tolist() == [33_333_000, 166_667_000]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("camera.yaml", None, "camera.yaml is missing: write one with width"),
+        ("camera.yaml", "model: fisheye", "model is fisheye"),
+        ("camera.yaml", "just words", "holds no named values"),
+        ("rgb.txt", "# nothing", "lists no image"),
+        ("rgb.txt", "0.0 a.png\n0.0 b.png", "line 2: time 0.0.* is not after"),
+        ("groundtruth.txt", "0 1 2 3", "line 1 has 4 columns"),
+    ],
+)
+def test_a_mistake_is_named(file: str, text: str | None, message: str, tmp_path: Path) -> None:
+    folder = make_tum(tmp_path)
+    (folder / file).unlink() if text is None else (folder / file).write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        open_sequence(str(folder))
+    assert str(folder / file) in str(caught.value)
