@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run."""
+"""The command `ispom`: demo | app | run | evaluate."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import tyro
 
 from ispom.errors import InputError
 
-from .options import App, Demo, Run, Serve
+from .options import App, Demo, Evaluate, Run, Serve
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[App, tyro.conf.subcommand("app")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
 )
 MISUSE, INTERRUPTED = 2, 130
 
@@ -33,17 +34,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _execute(command: Serve | Run) -> int:
+def _execute(command: Serve | Run | Evaluate) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
 
         return run(command)
+    if isinstance(command, Evaluate):
+        from .evaluate import evaluate
+
+        return evaluate(command)
+    source = command.source if isinstance(command, App) else "sim:city"
+    opener = command.open
+    if source.startswith("sim:"):
+        from .warmup import compiling_ahead
+
+        opener = compiling_ahead(opener)
     from .server import serve
 
-    source = command.source if isinstance(command, App) else "sim:city"
     return serve(
-        command.open,
+        opener,
         source,
         host=command.host,
         port=command.port,

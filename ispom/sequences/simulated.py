@@ -90,6 +90,11 @@ def open_simulated(
     )
 
 
+def compile_renderer() -> None:
+    """Renders one small image, so that numba has compiled the renderer and kept it for other processes."""
+    _Source(0, False, 0.1).render(0, "video", 1)
+
+
 class _Source:
     """Renders exposures; builds the city when the first one is asked for that is not on disk."""
 

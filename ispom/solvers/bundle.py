@@ -42,7 +42,7 @@ def adjust(
     Observation k (of K) is the normalised coordinates x[k] (2,) of point point_index[k] in camera camera_index[k];
     `scale` is that of the Cauchy loss in the same unit. Points behind a camera keep their weight at zero.
     """
-    rotations = np.stack([p.rotation for p in cameras_from_world])
+    rotations = np.ascontiguousarray(np.stack([p.rotation for p in cameras_from_world]))
     translations = np.stack([p.translation for p in cameras_from_world])
     points, damping = np.array(xyz_in_world, float), 1e-4
     order = np.argsort(point_index, kind="stable")
@@ -51,7 +51,7 @@ def adjust(
     for _ in range(iterations):
         pose_step, point_step = _solve(rotations, translations, points, cameras, owners, seen, fixed, scale, damping)
         turn = so3_exp(pose_step[:, 3:])
-        new_rotations = turn @ rotations
+        new_rotations = np.ascontiguousarray(turn @ rotations)
         new_translations = (turn @ translations[:, :, None])[:, :, 0] + pose_step[:, :3]
         new_points = points + point_step
         new_cost = _cost(new_rotations, new_translations, new_points, cameras, owners, seen, scale)

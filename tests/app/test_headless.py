@@ -123,6 +123,8 @@ def test_a_signal_keeps_what_was_computed(
 
     monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: Interrupted(x) for x in m}))
     out = tmp_path / "out"
+    # A shell's background jobs, the tests among them, are started with SIGINT ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         assert run(drive, out) == code
     except SystemExit as exit:

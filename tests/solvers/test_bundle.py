@@ -66,7 +66,7 @@ def test_the_step_is_the_gauss_newton_step_of_the_full_system() -> None:
     camera, point, x, xyz = camera[few], point[few], x[few], xyz[:12]
     from ispom.solvers import bundle as module
 
-    rotations = np.stack([c.rotation for c in CAMERAS])
+    rotations = np.ascontiguousarray(np.stack([c.rotation for c in CAMERAS]))
     translations = np.stack([c.translation for c in CAMERAS])
     order = np.argsort(point, kind="stable")
     args = (camera[order], point[order], np.ascontiguousarray(x[order]))
