@@ -7,6 +7,7 @@ from pathlib import Path
 from ispom.errors import InputError
 from ispom.sequences.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.kitti import looks_like_kitti, open_kitti
+from ispom.sequences.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.recording import Recording
 from ispom.sequences.tum import looks_like_tum, open_tum
 from ispom.sequences.two_rate import two_rate
@@ -15,6 +16,7 @@ from ispom.types import Sequence
 MIN_FRAMES = 3
 LAYOUTS = (
     (looks_like_kitti, open_kitti),
+    (looks_like_kitti_raw, open_kitti_raw),
     (looks_like_euroc, open_euroc),
     (looks_like_tum, open_tum),
 )

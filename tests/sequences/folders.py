@@ -67,11 +67,32 @@ def make_tum(root: Path, frames: int = 6, truth: bool = True) -> Path:
     return root
 
 
+def make_kitti_raw(root: Path, frames: int = 6, raw: bool = False, colour: bool = False) -> Path:
+    """Writes a drive below its day's folder; `raw` images are larger than rectified ones and a little distorted."""
+    drive = root / "2011_09_26" / f"2011_09_26_drive_0009_{'extract' if raw else 'sync'}"
+    lines = ["calib_time: 09-Jan-2012 13:57:47"]
+    for i, shift in enumerate((8, 0)):
+        camera = f"{2 * colour + i:02d}"
+        (drive / f"image_{camera}" / "data").mkdir(parents=True)
+        for frame, image in enumerate(images(frames, shift)):
+            path = drive / f"image_{camera}" / "data" / f"{frame:010d}.png"
+            cv2.imwrite(str(path), np.pad(image, 4 * raw, mode="edge"))
+        stamps = [f"2011-09-26 13:02:{25 + 0.1 * frame:012.9f}" for frame in range(frames)]
+        (drive / f"image_{camera}" / "timestamps.txt").write_text("\n".join(stamps) + "\n")
+        lines += [f"S_{camera}: {WIDTH + 8} {HEIGHT + 8}", f"K_{camera}: 80 0 51.5 0 80 35.5 0 0 1"]
+        lines += [f"D_{camera}: -0.05 0.01 0 0 0", f"R_rect_{camera}: 1 0 0 0 1 0 0 0 1"]
+        lines += [f"S_rect_{camera}: {WIDTH} {HEIGHT}", f"P_rect_{camera}: 80 0 47.5 {2 - 40 * i} 0 80 31.5 0 0 0 1 0"]
+    (drive.parent / "calib_cam_to_cam.txt").write_text("\n".join(lines) + "\n")
+    return drive
+
+
 MAKERS: dict[str, Callable[[Path], Path]] = {
     "kitti": make_drive,
     "kitti, one camera": lambda root: make_drive(root, right=False, poses=False),
     "euroc": make_euroc,
     "euroc, one camera": lambda root: make_euroc(root, right=False, truth=False),
     "tum": make_tum,
+    "kitti raw, sync": make_kitti_raw,
+    "kitti raw, extract": lambda root: make_kitti_raw(root, raw=True),
 }
 """Each writes a recording of six exposures below a folder and gives its path."""
