@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | evaluate."""
+"""The command `ispom`: demo | app | run | sources | evaluate."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import tyro
 
 from ispom.errors import InputError
 
-from .options import App, Demo, Evaluate, Run, Serve
+from .options import App, Demo, Evaluate, Run, Serve, Sources
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[App, tyro.conf.subcommand("app")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
 )
 MISUSE, INTERRUPTED = 2, 130
@@ -34,12 +35,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _execute(command: Serve | Run | Evaluate) -> int:
+def _execute(command: Serve | Run | Sources | Evaluate) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
 
         return run(command)
+    if isinstance(command, Sources):
+        from .sources import tell
+
+        return tell(command.open(command.source))
     if isinstance(command, Evaluate):
         from .evaluate import evaluate
 

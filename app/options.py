@@ -9,6 +9,7 @@ from typing import Literal
 import tyro
 
 from ispom.estimators import Config, IntegratedConfig, Method, MonocularConfig, StereoConfig, Variant
+from ispom.evaluation.ate import Alignment
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
 
@@ -85,3 +86,47 @@ class Run(Options):
     """The frame whose poses are written."""
     recording: bool = True
     """Write run.rrd, which any Rerun viewer opens."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sources(Options):
+    """Says what is seen in a source: cameras, calibration, rates, gaps, truth. Runs nothing."""
+
+    source: tyro.conf.Positional[str]
+    """sim:NAME, or a path: a data set's folder, images, a video file ..."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Compares trajectories with a reference: ATE, RPE, KITTI's errors, scale and coverage, with their protocol."""
+
+    reference: tyro.conf.Positional[Path]
+    """Trajectory taken as true: a TUM, KITTI or EuRoC file, recognised by its content."""
+    estimates: tyro.conf.Positional[tuple[Path, ...]]
+    """Trajectories to compare with it."""
+    alignment: Alignment = "se3"
+    """How an estimate is brought into the reference's world: not at all, its first pose onto the reference's, its
+    unit only, by rotation and translation, or by those and scale (needed where its unit is not the metre)."""
+    max_difference_s: float = 0.01
+    """Largest difference in time of two poses that are compared."""
+    times: Path | None = None
+    """Times of the rows of KITTI files [s], as KITTI's times.txt."""
+    delta: int = 1
+    """Poses between the two of a relative error (RPE)."""
+    json: Path | None = None
+    """Write all numbers and the protocol as JSON to this file."""
+    csv: Path | None = None
+    """Write a line per estimate to this file."""
+    plots: Path | None = None
+    """Write plots of trajectories, errors and scale to this folder."""
+    plot_format: Literal["png", "svg"] = "png"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Writes one HTML file about runs, which opens in any browser without a network."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders that `ispom run` wrote; several are shown side by side."""
+    out: Path = Path("report.html")
+    """The file to write."""

@@ -1,0 +1,45 @@
+"""`ispom sources`: what is seen in a recording, in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ispom_app.cli import main
+from ispom_app.sources import described
+
+from tests import doubles
+from tests.sequences.folders import MAKERS, make_euroc
+
+
+def test_cameras_rates_truth_and_notes_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sources", str(make_euroc(tmp_path))]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "EuRoC V9"
+    text = " ".join(" ".join(told).split())
+    assert "stereo 96 x 64 px, baseline 0.11 m, 6 pairs, 20 Hz fx" in text and "no distortion" in text
+    assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 exposures, path 0.250 m" in text
+    assert "methods monocular, stereo, integrated note An emulation" in text
+
+
+def test_gaps_and_uneven_rates_are_told() -> None:
+    sequence = doubles.sequence(30)
+    video = np.flatnonzero(np.array(sequence.kinds) == "video")
+    times_ns = sequence.times_ns.copy()
+    times_ns[video[10] :] += 500_000_000
+    text = "\n".join(described(replace(sequence, times_ns=times_ns, truth=None)))
+    assert "30 Hz (median; not even)" in text and "1 between frames, the longest: 0.533 s at 0.300 s" in text
+    assert "truth   none" in text and "distortion -0.05, 0.01, 0, 0" in text and "note    a stand-in for tests" in text
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_every_kind_is_told(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sources", str(MAKERS[kind](tmp_path / "made"))]) == 0
+    assert "methods monocular" in capsys.readouterr().out
+
+
+def test_what_is_no_source_is_told_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sources", str(tmp_path / "nowhere")]) == 2
+    assert "does not exist" in capsys.readouterr().err
