@@ -23,7 +23,7 @@ def associate(
         partners, own = associate(reference, estimate, max_difference_ns)
         return own, partners
     own, other = _seconds(estimate), _seconds(reference)
-    after = np.searchsorted(reference.times_ns, estimate.times_ns).clip(0, len(reference) - 1)
+    after = np.searchsorted(reference.times_ns, estimate.times_ns, side="right").clip(0, len(reference) - 1)
     before = (after - 1).clip(0)
     gap_before, gap_after = abs(own - other[before]), abs(other[after] - own)
     nearest = np.where(gap_before <= gap_after, before, after)

@@ -19,6 +19,11 @@ class StepScale:
     windows: tuple[float, ...]
     """In ten windows of equal true length along the path, the first being 1."""
 
+    first: float
+    """The share itself of the first window: the estimate's units per unit of the truth."""
+    middles_ns: tuple[int, ...]
+    """When each window's middle chord begins."""
+
     @property
     def end_over_start(self) -> float:
         return self.windows[-1]
@@ -35,8 +40,12 @@ def step_scale(estimate: Trajectory, truth: Trajectory) -> StepScale | None:
         return None
     ends = np.unique(np.searchsorted(travelled, np.linspace(0, travelled[-1], CHORDS + 1)).clip(0, len(truth) - 1))
     own, true = (np.linalg.norm(np.diff(t.translations[ends], axis=0), axis=1) for t in (estimate, truth))
-    ratios = own[true > 0] / true[true > 0]
+    ratios, starts_ns = own[true > 0] / true[true > 0], truth.times_ns[ends[:-1]][true > 0]
     if len(ratios) < WINDOWS:
         return None
-    medians = np.array([np.median(window) for window in np.array_split(ratios, WINDOWS)])
-    return StepScale(tuple((medians / medians[0]).tolist())) if medians[0] > 0 else None
+    windows = np.array_split(np.arange(len(ratios)), WINDOWS)
+    medians = np.array([np.median(ratios[window]) for window in windows])
+    if medians[0] <= 0:
+        return None
+    middles_ns = tuple(int(starts_ns[window[len(window) // 2]]) for window in windows)
+    return StepScale(tuple((medians / medians[0]).tolist()), float(medians[0]), middles_ns)

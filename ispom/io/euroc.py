@@ -22,15 +22,15 @@ def euroc_text(trajectory: Trajectory) -> str:
     return f"{HEADER}\n" + "".join(f"{t},{','.join(f'{v:.9f}' for v in row)}\n" for t, row in rows)
 
 
-def read_euroc(path: Path, frame: Frame = "body") -> Trajectory:
+def read_euroc(path: Path, frame: Frame = "body", every: bool = False) -> Trajectory:
     """The trajectory of `state_groundtruth_estimate0/data.csv` and the like; InputError names the line that is wrong.
 
-    Of several poses at one time the last counts.
+    Of several poses at one time the last counts; with `every`, all of them stay.
     """
     rows = _rows(path)
     times = np.array([_time_ns(path, line, words[0]) for line, words in rows], np.int64)
     values = np.array([numbers(path, line, words[1:COLUMNS]) for line, words in rows]).reshape(-1, COLUMNS - 1)
-    return latest(path, rows, times, values[:, :3], values[:, [4, 5, 6, 3]], frame)
+    return latest(path, rows, times, values[:, :3], values[:, [4, 5, 6, 3]], frame, every)
 
 
 def _rows(path: Path) -> list[Row]:

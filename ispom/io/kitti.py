@@ -13,15 +13,19 @@ from ispom.geometry import Array, Pose
 from ispom.io.rows import increasing_times_ns, numbers, read_rows, read_text
 
 
-def read_poses(path: Path) -> list[Pose]:
-    """world_from_left per line of 12 numbers, a (3, 4) matrix in row order; its rotation is made orthonormal."""
+def read_poses(path: Path, as_printed: bool = False) -> list[Pose]:
+    """world_from_left per line of 12 numbers, a (3, 4) matrix in row order; its rotation is made orthonormal.
+
+    `as_printed` keeps the rounding of the file's digits, for the same numbers as other programs get from it.
+    """
     poses = []
     for line, words in read_rows(path, 12):
         matrix = numbers(path, line, words).reshape(3, 4)
         rotation = matrix[:, :3]
         if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
             raise InputError(f"{path} line {line}: its first three columns are not a rotation: correct that line")
-        poses.append(Pose(Rotation.from_matrix(rotation).as_matrix(), matrix[:, 3]))
+        exact = rotation if as_printed else Rotation.from_matrix(rotation).as_matrix()
+        poses.append(Pose(exact, matrix[:, 3]))
     return poses
 
 

@@ -71,10 +71,11 @@ def increasing_times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
 
 
 def latest(
-    path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: Frame
+    path: Path, rows: list[Row], times: NDArray[np.int64], positions: Array, xyzw: Array, frame: Frame, every: bool
 ) -> Trajectory:
     """The trajectory of times (N,), positions (N, 3) and quaternions (N, 4); of several poses at one time the last.
 
+    With `every`, all of those stay, and times do not strictly increase then.
     InputError where time goes backwards or a quaternion is not of length 1 (to 1 %).
     """
     _refuse(path, rows, np.diff(times) < 0)
@@ -85,7 +86,7 @@ def latest(
         raise InputError(f"{path} line {line}: the quaternion's length is {lengths[wrong[0]]:.3g}, not 1: correct it")
     if not len(times):
         return Trajectory.empty(frame)
-    last = np.append(np.diff(times) > 0, True)
+    last = np.append(every | (np.diff(times) > 0), True)
     return Trajectory(times[last], Rotation.from_quat(xyzw[last]).as_matrix(), positions[last], frame)
 
 

@@ -32,14 +32,17 @@ class TrajectoryFile:
 
 
 def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> TrajectoryFile:
-    """At least one pose; `times_ns` are those of a KITTI file's rows. InputError names file and line of a mistake."""
+    """At least one pose; `times_ns` are those of a KITTI file's rows. Every line counts, also of a repeated time.
+
+    InputError names file and line of a mistake.
+    """
     match found := _format(path):
         case "KITTI":
             return TrajectoryFile(path, found, _kitti(path, times_ns), times_ns is not None)
         case "TUM":
-            return TrajectoryFile(path, found, read_tum(path))
+            return TrajectoryFile(path, found, read_tum(path, every=True))
         case "EuRoC":
-            return TrajectoryFile(path, found, read_euroc(path))
+            return TrajectoryFile(path, found, read_euroc(path, every=True))
 
 
 def _format(path: Path) -> Format:
@@ -61,7 +64,7 @@ def _format(path: Path) -> Format:
 
 
 def _kitti(path: Path, times_ns: NDArray[np.int64] | None) -> Trajectory:
-    poses = read_poses(path)
+    poses = read_poses(path, as_printed=True)
     if times_ns is None:
         times_ns = np.arange(len(poses)) * ROW_NS
     if len(times_ns) != len(poses):

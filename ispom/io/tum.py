@@ -17,15 +17,16 @@ def tum_text(trajectory: Trajectory) -> str:
     return "".join(f"{t} {' '.join(f'{v:.9f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
 
 
-def read_tum(path: Path, frame: Frame = "rig") -> Trajectory:
+def read_tum(path: Path, frame: Frame = "rig", every: bool = False) -> Trajectory:
     """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong.
 
-    Of several poses at one time the last counts: the published truth of TUM's fr2_desk has such a pair.
+    Of several poses at one time the last counts: the published truth of TUM's fr2_desk has such a pair. With
+    `every`, all of them stay.
     """
     rows = read_rows(path, 8)
     times = times_ns(path, rows)
     values = np.array([numbers(path, line, words[1:]) for line, words in rows]).reshape(-1, 7)
-    return latest(path, rows, times, values[:, :3], values[:, 3:], frame)
+    return latest(path, rows, times, values[:, :3], values[:, 3:], frame, every)
 
 
 def _seconds(time_ns: int) -> str:

@@ -1,0 +1,105 @@
+"""One estimate beside its reference: associated, aligned, and all that is said about its errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.evaluation.ate import Alignment, alignment, placed, rms
+from ispom.evaluation.coverage import Coverage, coverage
+from ispom.evaluation.kitti import kitti_errors
+from ispom.evaluation.relative import motion_errors
+from ispom.evaluation.step_scale import StepScale, step_scale
+from ispom.geometry import Array, Similarity, rotation_angle_rad
+from ispom.types import Trajectory
+
+MIN_POSES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Associated poses (N, at least MIN_POSES) of both, the estimate's aligned."""
+
+    estimate: Trajectory
+    reference: Trajectory
+    world_from_own: Similarity
+    """What the alignment did to the estimate."""
+    coverage: Coverage
+    scale: StepScale | None
+    """Of the estimate before alignment; None where the path is too short to tell."""
+    delta: int
+    """Poses over which relative errors are taken."""
+
+    @property
+    def position_errors(self) -> Array:
+        """(N,) distances [m]."""
+        return np.linalg.norm(self.estimate.translations - self.reference.translations, axis=1)
+
+    @property
+    def rotation_errors_deg(self) -> Array:
+        """(N,) angles [deg]."""
+        return np.degrees(rotation_angle_rad(np.swapaxes(self.reference.rotations, 1, 2) @ self.estimate.rotations))
+
+    @property
+    def relative_errors(self) -> tuple[Array, Array]:
+        """Translation (K,) [m] and rotation (K,) [deg] of all motions from pose i to i + delta; empty with too few."""
+        first: NDArray[np.intp] = np.arange(max(len(self.reference) - self.delta, 0))
+        translation, rotation_rad = motion_errors(self.estimate, self.reference, first, first + self.delta)
+        return translation, np.degrees(rotation_rad)
+
+
+def compare(
+    estimate: Trajectory, reference: Trajectory, pairs: tuple[Trajectory, Trajectory], kind: Alignment, delta: int = 1
+) -> Comparison:
+    """Of whole trajectories, and the associated poses of both (at least MIN_POSES)."""
+    own, partners = pairs
+    world_from_own = alignment(own, partners, kind)
+    return Comparison(
+        placed(own, world_from_own),
+        partners,
+        world_from_own,
+        coverage(estimate, reference, partners.times_ns),
+        step_scale(own, partners),
+        delta,
+    )
+
+
+def measures(found: Comparison) -> dict[str, float | None]:
+    """The numbers, by name with unit; None where the path is too short for one."""
+    relative_m, relative_deg = found.relative_errors
+    drift = kitti_errors(found.estimate, found.reference)
+    return {
+        "poses_given": found.coverage.given,
+        "poses_asked": found.coverage.asked,
+        "longest_gap_s": found.coverage.longest_gap_ns * 1e-9,
+        "alignment_scale": found.world_from_own.scale,
+        **_statistics("ate", "m", found.position_errors),
+        **_statistics("ate", "deg", found.rotation_errors_deg),
+        **_statistics("rpe", "m", relative_m),
+        **_statistics("rpe", "deg", relative_deg),
+        "kitti_t_percent": drift and drift.t_err_percent,
+        "kitti_r_deg_per_100m": drift and drift.r_err_deg_per_100m,
+        "kitti_shortest_m": drift and drift.lengths_m[0],
+        "kitti_longest_m": drift and drift.lengths_m[-1],
+        "scale_start": found.scale and found.scale.first,
+        "scale_end": found.scale and found.scale.first * found.scale.end_over_start,
+        "scale_end_over_start": found.scale and found.scale.end_over_start,
+    }
+
+
+def local_scale(found: Comparison) -> dict[str, Any]:
+    """Units of the estimate, before alignment, per unit of the reference, in windows of equal length along the path."""
+    if found.scale is None:
+        return {"times_ns": [], "scale": []}
+    return {
+        "times_ns": list(found.scale.middles_ns),
+        "scale": [found.scale.first * share for share in found.scale.windows],
+    }
+
+
+def _statistics(name: str, unit: str, errors: Array) -> dict[str, float | None]:
+    values = {"rmse": rms, "mean": np.mean, "median": np.median, "max": np.max}
+    return {f"{name}_{key}_{unit}": float(of(errors)) if len(errors) else None for key, of in values.items()}
