@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | sources | evaluate."""
+"""The command `ispom`: demo | app | run | sources | evaluate | report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import tyro
 
 from ispom.errors import InputError
 
-from .options import App, Demo, Evaluate, Run, Serve, Sources
+from .options import App, Demo, Evaluate, Report, Run, Serve, Sources
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
@@ -18,6 +18,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
 )
 MISUSE, INTERRUPTED = 2, 130
 
@@ -35,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _execute(command: Serve | Run | Sources | Evaluate) -> int:
+def _execute(command: Serve | Run | Sources | Evaluate | Report) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
@@ -49,6 +50,10 @@ def _execute(command: Serve | Run | Sources | Evaluate) -> int:
         from .evaluate import evaluate
 
         return evaluate(command)
+    if isinstance(command, Report):
+        from .report.command import report
+
+        return report(command)
     source = command.source if isinstance(command, App) else "sim:city"
     opener = command.open
     if source.startswith("sim:"):

@@ -1,0 +1,1 @@
+"""`ispom report`: run folders in, one HTML file out that needs nothing but a browser."""

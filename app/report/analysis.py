@@ -1,0 +1,113 @@
+"""What a report computes from a run: errors and scale over time, and its counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.evaluation.association import associate
+from ispom.evaluation.ate import alignment, placed
+from ispom.evaluation.metrics import MIN_POSES
+from ispom.geometry import rotation_angle_rad
+from ispom.types import Trajectory
+
+from .folder import Run
+from .steps import Said, Steps
+
+WINDOW_S = 1.0
+"""Over which lengths are compared; a fifth of a run that is shorter than five of them."""
+MIN_MOTION_M = 0.05
+"""A true motion shorter than this says nothing about scale."""
+ROUTINE = 0.8
+"""A test that passes more rarely than this is asked for its answer, not for trouble."""
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Of the poses that have a true partner (N), after alignment."""
+
+    times_ns: np.ndarray
+    position_m: np.ndarray
+    rotation_deg: np.ndarray
+
+
+def drawn(run: Run, method: str) -> tuple[Trajectory, str]:
+    """The trajectory in the truth's world, and how it was brought there: as in metrics.json, so that the numbers agree.
+
+    Without truth the monocular one is brought to the best metric one, whose unit it lacks.
+    """
+    estimate = run.trajectories[method]
+    reference = run.truth if run.truth is not None else _metric(run, method)
+    if reference is None:
+        return estimate, "its own world" + (" and unit" if method == "monocular" else "")
+    kind = "sim3" if method == "monocular" else "se3"
+    own, true = associate(estimate, reference)
+    if len(own) < MIN_POSES:
+        return estimate, "not aligned: too few poses in common"
+    of = "truth" if run.truth is not None else "the metric trajectory"
+    return placed(estimate, alignment(own, true, kind)), f"{kind} to {of}, {len(own)} poses"
+
+
+def _metric(run: Run, method: str) -> Trajectory | None:
+    if method != "monocular":
+        return None
+    return next((t for m in ("integrated", "stereo") if len(t := run.trajectories.get(m, Trajectory.empty()))), None)
+
+
+def errors(run: Run, method: str) -> Errors | None:
+    """None without truth, or with too few poses."""
+    if run.truth is None:
+        return None
+    own, true = associate(drawn(run, method)[0], run.truth)
+    if len(own) < MIN_POSES:
+        return None
+    away = np.linalg.norm(own.translations - true.translations, axis=1)
+    turned = rotation_angle_rad(np.swapaxes(true.rotations, 1, 2) @ own.rotations)
+    return Errors(own.times_ns, away, np.rad2deg(turned))
+
+
+def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times (N,) [ns] and (N,) the length moved in the window before over the true one.
+
+    Of metric methods the plain ratio; of the monocular one relative to its first ten. None without truth or motion.
+    """
+    if run.truth is None:
+        return None
+    own, true = associate(run.trajectories[method], run.truth)
+    if len(own) < MIN_POSES:
+        return None
+    since_s = (own.times_ns - own.times_ns[0]) * 1e-9
+    window_s = min(WINDOW_S, since_s[-1] / 5)
+    after = np.flatnonzero(since_s >= window_s)
+    before = np.searchsorted(since_s, since_s[after] - window_s, side="right") - 1
+    moved, really = (np.linalg.norm(t.translations[after] - t.translations[before], axis=1) for t in (own, true))
+    told = really > MIN_MOTION_M
+    if not told.any():
+        return None
+    ratio = moved[told] / really[told]
+    if method == "monocular":
+        first = float(np.median(ratio[:10]))
+        if first <= 0:
+            return None
+        ratio = ratio / first
+    return own.times_ns[after[told]], ratio
+
+
+def mattered(run: Run) -> list[Said]:
+    """Failed tests that had a consequence told, or that nearly always pass."""
+    outcomes: dict[tuple[str, str], list[bool]] = {}
+    for said in run.decisions:
+        outcomes.setdefault((said.method, said.decision.name), []).append(said.decision.passed)
+    routine = {key for key, passed in outcomes.items() if np.mean(passed) < ROUTINE}
+    return [
+        said
+        for said in run.decisions
+        if not said.decision.passed and (said.decision.because or (said.method, said.decision.name) not in routine)
+    ]
+
+
+def changes(steps: Steps) -> list[tuple[int, str, str]]:
+    """(row, status before, status after) wherever the status changed; before the first it is empty."""
+    before = ("", *steps.status[:-1])
+    return [(i, a, b) for i, (a, b) in enumerate(zip(before, steps.status, strict=True)) if a != b]

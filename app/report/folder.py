@@ -1,0 +1,131 @@
+"""A run folder, read with the place of every mistake. Nothing in it is trusted."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.estimators import METHODS
+from ispom.io.mapping import read_mapping
+from ispom.io.rig import read_rig
+from ispom.io.rows import read_text
+from ispom.io.tum import read_tum
+from ispom.types import Frame, Rig, Trajectory
+
+from ..run_folder import MARKER
+from ..step_log import DECISIONS, STEPS
+from .steps import Said, Steps, read_decisions, read_steps
+
+FRAMES = ("rig", "left", "video")
+HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a report tells of one run."""
+
+    path: Path
+    label: str
+    """What a person calls it."""
+    told: Mapping[str, Any]
+    """run.yaml: plain values, lists of them, and mappings of those."""
+    metrics: Mapping[str, Mapping[str, Any]]
+    """metrics.json, by method, in the order of METHODS."""
+    path_length_m: float | None
+    rig: Rig
+    trajectories: Mapping[str, Trajectory]
+    """By method: world_from_FRAME, each in its own world."""
+    truth: Trajectory | None
+    """World_from_FRAME."""
+    steps: Mapping[str, Steps]
+    """steps.csv by method; empty where the folder has none."""
+    decisions: tuple[Said, ...]
+    sha256: Mapping[str, str]
+    """By file name."""
+
+    @property
+    def first_ns(self) -> int:
+        """When the first exposure was, as far as the folder tells."""
+        times = [s.times_ns[:1] for s in self.steps.values()]
+        times += [t.times_ns[:1] for t in (*self.trajectories.values(), self.truth) if t is not None]
+        return int(min((t[0] for t in times if len(t)), default=0))
+
+    def seconds(self, times_ns: np.ndarray) -> np.ndarray:
+        """Since the first exposure [s]."""
+        return (times_ns - self.first_ns) * 1e-9
+
+
+def read_run(path: Path, label: str) -> Run:
+    """InputError where the folder holds no run, one that is not complete, or files that are not as written."""
+    if not (path / "run.yaml").is_file():
+        raise InputError(f"{path} holds no run (no run.yaml): give a folder that `ispom run` wrote")
+    if (path / MARKER).exists():
+        why = read_text(path / MARKER).strip().splitlines()
+        raise InputError(
+            f"{path} holds a run that is not complete ({why[0] if why else 'no reason told'}): run it again"
+        )
+    told = _told(path / "run.yaml")
+    metrics, length = _metrics(path / "metrics.json")
+    frame: Frame = told["options"].get("frame", "rig")
+    if frame not in FRAMES:
+        raise InputError(f"{path / 'run.yaml'}: the frame is {str(frame)[:40]!r}, not one of {', '.join(FRAMES)}")
+    truth = read_tum(path / "truth.tum", frame) if (path / "truth.tum").exists() else None
+    return Run(
+        path,
+        label,
+        told,
+        metrics,
+        length,
+        read_rig(path / "rig.yaml"),
+        {method: read_tum(path / f"{method}.tum", frame) for method in metrics},
+        truth if truth is not None and len(truth) else None,
+        read_steps(path / STEPS) if (path / STEPS).exists() else {},
+        read_decisions(path / DECISIONS) if (path / DECISIONS).exists() else (),
+        {file.name: _sha256(file) for file in sorted(path.iterdir()) if file.suffix in HASHED and file.is_file()},
+    )
+
+
+def _told(path: Path) -> dict[str, Any]:
+    told = read_mapping(path)
+    kinds = {"source": str, "sequence": str, "notes": list, "options": dict, "config": dict, "versions": dict}
+    for name, kind in kinds.items():
+        if not isinstance(told.get(name), kind):
+            raise InputError(f"{path} has no {name} as `ispom run` writes it: restore the file, or run again")
+    _plain(path, told, 0)
+    return told
+
+
+def _plain(path: Path, value: Any, depth: int) -> None:
+    """Refuses nests: YAML's aliases can make a small file a huge page."""
+    inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
+    if depth > 3 or len(inner) > 500:
+        raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")
+    for item in inner:
+        _plain(path, item, depth + 1)
+
+
+def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:
+    try:
+        told = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
+        raise InputError(f"{path}{place} is not valid JSON: restore the file, or run again") from None
+    methods = told.get("methods") if isinstance(told, dict) else None
+    if not isinstance(methods, dict) or not all(isinstance(entry, dict) for entry in methods.values()):
+        raise InputError(f"{path} has no methods as `ispom run` writes them: restore the file, or run again")
+    if unknown := sorted(methods.keys() - set(METHODS)):
+        raise InputError(f"{path}: {unknown[0][:40]!r} is none of {', '.join(METHODS)}: restore the file, or run again")
+    length = told.get("path_length_m")
+    return {m: methods[m] for m in METHODS if m in methods}, length if isinstance(length, int | float) else None
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
