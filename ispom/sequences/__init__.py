@@ -5,22 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.sequences.described import looks_described, open_described
 from ispom.sequences.euroc import looks_like_euroc, open_euroc
+from ispom.sequences.folder import looks_like_images, open_folder
 from ispom.sequences.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.recording import Recording
 from ispom.sequences.tum import looks_like_tum, open_tum
 from ispom.sequences.two_rate import two_rate
+from ispom.sequences.video import looks_like_video, open_video
 from ispom.types import Sequence
 
 MIN_FRAMES = 3
 LAYOUTS = (
+    (looks_described, open_described),
     (looks_like_kitti, open_kitti),
     (looks_like_kitti_raw, open_kitti_raw),
     (looks_like_euroc, open_euroc),
     (looks_like_tum, open_tum),
+    (looks_like_video, open_video),
+    (looks_like_images, open_folder),
 )
-"""How each kind of folder is recognised and opened."""
+"""How each kind of folder or file is recognised and opened; the first that recognises it counts."""
 
 
 def open_sequence(
@@ -46,28 +52,33 @@ def open_sequence(
             raise InputError(f"{source} has no seed after #: give a whole number, such as sim:{name}#3")
         sequence = open_simulated(name, int(own_seed or seed))
     else:
-        sequence = two_rate(_recording(Path(source).expanduser()), stereo_every, video_scale)
+        opened = _opened(Path(source).expanduser())
+        sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
     if frames < MIN_FRAMES:
         raise InputError(f"{source} has {frames} frame(s), a run needs {MIN_FRAMES} or more: give a longer sequence")
     return sequence if max_exposures is None else sequence.truncated(max_exposures)
 
 
-def _recording(folder: Path) -> Recording:
-    if not folder.exists():
-        raise InputError(f"{folder} does not exist: correct the path, or give a simulation such as sim:city")
-    if not folder.is_dir():
-        raise InputError(f"{folder} is a file, not a folder: give the folder of a drive, such as kitti/sequences/06")
+def _opened(path: Path) -> Recording | Sequence:
+    if not path.exists():
+        raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
     for looks_like, opened in LAYOUTS:
-        if looks_like(folder):
-            return opened(folder)
-    if not any(folder.iterdir()):
-        raise InputError(f"{folder} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
-    drives = sorted(p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if _is_known(p))
+        if looks_like(path):
+            return opened(path)
+    if not path.is_dir():
+        raise InputError(
+            f"{path} is a file of no known kind: give a video, a sequence.yaml, or the folder of a drive, such as "
+            "kitti/sequences/06"
+        )
+    if not any(path.iterdir()):
+        raise InputError(f"{path} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
+    children = (p for pattern in ("*", "sequences/*") for p in path.glob(pattern) if p.is_dir())
+    drives = sorted(p for p in children if _is_known(p))
     cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
     raise InputError(
-        f"{folder} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
-        f"mav0, as in EuRoC, and rgb.txt, as in TUM): {cure}"
+        f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
+        f"mav0, as in EuRoC, rgb.txt, as in TUM, sequence.yaml, and images): {cure}"
     )
 
 

@@ -42,9 +42,16 @@ def test_path_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert f"{tmp_path}/nowhere does not exist: correct the path" in sentence(capsys, f"{tmp_path}/nowhere")
 
 
-def test_a_file_instead_of_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_of_no_known_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.txt").touch()
+    assert "notes.txt is a file of no known kind: give a video" in sentence(capsys, f"{tmp_path}/notes.txt")
+
+
+def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "film.mp4").touch()
-    assert "film.mp4 is a file, not a folder: give the folder" in sentence(capsys, f"{tmp_path}/film.mp4")
+    assert "film.yaml (or camera.yaml beside it) is missing: write one" in sentence(capsys, f"{tmp_path}/film.mp4")
+    (tmp_path / "film.yaml").write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
+    assert "film.mp4 is not a video that FFmpeg can decode" in sentence(capsys, f"{tmp_path}/film.mp4")
 
 
 def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -212,7 +219,8 @@ def test_disk_full_while_writing(
     out = tmp_path / "out"
     told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
     assert "integrated.tum cannot be written (No space left on device): make room" in told
-    assert {p.name for p in out.iterdir()} == {"run.yaml", "rig.yaml", "monocular.tum", "stereo.tum", MARKER}
+    logs = {"steps.csv", "decisions.csv"}
+    assert {p.name for p in out.iterdir()} == {"run.yaml", "rig.yaml", "monocular.tum", "stereo.tum", MARKER} | logs
     assert len(read_tum(out / "stereo.tum")) == 6 and "No space" in (out / MARKER).read_text()
 
 

@@ -10,7 +10,9 @@ import pytest
 
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Image, Sequence, StereoPair, VideoFrame
-from tests.sequences.folders import MAKERS
+from tests.sequences import folders, own_folders
+
+MAKERS = {**folders.MAKERS, **own_folders.OWN}
 
 
 @pytest.fixture(params=MAKERS)

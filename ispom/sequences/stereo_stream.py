@@ -1,0 +1,89 @@
+"""Two streams as pairs of rectified images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.geometry import Pose
+from ispom.sequences.matching import pairs, unmatched_note
+from ispom.sequences.recording import Side
+from ispom.sequences.rectification import Rectification, remapped
+from ispom.sequences.stream import Stream, size_of
+from ispom.types import Image, Rig
+
+
+@dataclass(frozen=True, eq=False)
+class StereoStream:
+    """Left and right images exposed together."""
+
+    rig: Rig
+    """With the rectified cameras in place of the raw ones."""
+    times_ns: NDArray[np.int64]
+    """(N,) increasing, those of the left images."""
+    read: Callable[[Side, int], Image]
+    """Rectified image i of a side; InputError where it is unreadable or of the wrong size."""
+    notes: tuple[str, ...]
+
+
+def stereo_stream(path: Path, rig: Rig, left: Stream, right: Stream) -> StereoStream:
+    """The pairs of two streams of a rig with both cameras, as given in `path`.
+
+    InputError where no images belong together, and where the rig is not that of a stereo camera.
+    """
+    i_left, i_right = pairs(left.times_ns, right.times_ns)
+    if not len(i_left):
+        raise InputError(f"{path}: no left and right image are of the same time: correct their times or offset_s")
+    rectified, streams = _rectification(path, rig), {"left": (left, i_left), "right": (right, i_right)}
+    notes = left.notes + right.notes + unmatched_note(len(left.times_ns), len(right.times_ns), len(i_left))
+
+    def raw(side: Side, i: int) -> Image:
+        stream, index = streams[side]
+        return stream.read(int(index[i]))
+
+    def straight(side: Side, i: int) -> Image:
+        return remapped(raw(side, i), maps[side])
+
+    if rectified is None:
+        return StereoStream(rig, left.times_ns[i_left], raw, notes)
+    maps = {"left": rectified.left_maps, "right": rectified.right_maps}
+    return StereoStream(_with(rectified, rig), left.times_ns[i_left], straight, notes)
+
+
+def _rectification(path: Path, rig: Rig) -> Rectification | None:
+    """How the images become rectified; None where they are."""
+    left, right = rig.camera("left"), rig.camera("right")
+    right_from_left = rig.rig_from_right.inverse() @ rig.rig_from_left
+    aside = InputError(f"{path}: its rig does not put the right camera to the right of the left one: correct the rig")
+    parallel = abs(right_from_left.rotation - np.eye(3)).max() < 1e-7
+    level = abs(right_from_left.translation[1:]).max() <= 1e-6 * abs(right_from_left.translation[0])
+    if left == right and not left.distortion and parallel and level:
+        if rig.baseline_m <= 0:
+            raise aside
+        return None
+    if size_of(left) != size_of(right):
+        raise InputError(f"{path}: left and right images are not of one size: give a rig of two equal cameras")
+    try:
+        found = Rectification.of(left, right, right_from_left)
+    except ValueError:
+        raise aside from None
+    if found.baseline_m <= 0:
+        raise aside
+    return found
+
+
+def _with(rectified: Rectification, rig: Rig) -> Rig:
+    rig_from_left = rig.rig_from_left @ rectified.left_from_rectified
+    left_from_right = Pose(translation=np.array([rectified.baseline_m, 0, 0]))
+    return replace(
+        rig,
+        left=rectified.camera,
+        right=rectified.camera,
+        rig_from_left=rig_from_left,
+        rig_from_right=rig_from_left @ left_from_right,
+    )

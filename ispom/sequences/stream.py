@@ -1,0 +1,101 @@
+"""The images of one camera over time, wherever they are kept, and the clocks that people give with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.io.mapping import finite_numbers
+from ispom.io.rows import increasing_times_ns, read_rows
+from ispom.types import Camera, Image
+
+NOMINAL_HZ = 30.0
+MIN_HZ, MAX_HZ = 1e-3, 1e5
+MAX_OFFSET_S = 9e9
+MAX_NS = 9_200_000_000_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Images by index; nothing is decoded before it is asked for."""
+
+    times_ns: NDArray[np.int64]
+    """(N,) increasing."""
+    read: Callable[[int], Image]
+    """Image i, grey or RGB; InputError where it is unreadable or of the wrong size. Safe from several threads."""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When the images of a stream were exposed: by a file of times, or at a rate; in both cases moved by an offset."""
+
+    times: Path | None = None
+    """One time [s] per line and image."""
+    rate_hz: float | None = None
+    offset_s: float = 0.0
+
+    def times_ns(self, what: Path, count: int, otherwise_hz: float | None = None) -> tuple[NDArray[np.int64], str]:
+        """(N,) [ns] of the `count` images of `what`, and what to tell about them ("" where they are as given).
+
+        Without times and rate, `otherwise_hz` counts, or else NOMINAL_HZ.
+        """
+        if self.times is not None:
+            found = increasing_times_ns(self.times, read_rows(self.times, 1))
+            if len(found) != count:
+                raise InputError(f"{self.times} has {len(found)} times for {count} images: give one per image")
+            return self._moved(found, what), ""
+        rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
+        note = (
+            "" if self.rate_hz or otherwise_hz else f"{what} tells no times: {NOMINAL_HZ:g} images per second assumed"
+        )
+        return self._moved(np.rint(np.arange(count) * 1e9 / rate_hz).astype(np.int64), what), note
+
+    def _moved(self, times_ns: NDArray[np.int64], what: Path) -> NDArray[np.int64]:
+        offset_ns = round(self.offset_s * 1e9)
+        if len(times_ns) and max(abs(int(times_ns[i]) + offset_ns) for i in (0, -1)) > MAX_NS:
+            raise InputError(
+                f"{what}: its last time with offset_s {self.offset_s:g} s is too large: correct the offset"
+            )
+        return times_ns + offset_ns
+
+
+def clock_of(path: Path, values: dict[Any, Any], where: str = "") -> Clock:
+    """The clock of a mapping with `times` or `rate_hz`, and `offset_s`; InputError names the value that is wrong."""
+    rate_hz, times = values.get("rate_hz"), values.get("times")
+    if times is not None and rate_hz is not None:
+        raise InputError(f"{path}: {where}times and {where}rate_hz are both given: remove one")
+    if times is not None:
+        times = named_file(path, f"{where}times", times)
+    if rate_hz is not None:
+        rate_hz = finite_numbers(path, f"{where}rate_hz", [rate_hz], 1)[0]
+        if not MIN_HZ <= rate_hz <= MAX_HZ:
+            raise InputError(f"{path}: {where}rate_hz is {rate_hz:g}, give a rate from {MIN_HZ:g} to {MAX_HZ:g}")
+    offset_s = finite_numbers(path, f"{where}offset_s", [values.get("offset_s", 0)], 1)[0]
+    if abs(offset_s) > MAX_OFFSET_S:
+        raise InputError(f"{path}: {where}offset_s is {offset_s:g}, beyond {MAX_OFFSET_S:g}: correct it")
+    return Clock(times, rate_hz, offset_s)
+
+
+def named_file(path: Path, where: str, name: Any) -> Path:
+    """The file or folder that the YAML file `path` names, relative to its own folder; InputError where it is no name
+    or nothing is there."""
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise InputError(f"{path}: {where} is not the name of a file: correct it")
+    found = path.parent / name
+    try:
+        found.stat()
+    except OSError:
+        raise InputError(f"{path}: {where} names {found}, which is not there or unreadable: correct it") from None
+    return found
+
+
+def size_of(camera: Camera) -> tuple[int, int]:
+    """(width, height)."""
+    return camera.width, camera.height

@@ -1,0 +1,54 @@
+"""A flight of three cameras kept as a user keeps one: a video file, two folders of images, and sequence.yaml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ispom.estimators import Config, build
+from ispom.io.rig import rig_text
+from ispom.io.tum import tum_text
+from ispom.sequences import open_sequence
+from ispom.types import Sequence, StereoPair, Trajectory, VideoFrame
+from tests.sequences.own_folders import write_images, write_video
+
+
+def simulated_on_disk(source: Sequence, folder: Path) -> Path:
+    """The simulated sequence as a video file, two folders of images and a sequence.yaml."""
+    exposures = [source[i] for i in range(len(source))]
+    frames = [e.image for e in exposures if isinstance(e, VideoFrame)]
+    stereo = [e for e in exposures if isinstance(e, StereoPair)]
+    assert source.truth is not None
+    write_video(folder / "video.avi", frames, 30)
+    write_images(folder / "left", [pair.left for pair in stereo])
+    write_images(folder / "right", [pair.right for pair in stereo])
+    (folder / "stereo.txt").write_text("".join(f"{pair.time_ns / 1e9:.9f}\n" for pair in stereo))
+    (folder / "rig.yaml").write_text(rig_text(source.rig))
+    (folder / "truth.tum").write_text(tum_text(source.truth))
+    (folder / "sequence.yaml").write_text(
+        "video: video.avi\nleft: {source: left, times: stereo.txt}\nright: {source: right, times: stereo.txt}\n"
+        "truth: truth.tum\n"
+    )
+    return folder
+
+
+def flown(sequence: Sequence) -> dict[str, Trajectory]:
+    ensemble = build(Config(), ("monocular", "stereo", "integrated"), sequence.rig)
+    state = ensemble.start()
+    for i in range(len(sequence)):
+        state, _ = ensemble.step(state, sequence[i])
+    return ensemble.finish(state)
+
+
+def test_the_simulation_through_files_gives_what_it_gives_itself(flight: Sequence, tmp_path: Path) -> None:
+    source = flight.truncated(34)  # 1 s
+    copy = open_sequence(str(simulated_on_disk(source, tmp_path)))
+    assert copy.kinds == source.kinds and copy.times_ns.tolist() == source.times_ns.tolist()
+    assert copy.truth is not None and source.truth is not None and len(copy.truth) == len(copy)
+    np.testing.assert_allclose(copy.truth.translations, source.truth.translations[: len(copy)], atol=1e-8)
+    own, through = flown(source), flown(copy)
+    np.testing.assert_array_equal(own["stereo"].translations, through["stereo"].translations)  # PNG loses nothing
+    assert own["integrated"].times_ns.tolist() == through["integrated"].times_ns.tolist()
+    apart_m = np.linalg.norm(own["integrated"].translations - through["integrated"].translations, axis=1)
+    assert apart_m.max() < 0.01 * own["integrated"].length
