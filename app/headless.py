@@ -17,10 +17,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ispom.errors import InputError
 from ispom.estimators import METHODS, Method, possible_methods
+from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
 from ispom.types import Sequence
 
+from .map_memory import MapMemories
 from .options import Run
 from .playback import Finished, Playback
 from .results import Tally, in_frame, metrics_text, run_text, summary
@@ -28,13 +30,14 @@ from .run_folder import RunFolder
 from .step_log import DECISIONS, STEPS, StepLog
 
 TERMINATED = 143
-RECORDING = "run.rrd"
+RECORDING, LANDMARKS = "run.rrd", "landmarks.npz"
 OUTPUTS = [
     "run.yaml",
     "rig.yaml",
     "truth.tum",
     *(f"{m}.tum" for m in METHODS),
     "metrics.json",
+    LANDMARKS,
     STEPS,
     DECISIONS,
     RECORDING,
@@ -81,7 +84,7 @@ def _default_folder(name: str) -> Path:
 
 def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder) -> Finished:
     """Steps through the sequence. Whatever ends that, what was computed is written."""
-    tally = Tally()
+    tally, memories = Tally(), MapMemories()
     with ExitStack() as stack:
         record = None
         if options.recording:
@@ -96,8 +99,8 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
             with _terminable(), _progress(len(playback.sequence)) as advance:
                 while not playback.done:
                     event = playback.step()
-                    for step in event.steps:
-                        tally.add(step)
+                    tally.add(event)
+                    memories.add(event.steps)
                     log.add(event)
                     if record:
                         record.write(event)
@@ -107,6 +110,8 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
             if record:
                 record.write(finished)
             _write(playback, finished, methods, options, folder, tally)
+            maps = memories.scenes(finished.trajectories, methods, playback.sequence.rig)
+            folder.write(LANDMARKS, map_bytes(maps))
     if record and record.failure:
         raise InputError(record.failure)
     return finished

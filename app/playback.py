@@ -7,10 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ispom.errors import InputError, UnreadableImage
 from ispom.estimators import Config, Ensemble, Method, build
 from ispom.evaluation.placement import first_segment_placement
 from ispom.geometry import Pose, Similarity
-from ispom.types import Exposure, Sequence, Step, Trajectory
+from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
+
+UNREADABLE_SHARE = 0.01
+"""A run goes on without this share of its exposures; more that are unreadable end it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +40,8 @@ class Stepped:
     """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
     errors_m: Mapping[str, float]
     """By method: distance of this step's rig position from the truth's, where both are known."""
+    skipped: str = ""
+    """Why no estimator saw it: the image that is unreadable. Its images are empty then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +64,8 @@ class Playback:
         self.ensemble: Ensemble = build(self.config, self.methods, self.sequence.rig)
         self.truth = _truth_from_start(self.sequence)
         self.position = 0
+        self.skipped: list[str] = []
+        """What was wrong with each exposure that was left out."""
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
         self._placements: dict[str, Similarity] = {"monocular": Similarity(1.0, start)}
@@ -79,13 +87,28 @@ class Playback:
         return self._placed
 
     def step(self) -> Stepped:
-        """Runs the next exposure. The position does not advance where loading it raises InputError."""
+        """Runs the next exposure. The position does not advance where loading it raises InputError.
+
+        One in a hundred may be unreadable: the estimators go on from the one before to the one after.
+        """
         index = self.position
-        exposure = self.sequence[index]
+        try:
+            exposure = self.sequence[index]
+        except UnreadableImage as fault:
+            return self._skip(index, str(fault))
         self._state, steps = self.ensemble.step(self._state, exposure)
         self.position = index + 1
         self._place(steps)
         return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
+
+    def _skip(self, index: int, fault: str) -> Stepped:
+        if len(self.skipped) + 1 > UNREADABLE_SHARE * len(self.sequence):
+            more = f" (left out before it: {len(self.skipped)})" if self.skipped else ""
+            raise InputError(fault + more)
+        self.skipped.append(fault)
+        self.position = index + 1
+        nothing = blank(self.sequence, index)
+        return Stepped(index, nothing, (), dict(self._placements), {}, fault)
 
     def finish(self) -> Finished:
         return Finished(self.ensemble.finish(self._state), dict(self._placements))
@@ -121,6 +144,14 @@ class Playback:
         )
         if placement is not None:
             self._placements["monocular"], self._placed = placement, True
+
+
+def blank(sequence: Sequence, index: int) -> Exposure:
+    """An exposure with empty images, which nobody draws."""
+    time_ns, nothing = int(sequence.times_ns[index]), np.zeros((0, 0), np.uint8)
+    if sequence.kinds[index] == "stereo":
+        return StereoPair(time_ns, nothing, nothing)
+    return VideoFrame(time_ns, nothing)
 
 
 def _truth_from_start(sequence: Sequence) -> Trajectory | None:

@@ -8,9 +8,9 @@ from collections import deque
 from pathlib import Path
 from threading import Event, Thread
 
-from ispom.errors import InputError
+from ispom.errors import InputError, UnreadableImage
 
-from .playback import Finished, Opened, Stepped
+from .playback import Finished, Opened, Stepped, blank
 from .state import Moment, RecordedFile, Recording
 from .streams import FileRecording
 
@@ -121,4 +121,9 @@ class Writer:
     def _event(self, moment: Moment) -> Stepped:
         """With the images that are at hand, or read again."""
         fresh = next((event for event in tuple(self._fresh) if event.index == moment.index), None)
-        return fresh or moment.stepped(self._sequence[moment.index])
+        if fresh:
+            return fresh
+        try:
+            return moment.stepped(self._sequence[moment.index])
+        except UnreadableImage:  # it was left out of the run, too, or went missing since
+            return moment.stepped(blank(self._sequence, moment.index))

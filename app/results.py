@@ -15,9 +15,9 @@ import yaml
 
 from ispom.estimators import Method
 from ispom.evaluation import metrics
-from ispom.types import Frame, Rig, Sequence, Status, Step, Trajectory
+from ispom.types import Frame, Rig, Sequence, Status, Trajectory
 
-from .playback import Finished, Opened
+from .playback import Finished, Opened, Stepped
 
 PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "open3d", "rerun-sdk")
 
@@ -28,10 +28,14 @@ class Tally:
 
     ms: dict[str, list[float]] = field(default_factory=dict)
     lost: dict[str, int] = field(default_factory=dict)
+    skipped: list[str] = field(default_factory=list)
+    """What was wrong with each exposure that was left out."""
 
-    def add(self, step: Step) -> None:
-        self.ms.setdefault(step.method, []).append(1000 * sum(step.seconds.values()))
-        self.lost[step.method] = self.lost.get(step.method, 0) + (step.status == Status.LOST)
+    def add(self, event: Stepped) -> None:
+        self.skipped += [event.skipped] if event.skipped else []
+        for step in event.steps:
+            self.ms.setdefault(step.method, []).append(1000 * sum(step.seconds.values()))
+            self.lost[step.method] = self.lost.get(step.method, 0) + (step.status == Status.LOST)
 
     def of(self, method: str) -> dict[str, Any]:
         ms = self.ms.get(method, [])
@@ -52,7 +56,8 @@ def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | Non
 def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...], tally: Tally) -> str:
     """metrics.json. Without truth: only what can be said without it."""
     sequence, truth = opened.sequence, opened.truth
-    report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes), "methods": {}}
+    report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes)}
+    report |= {"skipped": tally.skipped, "methods": {}}
     if truth is not None:
         report["path_length_m"] = truth.select(truth.times_ns <= sequence.times_ns[-1]).length
     for method in methods:
@@ -83,7 +88,7 @@ def run_text(source: str, sequence: Sequence, options: Mapping[str, Any], config
 
 def summary(report: Mapping[str, Any]) -> str:
     """The metrics as a few lines for the terminal."""
-    lines = []
+    lines = [f"left out: {fault}" for fault in report["skipped"]]
     for method, entry in report["methods"].items():
         parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
         if entry.get("ate_m") is not None:

@@ -256,6 +256,8 @@ class Session:
         moment = Moment.of(event, self.history[-1] if self.history else None)
         self.history.append(moment)
         self._emit(Computed(moment))
+        if event.skipped:
+            self._emit(Told(f"exposure {event.index + 1} is left out: {event.skipped}"))
         self._to_viewers(lambda live: live.write(event))
         if self._writer is not None:
             self._writer.offer(event)
