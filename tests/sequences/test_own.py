@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from ispom.sequences import open_sequence
 from ispom.types import VideoFrame
 from tests.sequences import own_folders
 from tests.sequences.folders import images
-from tests.sequences.own_folders import make_described, make_images, make_video
+from tests.sequences.own_folders import make_described, make_images, make_video, write_images, write_video
 
 
 def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
@@ -82,6 +83,25 @@ def test_a_raw_rig_is_rectified_and_keeps_its_place(tmp_path: Path) -> None:
 def test_without_a_video_the_left_images_are_the_video(tmp_path: Path) -> None:
     sequence = open_sequence(str(make_described(tmp_path / "x", video=False)), stereo_every=2)
     assert sequence.kinds[:4] == ("stereo", "video", "video", "stereo") and "emulation" in sequence.notes[0]
+
+
+def test_the_examples_of_the_readme_open(tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    found = dict(re.findall(r"```yaml\n# (\w+\.yaml): (.*?)```", readme, re.DOTALL))
+    for name, text in found.items():
+        (tmp_path / name).write_text(f"# {text}")
+    blank = [np.zeros((480, 640), np.uint8)] * 4
+    write_video(tmp_path / "video.mp4", blank, codec="mp4v")
+    for side in ("left", "right"):
+        write_images(tmp_path / side, [np.zeros((960, 1280), np.uint8)] * 2)
+        (tmp_path / f"{side}.txt").write_text("0.0\n0.1\n")
+    (tmp_path / "truth.tum").write_text("0 0 0 0 0 0 0 1\n0.1 1 0 0 0 0 0 1\n")
+    sequence = open_sequence(str(tmp_path))
+    assert sequence.name == "roof, second flight" and sequence.rig.baseline_m == pytest.approx(0.4)
+    assert [sequence[i].time_ns for i in range(len(sequence))] == sequence.times_ns.tolist()
+    shots = write_images(tmp_path / "shots", [np.zeros((480, 752), np.uint8)] * 3)
+    (tmp_path / "camera.yaml").rename(shots / "camera.yaml")
+    assert len(open_sequence(str(shots))) == 3
 
 
 def written(root: Path, name: str, text: str) -> None:
