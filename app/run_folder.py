@@ -31,11 +31,11 @@ class RunFolder:
         for name in names:
             (self.path / name).unlink(missing_ok=True)
 
-    def write(self, name: str, text: str) -> None:
+    def write(self, name: str, content: str | bytes) -> None:
         """InputError where the disk does not take it; a file of that name stays as it was then."""
         part = self.part(name)
         try:
-            part.write_text(text, encoding="utf-8")
+            part.write_bytes(content.encode() if isinstance(content, str) else content)
             os.replace(part, self.path / name)
         except OSError as error:
             part.unlink(missing_ok=True)

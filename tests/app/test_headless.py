@@ -29,6 +29,7 @@ FILES = {
     "truth.tum",
     *(f"{m}.tum" for m in METHODS),
     "metrics.json",
+    "landmarks.npz",
     "steps.csv",
     "decisions.csv",
 }

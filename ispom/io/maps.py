@@ -1,0 +1,102 @@
+"""landmarks.npz: each method's landmarks, and what its key frames saw of them."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.types import Frame, Landmarks, Trajectory
+
+CAMERAS: tuple[Frame, ...] = ("video", "left")
+_SHAPES = {
+    "ids": ("m", "i"),
+    "xyz_in_world": ("m3", "f"),
+    "rgb": ("m3", "u"),
+    "key_times_ns": ("k", "i"),
+    "key_rotations": ("k33", "f"),
+    "key_translations": ("k3", "f"),
+    "seen_from": ("n", "i"),
+    "seen_ids": ("n", "i"),
+    "seen_uv": ("n2", "f"),
+}
+"""By array of a method: its axes (letters: counts that agree within a method) and kind of number."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMap:
+    """What one method knows of the scene, in its own world and unit."""
+
+    landmarks: Landmarks
+    key_frames: Trajectory
+    """(K) world_from_CAMERA; its `frame` is the camera."""
+    seen_from: NDArray[np.int64]
+    """(N,) of each observation: the key frame's index."""
+    seen_ids: NDArray[np.int64]
+    """(N,) the point's id; points that never got a position are among them."""
+    seen_uv: NDArray[np.float32]
+    """(N, 2) [px]."""
+
+
+def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
+    """The file's content: compressed arrays called METHOD.NAME, no pickles."""
+    arrays: dict[str, np.ndarray] = {}
+    for method, found in maps.items():
+        keys, points = found.key_frames, found.landmarks
+        values = (
+            points.ids,
+            points.xyz_in_world.astype(np.float32),
+            points.rgb,
+            keys.times_ns,
+            keys.rotations,
+            keys.translations,
+        )
+        values += (found.seen_from, found.seen_ids, found.seen_uv)
+        arrays |= {f"{method}.{name}": value for name, value in zip(_SHAPES, values, strict=True)}
+        arrays[f"{method}.camera"] = np.array(CAMERAS.index(keys.frame))
+    out = BytesIO()
+    np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
+    return out.getvalue()
+
+
+def read_maps(path: Path) -> dict[str, SceneMap]:
+    """By method; InputError where the file is missing or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        methods = dict.fromkeys(name.split(".")[0] for name in arrays)
+        return {method: _map({n: arrays[f"{method}.{n}"] for n in (*_SHAPES, "camera")}) for method in methods}
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: run again with this version of ispom") from None
+    except (OSError, ValueError, KeyError, IndexError, EOFError, AttributeError, zipfile.BadZipFile):
+        raise InputError(f"{path} is damaged, or was not written by ispom run: run again") from None
+
+
+def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
+    """ValueError where shapes or kinds do not agree."""
+    counts: dict[str, int] = {}
+    for name, (axes, kind) in _SHAPES.items():
+        array = arrays[name]
+        expected = (counts.setdefault(axes[0], len(array)), *(int(n) for n in axes[1:]))
+        if array.shape != expected or array.dtype.kind != kind:
+            raise ValueError(name)
+    if counts["n"] and not 0 <= arrays["seen_from"].min() <= arrays["seen_from"].max() < counts["k"]:
+        raise ValueError("seen_from")
+    return SceneMap(
+        Landmarks(arrays["ids"], arrays["xyz_in_world"], arrays["rgb"]),
+        Trajectory(
+            arrays["key_times_ns"],
+            arrays["key_rotations"],
+            arrays["key_translations"],
+            CAMERAS[int(arrays["camera"])],
+        ),
+        arrays["seen_from"],
+        arrays["seen_ids"],
+        arrays["seen_uv"],
+    )
