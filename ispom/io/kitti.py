@@ -18,15 +18,24 @@ def read_poses(path: Path, as_printed: bool = False) -> list[Pose]:
 
     `as_printed` keeps the rounding of the file's digits, for the same numbers as other programs get from it.
     """
-    poses = []
-    for line, words in read_rows(path, 12):
-        matrix = numbers(path, line, words).reshape(3, 4)
-        rotation = matrix[:, :3]
-        if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
-            raise InputError(f"{path} line {line}: its first three columns are not a rotation: correct that line")
-        exact = rotation if as_printed else Rotation.from_matrix(rotation).as_matrix()
-        poses.append(Pose(exact, matrix[:, 3]))
-    return poses
+    rows = read_rows(path, 12)
+    if not rows:
+        return []
+    matrices = np.stack([numbers(path, line, words) for line, words in rows]).reshape(-1, 3, 4)
+    rotations = matrices[:, :, :3]
+    skewed = abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > 1e-2
+    wrong = np.flatnonzero(skewed | (np.linalg.det(rotations) <= 0))
+    if len(wrong):
+        line = rows[wrong[0]][0]
+        raise InputError(f"{path} line {line}: its first three columns are not a rotation: correct that line")
+    exact = rotations if as_printed else Rotation.from_matrix(rotations).as_matrix()
+    return [Pose(rotation, matrix[:, 3]) for rotation, matrix in zip(exact, matrices, strict=True)]
+
+
+def poses_text(trajectory: Trajectory) -> str:
+    """world_from_FRAME as such lines, and nothing of the times."""
+    rows = np.concatenate([trajectory.rotations, trajectory.translations[:, :, None]], axis=2).reshape(-1, 12)
+    return "".join(f"{' '.join(f'{v:.12e}' for v in row)}\n" for row in rows)
 
 
 def read_times(path: Path) -> NDArray[np.int64]:

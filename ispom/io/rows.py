@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
@@ -48,8 +49,8 @@ def numbers(path: Path, line: int, words: list[str]) -> Array:
         try:
             values.append(float(word))
         except ValueError:
-            values.append(np.nan)
-        if not np.isfinite(values[-1]):
+            values.append(math.nan)
+        if not math.isfinite(values[-1]):
             raise InputError(f"{path} line {line}: '{word[:40]}' is not a finite number: correct that line")
         if abs(values[-1]) > LARGEST:
             raise InputError(f"{path} line {line}: '{word[:40]}' is too large for what it says: correct that line")
