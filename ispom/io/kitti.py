@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.rows import increasing_times_ns, numbers, read_rows, read_text
+from ispom.types import Trajectory
 
 
 def read_poses(path: Path, as_printed: bool = False) -> list[Pose]:
