@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import alignment, placed
@@ -15,7 +16,7 @@ from ispom.types import Trajectory
 from .folder import Run
 from .steps import Said, Steps
 
-WINDOW_S = 1.0
+WINDOW_NS = 1_000_000_000
 """Over which lengths are compared; a fifth of a run that is shorter than five of them."""
 MIN_MOTION_M = 0.05
 """A true motion shorter than this says nothing about scale."""
@@ -25,7 +26,7 @@ ROUTINE = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Of the poses that have a true partner (N), after alignment."""
+    """Of the poses that have a true partner (N): positions after alignment, orientations after the mean turn."""
 
     times_ns: np.ndarray
     position_m: np.ndarray
@@ -63,8 +64,15 @@ def errors(run: Run, method: str) -> Errors | None:
     if len(own) < MIN_POSES:
         return None
     away = np.linalg.norm(own.translations - true.translations, axis=1)
-    turned = rotation_angle_rad(np.swapaxes(true.rotations, 1, 2) @ own.rotations)
+    # Positions leave the turn about a straight path open: orientations are aligned by themselves.
+    differences = true.rotations @ np.swapaxes(own.rotations, 1, 2)
+    turned = rotation_angle_rad(_mean_rotation(differences).T @ differences)
     return Errors(own.times_ns, away, np.rad2deg(turned))
+
+
+def _mean_rotation(rotations: np.ndarray) -> np.ndarray:
+    """(3, 3) nearest to all (N, 3, 3), by the chordal distance (Hartley et al. 2013, section 5.3)."""
+    return Rotation.from_matrix(rotations).mean().as_matrix()
 
 
 def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
@@ -77,10 +85,10 @@ def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
     own, true = associate(run.trajectories[method], run.truth)
     if len(own) < MIN_POSES:
         return None
-    since_s = (own.times_ns - own.times_ns[0]) * 1e-9
-    window_s = min(WINDOW_S, since_s[-1] / 5)
-    after = np.flatnonzero(since_s >= window_s)
-    before = np.searchsorted(since_s, since_s[after] - window_s, side="right") - 1
+    since_ns = own.times_ns - own.times_ns[0]
+    window_ns = min(WINDOW_NS, int(since_ns[-1]) // 5)
+    after = np.flatnonzero(since_ns >= window_ns)
+    before = np.searchsorted(since_ns, since_ns[after] - window_ns, side="right") - 1
     moved, really = (np.linalg.norm(t.translations[after] - t.translations[before], axis=1) for t in (own, true))
     told = really > MIN_MOTION_M
     if not told.any():

@@ -64,7 +64,7 @@ async function start() {
   addEventListener("beforeprint", () => places.forEach(draw));
 }
 
-start().catch((error) => {
+const ready = start().catch((error) => {
   const told = document.getElementById("trouble");
   told.textContent = `The plots cannot be drawn in this browser (${error.message}); a browser of 2023 or later can. The tables hold the numbers.`;
   told.hidden = false;

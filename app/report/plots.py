@@ -71,7 +71,7 @@ def path_3d(run: Run) -> Figure:
         line = _line(name, colour, xyz[:, 0], xyz[:, 1], dash if dash in ("solid", "dash") else "solid")
         traces.append(line | {"z": _rounded(xyz[:, 2]), "type": "scatter3d"})
     axes = {f"{a}axis": {"title": f"{a} [m]"} for a in "xyz"}
-    camera = {"up": {"x": 0, "y": -1, "z": 0}, "eye": {"x": 1.5, "y": -1.5, "z": -1.7}}
+    camera = {"up": {"x": 0, "y": -1, "z": 0}, "eye": {"x": 1.9, "y": -1.9, "z": -2.2}}
     return Figure(
         f"{run.label}: path in 3-D", traces, {"scene": {"aspectmode": "data", "camera": camera, **axes}, "height": 560}
     )
@@ -102,9 +102,8 @@ def rotation_errors(run: Run) -> Figure:
         for method in run.trajectories
         if (found := errors(run, method)) is not None
     ]
-    return Figure(
-        f"{run.label}: orientation", traces, _over_time("angle from truth [deg]"), "Final poses, aligned as above."
-    )
+    note = "Final poses, all turned alike such that their orientations come closest to the truth on average."
+    return Figure(f"{run.label}: orientation", traces, _over_time("angle from truth [deg]"), note)
 
 
 def together(runs: list[Run]) -> Figure:
