@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.sequences.bags import looks_like_bag, open_bag
 from ispom.sequences.described import looks_described, open_described
 from ispom.sequences.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.folder import looks_like_images, open_folder
@@ -23,6 +24,7 @@ LAYOUTS = (
     (looks_like_kitti_raw, open_kitti_raw),
     (looks_like_euroc, open_euroc),
     (looks_like_tum, open_tum),
+    (looks_like_bag, open_bag),
     (looks_like_video, open_video),
     (looks_like_images, open_folder),
 )

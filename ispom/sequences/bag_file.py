@@ -1,0 +1,102 @@
+"""ROS 1 bags, ROS 2 bags and MCAP files through `rosbags` (the optional extra `bags`): messages by topic and time."""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+
+IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+INFO_TYPE = "sensor_msgs/msg/CameraInfo"
+
+
+@dataclass(frozen=True, eq=False)
+class Index:
+    """Where the messages of one topic are."""
+
+    stamps_ns: NDArray[np.int64]
+    """(N,) increasing: the headers' times, of the exposures; where those are 0, when the messages were written."""
+    places: list[tuple[int, int]]
+    """When message i was written [ns], and how many messages of its topic were written before at that very time."""
+
+
+class BagFile:
+    """One bag, open once per thread that reads it: a database connection must not change threads."""
+
+    def __init__(self, path: Path) -> None:
+        """InputError where rosbags is not installed, and where the bag is damaged."""
+        if not _installed():
+            raise InputError(f"{path} is a bag, which takes the extra `bags` to read: pip install 'ispom[bags]'")
+        self.path = path
+        self._own = threading.local()
+        with self._reading() as reader:
+            found = {c.topic: c.msgtype for c in reader.connections}
+        self.types: dict[str, str] = dict(sorted(found.items()))
+        """Message type by topic."""
+
+    def index(self, topic: str) -> Index:
+        """Reads the topic's messages once, without decoding them."""
+        stamps, places, same = [], [], (0, -1)
+        with self._reading() as reader:
+            for _, time_ns, raw in reader.messages(_connections(reader, topic)):
+                same = (time_ns, same[1] + 1 if same[0] == time_ns else 0)
+                stamps.append(_stamp_ns(raw, reader.is2) or time_ns)
+                places.append(same)
+        times_ns, first = np.unique(np.array(stamps, np.int64), return_index=True)
+        return Index(times_ns, [places[i] for i in first])
+
+    def message(self, topic: str, place: tuple[int, int] | None = None) -> Any:
+        """The message at a place of its index, or the topic's first one; None where there is none."""
+        time_ns, skip = place or (None, 0)
+        with self._reading() as reader:
+            stop = None if time_ns is None else time_ns + 1
+            for i, (connection, _, raw) in enumerate(reader.messages(_connections(reader, topic), time_ns, stop)):
+                if i == skip:
+                    return reader.deserialize(raw, connection.msgtype)
+        return None
+
+    @contextmanager
+    def _reading(self) -> Iterator[AnyReader]:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        try:
+            if not hasattr(self._own, "reader"):
+                reader = AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+                reader.open()
+                self._own.reader = reader
+            yield self._own.reader
+        except Exception as error:  # a damaged bag may fail anywhere in rosbags, or in what it decompresses with
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise InputError(f"{self.path} is not a whole bag ({reason}): restore or reindex it") from None
+
+
+def _installed() -> bool:
+    try:
+        return find_spec("rosbags") is not None
+    except ValueError:
+        return False
+
+
+def _connections(reader: AnyReader, topic: str) -> list:
+    return [c for c in reader.connections if c.topic == topic]
+
+
+def _stamp_ns(raw: bytes, cdr: bool) -> int:
+    """Of the header that images begin with: after CDR's own four bytes, or ROS 1's counter."""
+    big = cdr and raw[1] == 0
+    seconds, nanoseconds = struct.unpack_from(">iI" if big else "<iI", raw, 4)
+    return seconds * 10**9 + nanoseconds
