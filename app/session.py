@@ -268,8 +268,7 @@ class Session:
     @property
     def _work(self) -> str:
         """What takes its time when an exposure does."""
-        sequence = self._playback.sequence if self._playback else None
-        if sequence is None or sequence.prepare is None:
+        if not self.state.source.startswith("sim:"):
             return "compiling, then computing" if not self.history else "computing"
         return "building the scene, then" if not self.history else "rendering and computing"
 

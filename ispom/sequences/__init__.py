@@ -11,6 +11,7 @@ from ispom.sequences.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.folder import looks_like_images, open_folder
 from ispom.sequences.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.kitti_raw import looks_like_kitti_raw, open_kitti_raw
+from ispom.sequences.prefetch import prefetched
 from ispom.sequences.recording import Recording
 from ispom.sequences.tum import looks_like_tum, open_tum
 from ispom.sequences.two_rate import two_rate
@@ -59,7 +60,7 @@ def open_sequence(
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
     if frames < MIN_FRAMES:
         raise InputError(f"{source} has {frames} frame(s), a run needs {MIN_FRAMES} or more: give a longer sequence")
-    return sequence if max_exposures is None else sequence.truncated(max_exposures)
+    return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
 
 
 def _opened(path: Path) -> Recording | Sequence:
