@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | sources | evaluate | report."""
+"""The command `ispom`: demo | app | run | sources | evaluate | export | report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import tyro
 
 from ispom.errors import InputError
 
-from .options import App, Demo, Evaluate, Report, Run, Serve, Sources
+from .options import App, Demo, Evaluate, Export, Report, Run, Serve, Sources
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
@@ -18,6 +18,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Report, tyro.conf.subcommand("report")]
 )
 MISUSE, INTERRUPTED = 2, 130
@@ -36,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _execute(command: Serve | Run | Sources | Evaluate | Report) -> int:
+def _execute(command: Serve | Run | Sources | Evaluate | Export | Report) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
@@ -50,6 +51,10 @@ def _execute(command: Serve | Run | Sources | Evaluate | Report) -> int:
         from .evaluate import evaluate
 
         return evaluate(command)
+    if isinstance(command, Export):
+        from .export import export
+
+        return export(command)
     if isinstance(command, Report):
         from .report.command import report
 

@@ -130,3 +130,18 @@ class Report:
     """Folders that `ispom run` wrote; several are shown side by side."""
     out: Path = Path("report.html")
     """The file to write."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Writes what a run found in the formats of other tools: trajectories, clouds, COLMAP models."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder that `ispom run` wrote."""
+    format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
+    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: key frames, points and what they saw, as a
+    text model; csv: poses and points with a header."""
+    methods: tuple[Method, ...] = ()
+    """Methods to export; none given means all of the run."""
+    out: Path | None = None
+    """Folder to write to; without it, export/FORMAT in the run's."""

@@ -13,7 +13,7 @@ from ispom.types import Frame, Trajectory
 def tum_text(trajectory: Trajectory) -> str:
     """The file's content; times keep every nanosecond, other values nine decimals."""
     values = np.round(np.hstack([trajectory.translations, trajectory.xyzw]), 9) + 0.0  # no "-0.000000000"
-    times = [_seconds(int(t)) for t in trajectory.times_ns]
+    times = [seconds_text(int(t)) for t in trajectory.times_ns]
     return "".join(f"{t} {' '.join(f'{v:.9f}' for v in row)}\n" for t, row in zip(times, values, strict=True))
 
 
@@ -29,7 +29,7 @@ def read_tum(path: Path, frame: Frame = "rig", every: bool = False) -> Trajector
     return latest(path, rows, times, values[:, :3], values[:, 3:], frame, every)
 
 
-def _seconds(time_ns: int) -> str:
+def seconds_text(time_ns: int) -> str:
     """Decimal seconds by integer arithmetic: a float has too few digits for nanoseconds since 1970."""
     whole, rest = divmod(abs(time_ns), 10**9)
     return f"{'-' if time_ns < 0 else ''}{whole}.{rest:09d}"

@@ -1,0 +1,154 @@
+"""`ispom export`: other tools read what a run found."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import open3d
+import pytest
+import yaml
+from ispom_app import playback
+from ispom_app.cli import main
+from ispom_app.run_folder import MARKER
+
+from ispom.estimators import METHODS, Ensemble
+from ispom.io.kitti import read_poses, read_times
+from ispom.io.maps import map_bytes, read_maps
+from ispom.io.rig import rig_text
+from ispom.io.trajectories import read_trajectory
+from ispom.io.tum import read_tum, tum_text
+from tests import doubles
+from tests.io.test_maps import scene
+from tests.sequences.kitti_folder import make_drive
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """The folder of a monocular run with points whose place is known."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    found = scene(noise_px=0.4, outliers=25)
+    (folder / "run.yaml").write_text(yaml.safe_dump({"options": {"frame": "video"}}))
+    (folder / "rig.yaml").write_text(rig_text(doubles.rig()))
+    (folder / "monocular.tum").write_text(tum_text(found.key_frames))
+    (folder / "landmarks.npz").write_bytes(map_bytes({"monocular": found}))
+    return folder
+
+
+def exported(run: Path, form: str) -> Path:
+    assert main(["export", str(run), "--format", form]) == 0
+    return run / "export" / form
+
+
+@pytest.mark.parametrize(("form", "name"), [("tum", "monocular.tum"), ("euroc", "monocular.csv")])
+def test_timed_trajectories(form: str, name: str, run: Path) -> None:
+    found, own = read_trajectory(exported(run, form) / name), read_tum(run / "monocular.tum")
+    assert found.format.lower() == form and found.trajectory.times_ns.tolist() == own.times_ns.tolist()
+    np.testing.assert_allclose(found.trajectory.translations, own.translations, atol=1e-9)
+    np.testing.assert_allclose(found.trajectory.rotations, own.rotations, atol=1e-8)
+
+
+def test_kitti_with_times(run: Path) -> None:
+    folder, own = exported(run, "kitti"), read_tum(run / "monocular.tum")
+    poses = read_poses(folder / "monocular.txt")
+    np.testing.assert_allclose([p.translation for p in poses], own.translations, atol=1e-9)
+    np.testing.assert_allclose([p.rotation for p in poses], own.rotations, atol=1e-9)
+    assert read_times(folder / "monocular_times.txt").tolist() == own.times_ns.tolist()
+
+
+def test_ply_opens_in_open3d(run: Path) -> None:
+    path, expected = exported(run, "ply") / "monocular.ply", scene()
+    cloud, line = open3d.io.read_point_cloud(str(path)), open3d.io.read_line_set(str(path))
+    points = np.asarray(cloud.points)
+    np.testing.assert_allclose(points[:60], expected.landmarks.xyz_in_world, rtol=1e-6)
+    np.testing.assert_allclose(points[60:], expected.key_frames.translations, atol=1e-6)
+    np.testing.assert_allclose(np.asarray(cloud.colors)[:60] * 255, expected.landmarks.rgb, atol=0.5)
+    assert np.asarray(line.lines).tolist() == [[60 + i, 61 + i] for i in range(7)]
+
+
+def test_csv(run: Path) -> None:
+    folder, expected = exported(run, "csv"), scene()
+    with (folder / "monocular_landmarks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["id"]) for row in rows] == expected.landmarks.ids.tolist()
+    assert [float(rows[5][axis]) for axis in "xyz"] == pytest.approx(expected.landmarks.xyz_in_world[5], rel=1e-6)
+    with (folder / "monocular.csv").open() as file:
+        assert [int(row["time_ns"]) for row in csv.DictReader(file)] == expected.key_frames.times_ns.tolist()
+
+
+def test_colmap_opens_the_model(run: Path) -> None:
+    """Same poses, points and camera (distorted), and what does not fit is left out."""
+    pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    folder, expected = exported(run, "colmap") / "monocular", scene()
+    model = pycolmap.Reconstruction()
+    model.read_text(str(folder))
+    assert model.num_images() == 8 and model.num_points3D() == 60
+    assert 8 * 60 - 25 - 10 <= model.compute_num_observations() <= 8 * 60 - 20
+    for (time_ns, pose), (_, image) in zip(expected.key_frames.items(), sorted(model.images.items()), strict=True):
+        assert image.name == f"video/{time_ns}.png"
+        found = image.cam_from_world().inverse().matrix()
+        np.testing.assert_allclose(found, pose.matrix[:3], atol=1e-9)
+    for i, xyz, rgb in zip(*(getattr(expected.landmarks, n) for n in ("ids", "xyz_in_world", "rgb")), strict=True):
+        np.testing.assert_allclose(model.points3D[int(i)].xyz, xyz, rtol=1e-6)
+        assert model.points3D[int(i)].color.tolist() == rgb.tolist()
+    model.update_point_3d_errors()
+    assert 0.2 < model.compute_mean_reprojection_error() <= 1.5
+    camera, own = model.cameras[1], doubles.rig().camera("video")
+    seen = camera.img_from_cam(np.array([[0.3, -0.2, 1.0]]))
+    np.testing.assert_allclose(seen - 0.5, own.project(np.array([[0.3, -0.2, 1.0]])), atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["tum", "kitti", "euroc", "ply", "colmap", "csv"])
+def test_every_format_of_a_run(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stand-ins' points are noise: nearly nothing fits, and that is told."""
+
+    def build(config, methods, rig) -> Ensemble:
+        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
+
+    monkeypatch.setattr(playback, "build", build)
+    run = tmp_path / "run"
+    assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(run)]) == 0
+    maps = read_maps(run / "landmarks.npz")
+    assert list(maps) == list(METHODS) and len(maps["stereo"].landmarks) > 30 and len(maps["stereo"].seen_ids)
+    capsys.readouterr()
+    exported(run, form)
+    out = capsys.readouterr().out
+    assert all(method in out for method in METHODS)
+    assert main(["export", str(run), "--format", form, "--methods", "stereo", "--out", str(tmp_path / "one")]) == 0
+    assert all("stereo" in str(path) for path in (tmp_path / "one").rglob("*.*"))
+
+
+def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run / MARKER).write_text("Stopped by a signal.\n")
+    exported(run, "tum")
+    assert "not complete" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("damage", "form", "message"),
+    [
+        (("run.yaml", None), "tum", "is no folder of a run"),
+        (("run.yaml", "options: [1"), "tum", "does not tell the frame"),
+        (("monocular.tum", None), "tum", "no trajectory of any method"),
+        (("monocular.tum", "0 0 0\n"), "tum", "line 1 has 3 columns"),
+        (("landmarks.npz", None), "ply", "landmarks.npz is missing"),
+        (("landmarks.npz", "x"), "csv", "is damaged"),
+        (("rig.yaml", "left: 1"), "colmap", "left"),
+        (("export", "a file in the way"), "tum", "cannot be written"),
+    ],
+)
+def test_a_mistake_is_one_sentence(
+    damage: tuple[str, str | None], form: str, message: str, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, text = damage
+    if text is None:
+        (run / name).unlink()
+    else:
+        (run / name).write_text(text)
+    assert main(["export", str(run), "--format", form]) == 2
+    told = capsys.readouterr().err
+    assert message in told and told.startswith("ispom: ") and told.count("\n") == 1

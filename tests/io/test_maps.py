@@ -1,0 +1,68 @@
+"""landmarks.npz: read back as written; damaged files are told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ispom.errors import InputError
+from ispom.io.maps import SceneMap, map_bytes, read_maps
+from ispom.types import Landmarks, Trajectory
+from tests import doubles
+
+
+def scene(noise_px: float = 0.0, outliers: int = 0) -> SceneMap:
+    """Sixty points, all seen from eight key frames of the video camera, with noise and gross mistakes."""
+    rng, rig = np.random.default_rng(3), doubles.rig()
+    keys = Trajectory.of([(t, doubles.pose_at(t)) for t in range(0, 8 * 10**8, 10**8)])
+    keys = keys.moved(right=rig.rig_from_video, frame="video")
+    xyz = rng.uniform((-3, -2, 8), (3, 2, 14), (60, 3))
+    rgb = rng.integers(0, 256, (60, 3), np.uint8)
+    uv = np.concatenate([rig.camera("video").project(pose.inverse().apply(xyz)) for _, pose in keys.items()])
+    uv += rng.normal(0, noise_px, uv.shape) if noise_px else 0
+    uv[rng.choice(len(uv), outliers, replace=False)] += 20
+    ids = np.arange(60) * 3
+    landmarks = Landmarks(ids, xyz, rgb)
+    return SceneMap(landmarks, keys, np.repeat(np.arange(8), 60), np.tile(ids, 8), uv.astype(np.float32))
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(map_bytes({"monocular": scene(), "stereo": scene()}))
+    found, expected = read_maps(tmp_path / "a.npz"), scene()
+    assert list(found) == ["monocular", "stereo"]
+    assert found["stereo"].key_frames.frame == "video"
+    np.testing.assert_array_equal(found["stereo"].key_frames.rotations, expected.key_frames.rotations)
+    np.testing.assert_allclose(found["stereo"].landmarks.xyz_in_world, expected.landmarks.xyz_in_world, rtol=1e-6)
+    np.testing.assert_array_equal(found["stereo"].seen_uv, expected.seen_uv)
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is missing"):
+        read_maps(tmp_path / "a.npz")
+
+
+def test_observations_of_no_key_frame_are_refused(tmp_path: Path) -> None:
+    good = scene()
+    bad = SceneMap(good.landmarks, good.key_frames, good.seen_from + 1, good.seen_ids, good.seen_uv)
+    (tmp_path / "a.npz").write_bytes(map_bytes({"monocular": bad}))
+    with pytest.raises(InputError, match="is damaged"):
+        read_maps(tmp_path / "a.npz")
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_damaged_files_are_told(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    content = bytearray(CONTENT[: data.draw(st.integers(0, len(CONTENT)))])
+    for _ in range(data.draw(st.integers(0, 4)) if content else 0):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path = tmp_path_factory.getbasetemp() / "damaged.npz"
+    path.write_bytes(content)
+    try:
+        read_maps(path)
+    except InputError as error:
+        assert str(path) in str(error)
+
+
+CONTENT = map_bytes({"monocular": scene()})
