@@ -6,72 +6,16 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
 from ispom.types import StereoPair, VideoFrame
-from tests.sequences.folders import HEIGHT, WIDTH, images
-
-rosbags = pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
-from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin  # noqa: E402
-from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
+from tests.sequences.bag_folders import DELAY_NS, START_NS, STEP_NS, make_bag
+from tests.sequences.folders import images
 
 KINDS = ("ros1", "sqlite3", "mcap")
-START_NS, STEP_NS, DELAY_NS = 1_700_000_000_000_000_000, 50_000_000, 7_000_000
-
-
-def make_bag(root: Path, kind: str, cameras: tuple[str, ...], compressed: bool = False, info: bool = True) -> Path:
-    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (0.5 m between cameras)."""
-    store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
-    types, upper = store.types, kind == "ros1"
-    root.mkdir(parents=True, exist_ok=True)
-    path = root / ("drive.bag" if upper else "drive")
-    plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-    writer = Writer1(path) if upper else Writer2(path, version=9, storage_plugin=plugin)
-
-    def header(time_ns: int) -> object:
-        stamp = types["builtin_interfaces/msg/Time"](*divmod(time_ns, 10**9))
-        counter = {"seq": 0} if upper else {}
-        return types["std_msgs/msg/Header"](**counter, stamp=stamp, frame_id="camera")
-
-    def put(topic: str, name: str, written_ns: list[int], messages: list) -> None:
-        connection = writer.add_connection(topic, name, typestore=store)
-        for time_ns, message in zip(written_ns, messages, strict=True):
-            raw = store.serialize_ros1(message, name) if upper else store.serialize_cdr(message, name)
-            writer.write(connection, time_ns, bytes(raw))
-
-    written = [START_NS + i * STEP_NS for i in range(6)]
-    with writer:
-        for k, camera in enumerate(cameras):
-            found = []
-            for time_ns, image in zip(written, images(6, 8 * (1 - k)), strict=True):
-                if compressed:
-                    data = cv2.imencode(".png", image)[1]
-                    found.append(types["sensor_msgs/msg/CompressedImage"](header(time_ns - DELAY_NS), "png", data))
-                else:
-                    found.append(
-                        types["sensor_msgs/msg/Image"](
-                            header(time_ns - DELAY_NS), HEIGHT, WIDTH, "mono8", 0, WIDTH, image.reshape(-1)
-                        )
-                    )
-            name = f"sensor_msgs/msg/{'CompressedImage' if compressed else 'Image'}"
-            put(f"/{camera}/image_raw{'/compressed' if compressed else ''}", name, written, found)
-            if not info:
-                continue
-            k_matrix = np.array([80.0, 0, 47.5, 0, 80, 31.5, 0, 0, 1])
-            p_matrix = np.array([80.0, 0, 47.5, -40.0 * k, 0, 80, 31.5, 0, 0, 0, 1, 0])
-            matrices = (k_matrix, np.eye(3).ravel(), p_matrix)
-            region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-            told = types["sensor_msgs/msg/CameraInfo"](
-                header(START_NS), HEIGHT, WIDTH, "plumb_bob", np.zeros(5), *matrices, 0, 0, region
-            )
-            put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [told])
-    return path
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -10,9 +10,9 @@ import pytest
 
 from ispom.sequences import open_sequence
 from ispom.types import Camera, Image, Sequence, StereoPair, VideoFrame
-from tests.sequences import folders, own_folders
+from tests.sequences import bag_folders, folders, own_folders
 
-MAKERS = {**folders.MAKERS, **own_folders.OWN}
+MAKERS = {**folders.MAKERS, **own_folders.OWN, **bag_folders.BAGS}
 
 
 @pytest.fixture(params=MAKERS)
