@@ -19,7 +19,8 @@ from .. import colours
 from .folder import Run
 from .steps import Steps
 
-MOST = 6
+MOST, ALL = 6, 30
+"""Moments of a run, and of a whole page."""
 WIDTH_PX = 400
 QUALITY = 70
 RECORDING = "run.rrd"
@@ -42,14 +43,14 @@ class Moment:
         return "" if self.jpeg is None else "data:image/jpeg;base64," + base64.b64encode(self.jpeg).decode()
 
 
-def worst(run: Run) -> list[Moment]:
-    """At most six, in the order of time: first where a method was lost, then each measure's worst."""
+def worst(run: Run, most: int = MOST) -> list[Moment]:
+    """At most so many, in the order of time: first where a method was lost, then each measure's worst."""
     found: dict[int, Moment] = {}
     for steps, row, why in _candidates(run):
         exposure = int(steps.exposures[row])
         if exposure in found:
             found[exposure] = replace(found[exposure], why=(*found[exposure].why, why))
-        elif len(found) < MOST:
+        elif len(found) < most:
             found[exposure] = Moment(exposure, int(steps.times_ns[row]), (why,))
     return sorted(found.values(), key=lambda moment: moment.exposure)
 

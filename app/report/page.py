@@ -15,7 +15,7 @@ from .. import colours
 from . import plots, tables
 from .folder import Run
 from .markup import details, inline_json, paragraph, section, text
-from .moments import with_images, worst
+from .moments import ALL, MOST, with_images, worst
 from .plots import Figure
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -58,17 +58,18 @@ class Figures:
 
 def page(runs: list[Run]) -> str:
     """The report of at least one run."""
-    figures = Figures()
+    figures, most = Figures(), plots.points_per_line(len(runs))
+    scales = [make(run, most) for run in runs for make in (plots.step_scales, plots.transferred_scales)]
     content = {
         "results": tables.results(runs),
         "run": tables.provenance(runs),
-        "paths": "".join(_paths(figures, run) for run in runs),
-        "errors": _errors(figures, runs),
-        "scale": figures.grid([make(run) for run in runs for make in (plots.step_scales, plots.transferred_scales)]),
+        "paths": "".join(_paths(figures, run, most) for run in runs),
+        "errors": _errors(figures, runs, most),
+        "scale": figures.grid(scales),
         "tracks": "".join(_tracks(figures, run) for run in runs),
-        "timing": "".join(_timing(figures, run) for run in runs),
+        "timing": "".join(_timing(figures, run, most) for run in runs),
         "decisions": "".join(_decisions(run, len(runs) > 1) for run in runs),
-        "moments": "".join(_moments(run, len(runs) > 1) for run in runs),
+        "moments": "".join(_moments(run, len(runs)) for run in runs),
     }
     sections = "".join(section(identity, PARTS[identity], told) for identity, told in content.items())
     return _document(_header(runs), sections, figures)
@@ -81,17 +82,17 @@ def _header(runs: list[Run]) -> str:
     return f"<h1>{text(title)}</h1>{paragraph(many, 'quiet')}{''.join(paragraph(note, 'note') for note in notes)}"
 
 
-def _paths(figures: Figures, run: Run) -> str:
-    flat = figures.place(plots.paths(run))
-    return flat + details(f"{run.label} in 3-D", figures.place(plots.path_3d(run)))
+def _paths(figures: Figures, run: Run, most: int) -> str:
+    flat = figures.place(plots.paths(run, most))
+    return flat + details(f"{run.label} in 3-D", figures.place(plots.path_3d(run, most)))
 
 
-def _errors(figures: Figures, runs: list[Run]) -> str:
+def _errors(figures: Figures, runs: list[Run], most: int) -> str:
     if all(run.truth is None for run in runs):
         return paragraph("There is no truth to compare with.")
-    together = figures.place(plots.together(runs)) if len(runs) > 1 else ""
+    together = figures.place(plots.together(runs, most)) if len(runs) > 1 else ""
     return together + figures.grid(
-        [make(run) for run in runs for make in (plots.position_errors, plots.rotation_errors)]
+        [make(run, most) for run in runs for make in (plots.position_errors, plots.rotation_errors)]
     )
 
 
@@ -102,8 +103,8 @@ def _tracks(figures: Figures, run: Run) -> str:
     return tables.counts(run) + figures.grid([plots.tracks(run, method) for method in seen])
 
 
-def _timing(figures: Figures, run: Run) -> str:
-    return figures.place(plots.timing(run)) + tables.stages(run) if run.steps else ""
+def _timing(figures: Figures, run: Run, most: int) -> str:
+    return figures.place(plots.timing(run, most)) + tables.stages(run) if run.steps else ""
 
 
 def _decisions(run: Run, named: bool) -> str:
@@ -111,11 +112,11 @@ def _decisions(run: Run, named: bool) -> str:
     return heading + tables.decisions(run) if run.steps else ""
 
 
-def _moments(run: Run, named: bool) -> str:
-    moments, origin = with_images(run, worst(run))
+def _moments(run: Run, runs: int) -> str:
+    moments, origin = with_images(run, worst(run, max(1, min(MOST, ALL // runs))))
     if not moments:
         return ""
-    heading = f"<h3>{text(run.label)}</h3>" if named else ""
+    heading = f"<h3>{text(run.label)}</h3>" if runs > 1 else ""
     shown = []
     for moment in moments:
         when = f"exposure {moment.exposure}, {(moment.time_ns - run.first_ns) * 1e-9:.3f} s"

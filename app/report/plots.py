@@ -16,8 +16,10 @@ from ..step_log import DROPPED
 from .analysis import drawn, errors, step_scale
 from .folder import Run
 
-MAX_POINTS = 1500
+MAX_POINTS = 1200
 """Of a line: more are not seen."""
+ALL_POINTS = 2400
+"""Of the lines of all runs for one thing, so that a page of many runs stays small."""
 BINS = 150
 """Of counted things over time."""
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
@@ -35,7 +37,12 @@ class Figure:
     """What a reader must know to read it rightly."""
 
 
-def paths(run: Run) -> Figure:
+def points_per_line(runs: int) -> int:
+    """How many points a line may have in a page of so many runs."""
+    return max(100, min(MAX_POINTS, ALL_POINTS // runs))
+
+
+def paths(run: Run, most: int = MAX_POINTS) -> Figure:
     """From above, from the side and from the front: x right, y down, z forward."""
     planes = (("above", 0, 2, "x [m]", "z [m]"), ("the side", 2, 1, "z [m]", "y, down [m]"))
     planes += (("the front", 0, 1, "x [m]", "y, down [m]"),)
@@ -53,7 +60,7 @@ def paths(run: Run) -> Figure:
             {"text": f"from {seen}", "x": left + 0.145, "y": 1.09, "xref": "paper", "yref": "paper", "showarrow": False}
         )
         for name, colour, trajectory, dash in placed:
-            xyz, seconds = _thinned(run, trajectory)
+            xyz, seconds = _thinned(run, trajectory, most)
             traces.append(
                 _line(name, colour, xyz[:, across], xyz[:, up], dash)
                 | {"xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": name, "showlegend": n == 1}
@@ -64,10 +71,10 @@ def paths(run: Run) -> Figure:
     return Figure(f"{run.label}: path", traces, layout, f"Aligned: {how}.")
 
 
-def path_3d(run: Run) -> Figure:
+def path_3d(run: Run, most: int = MAX_POINTS) -> Figure:
     traces = []
     for name, colour, trajectory, dash in _placed(run):
-        xyz, _ = _thinned(run, trajectory)
+        xyz, _ = _thinned(run, trajectory, most)
         line = _line(name, colour, xyz[:, 0], xyz[:, 1], dash if dash in ("solid", "dash") else "solid")
         traces.append(line | {"z": _rounded(xyz[:, 2]), "type": "scatter3d"})
     axes = {f"{a}axis": {"title": f"{a} [m]"} for a in "xyz"}
@@ -77,18 +84,20 @@ def path_3d(run: Run) -> Figure:
     )
 
 
-def position_errors(run: Run) -> Figure:
+def position_errors(run: Run, most: int = MAX_POINTS) -> Figure:
     traces = []
     for method in run.trajectories:
         colour = colours.css(colours.METHOD[method])
         if (found := errors(run, method)) is not None:
-            traces.append(_peaks(f"{method}, final", colour, run.seconds(found.times_ns), found.position_m))
+            traces.append(_peaks(most, f"{method}, final", colour, run.seconds(found.times_ns), found.position_m))
         if method in run.steps:
             live = run.steps[method]
             known = np.isfinite(live.columns["error_m"])
             if known.any():
                 times, values = run.seconds(live.times_ns[known]), live.columns["error_m"][known]
-                traces.append(_peaks(f"{method}, as it ran", colour, times, values, "dot") | {"visible": "legendonly"})
+                traces.append(
+                    _peaks(most, f"{method}, as it ran", colour, times, values, "dot") | {"visible": "legendonly"}
+                )
     note = (
         "Final: poses as at the end, aligned as above. As it ran (click in the legend): each pose as first given, "
         "from the common start, not aligned."
@@ -96,9 +105,9 @@ def position_errors(run: Run) -> Figure:
     return Figure(f"{run.label}: position", traces, _over_time("distance from truth [m]"), note)
 
 
-def rotation_errors(run: Run) -> Figure:
+def rotation_errors(run: Run, most: int = MAX_POINTS) -> Figure:
     traces = [
-        _peaks(method, colours.css(colours.METHOD[method]), run.seconds(found.times_ns), found.rotation_deg)
+        _peaks(most, method, colours.css(colours.METHOD[method]), run.seconds(found.times_ns), found.rotation_deg)
         for method in run.trajectories
         if (found := errors(run, method)) is not None
     ]
@@ -106,7 +115,7 @@ def rotation_errors(run: Run) -> Figure:
     return Figure(f"{run.label}: orientation", traces, _over_time("angle from truth [deg]"), note)
 
 
-def together(runs: list[Run]) -> Figure:
+def together(runs: list[Run], most: int = MAX_POINTS) -> Figure:
     """The errors of all runs in one plot, a kind of line for each run."""
     traces = []
     for run, dash in zip(runs, DASHES * (1 + len(runs) // len(DASHES)), strict=False):
@@ -114,18 +123,18 @@ def together(runs: list[Run]) -> Figure:
             if (found := errors(run, method)) is not None:
                 colour = colours.css(colours.METHOD[method])
                 traces.append(
-                    _peaks(f"{run.label}: {method}", colour, run.seconds(found.times_ns), found.position_m, dash)
+                    _peaks(most, f"{run.label}: {method}", colour, run.seconds(found.times_ns), found.position_m, dash)
                 )
     layout = _over_time("distance from truth [m]") | {"height": 420}
     return Figure("All runs", traces, layout, "Final poses. A kind of line per run, a colour per method.")
 
 
-def step_scales(run: Run) -> Figure:
+def step_scales(run: Run, most: int = MAX_POINTS) -> Figure:
     traces = []
     for method in run.trajectories:
         if (found := step_scale(run, method)) is not None:
             traces.append(
-                _peaks(method, colours.css(colours.METHOD[method]), run.seconds(found[0]), found[1], keep=None)
+                _peaks(most, method, colours.css(colours.METHOD[method]), run.seconds(found[0]), found[1], keep=None)
             )
     note = (
         "Length moved in a second (in a short run: in a fifth of it) over the true one. "
@@ -136,7 +145,7 @@ def step_scales(run: Run) -> Figure:
     return Figure(f"{run.label}: scale against truth", traces, layout, note)
 
 
-def transferred_scales(run: Run) -> Figure:
+def transferred_scales(run: Run, most: int = MAX_POINTS) -> Figure:
     units = {"monocular": "unit carried on [1]", "stereo": "unit [1]", "integrated": "m per monocular unit"}
     traces = []
     for method, steps in run.steps.items():
@@ -144,7 +153,7 @@ def transferred_scales(run: Run) -> Figure:
         if known.any():
             name, colour = f"{method}: {units[method]}", colours.css(colours.METHOD[method])
             values = steps.columns["scale"][known]
-            traces.append(_peaks(name, colour, run.seconds(steps.times_ns[known]), values, keep=None))
+            traces.append(_peaks(most, name, colour, run.seconds(steps.times_ns[known]), values, keep=None))
     note = "What each method itself carried from step to step."
     return Figure(f"{run.label}: scale that the method used", traces, _over_time("factor, see the legend"), note)
 
@@ -173,13 +182,13 @@ def tracks(run: Run, method: str) -> Figure:
     return Figure(f"{run.label}: {method} tracks", traces, layout, note)
 
 
-def timing(run: Run) -> Figure:
+def timing(run: Run, most: int = MAX_POINTS) -> Figure:
     traces = []
     for method, steps in run.steps.items():
         ms = 1e3 * steps.columns["seconds"]
         known = np.isfinite(ms)
         traces.append(
-            _peaks(method, colours.css(colours.METHOD[method]), run.seconds(steps.times_ns[known]), ms[known])
+            _peaks(most, method, colours.css(colours.METHOD[method]), run.seconds(steps.times_ns[known]), ms[known])
         )
     layout = _over_time("wall time per exposure [ms]")
     layout["yaxis"] |= {"type": "log", "dtick": 1, "minor": {"showgrid": True, "dtick": "D1"}}
@@ -202,17 +211,23 @@ def _marked(trajectory: Trajectory) -> dict[str, Any]:
     return {"mode": "lines+markers", "marker": {"size": 5}} if len(trajectory) <= 60 else {}
 
 
-def _thinned(run: Run, trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    keep = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), MAX_POINTS)).astype(int))
+def _thinned(run: Run, trajectory: Trajectory, most: int) -> tuple[np.ndarray, np.ndarray]:
+    keep = np.unique(np.linspace(0, len(trajectory) - 1, min(len(trajectory), most)).astype(int))
     return trajectory.translations[keep], run.seconds(trajectory.times_ns[keep])
 
 
 def _peaks(
-    name: str, colour: str, times: np.ndarray, values: np.ndarray, dash: str = "solid", keep: Any = np.argmax
+    most: int,
+    name: str,
+    colour: str,
+    times: np.ndarray,
+    values: np.ndarray,
+    dash: str = "solid",
+    keep: Any = np.argmax,
 ) -> dict[str, Any]:
     """A line thinned such that its peaks stay; without `keep`, evenly."""
-    if len(values) > MAX_POINTS:
-        parts = np.array_split(np.arange(len(values)), MAX_POINTS)
+    if len(values) > most:
+        parts = np.array_split(np.arange(len(values)), most)
         index = np.array([part[keep(values[part])] if keep else part[0] for part in parts])
         times, values = times[index], values[index]
     marks = {"mode": "lines+markers", "marker": {"size": 4}} if len(values) <= 60 else {}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ispom_app.report import analysis, moments
 from ispom_app.report.folder import Run
-from ispom_app.report.plots import MAX_POINTS, _peaks
+from ispom_app.report.plots import ALL_POINTS, MAX_POINTS, _peaks, points_per_line
 from ispom_app.report.steps import NUMBERS, Said, Steps
 
 from ispom.geometry import Pose
@@ -79,5 +79,10 @@ def test_the_worst_moments_are_the_worst() -> None:
 def test_a_long_line_keeps_its_peaks() -> None:
     values = np.zeros(100_000)
     values[54_321] = 7.0
-    line = _peaks("a", "#000000", np.arange(100_000.0), values)
+    line = _peaks(MAX_POINTS, "a", "#000000", np.arange(100_000.0), values)
     assert len(line["y"]) == MAX_POINTS and max(line["y"]) == 7.0
+
+
+def test_a_page_of_many_runs_stays_small() -> None:
+    assert points_per_line(1) == points_per_line(2) == MAX_POINTS
+    assert all(runs * points_per_line(runs) <= ALL_POINTS for runs in range(2, 25))
