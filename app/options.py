@@ -71,7 +71,7 @@ class App(Serve):
     """Opens the app on a source."""
 
     source: tyro.conf.Positional[str]
-    """sim:NAME, or the folder of a drive such as kitti/sequences/06."""
+    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, or a sequence.yaml."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ class Run(Options):
     """Runs the methods over a source without a window, and writes trajectories, metrics and a recording."""
 
     source: tyro.conf.Positional[str]
-    """sim:NAME, or the folder of a drive such as kitti/sequences/06."""
+    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, or a sequence.yaml."""
     out: Path | None = None
     """Folder to write to; without it, a new one below recordings/."""
     frame: Literal["rig", "left", "video"] = "rig"
