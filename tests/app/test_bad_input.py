@@ -207,15 +207,15 @@ def test_disk_full_while_writing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The file that no longer fits is not there in part, those before it are whole, the marker stays."""
-    write_text = Path.write_text
+    write_bytes = Path.write_bytes
 
-    def full(self: Path, text: str, *args: object, **kwargs: str) -> int:
+    def full(self: Path, content: bytes) -> int:
         if "integrated.tum" in self.name:
-            write_text(self, text[:50])
+            write_bytes(self, content[:50])
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write_text(self, text, **kwargs)
+        return write_bytes(self, content)
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     out = tmp_path / "out"
     told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
     assert "integrated.tum cannot be written (No space left on device): make room" in told
@@ -248,6 +248,6 @@ def test_a_marker_that_cannot_be_renewed_stays(tmp_path: Path, monkeypatch: pyte
     def full(*_: object, **__: object) -> int:
         raise OSError(errno.ENOSPC, "full")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     folder.failed("no reason")
     assert "has not ended" in (tmp_path / "out" / MARKER).read_text()
