@@ -17,6 +17,7 @@ from rich.table import Table
 
 from ispom.errors import InputError
 from ispom.evaluation.association import associate
+from ispom.evaluation.ate import Alignment
 from ispom.evaluation.comparison import MIN_POSES, Comparison, compare, local_scale, measures
 from ispom.io.kitti import read_times
 from ispom.io.trajectories import TrajectoryFile, read_trajectory
@@ -44,6 +45,8 @@ ROWS = {
     "rpe_rmse_deg": ("  rotation, RMS [deg]", ".4f"),
     "kitti_t_percent": ("KITTI t_err [%]", ".3f"),
     "kitti_r_deg_per_100m": ("KITTI r_err [deg/100 m]", ".3f"),
+    "kitti_shortest_m": ("  over lengths from [m]", "d"),
+    "kitti_longest_m": ("  to [m]", "d"),
     "scale_start": ("local scale at the start", ".4f"),
     "scale_end": ("  at the end", ".4f"),
     "scale_end_over_start": ("  end / start", ".4f"),
@@ -64,6 +67,15 @@ class Evaluated:
         values = measures(self.found)
         return values if self.file.timed else values | {"longest_gap_s": None}
 
+    def notes(self, kind: Alignment) -> list[str]:
+        """What keeps the numbers from meaning what they seem to."""
+        if kind in ("se3", "sim3") and self.found.straight:
+            return [
+                f"{self.name}: the compared path is nearly straight: the alignment hardly fixes the turn about it, "
+                "on which the rotation of ATE depends; --alignment first fixes it by the first pose"
+            ]
+        return []
+
 
 def evaluate(options: Evaluate) -> int:
     """Compares, prints and writes what is asked; InputError where that cannot be."""
@@ -77,9 +89,10 @@ def evaluate(options: Evaluate) -> int:
     names = distinct_names([file.path for file in files])
     items = [Evaluated(n, f, _compare(f, reference, options)) for n, f in zip(names, files, strict=True)]
     protocol = _protocol(reference, files, options)
-    _print(protocol, items)
+    notes = [note for item in items for note in item.notes(options.alignment)]
+    _print(protocol, items, notes)
     if options.json is not None:
-        write_whole(options.json, _json_text(reference, protocol, items))
+        write_whole(options.json, _json_text(reference, protocol, items, notes))
     if options.csv is not None:
         write_whole(options.csv, _csv_text(protocol, items))
     if options.plots is not None:
@@ -128,7 +141,7 @@ def _frame(file: TrajectoryFile) -> str | None:
     try:
         told = yaml.safe_load((file.path.parent / "run.yaml").read_text(encoding="utf-8"))
         return str(told["options"]["frame"])
-    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
         return None
 
 
@@ -155,7 +168,7 @@ def _protocol(reference: TrajectoryFile, files: list[TrajectoryFile], options: E
     }
 
 
-def _print(protocol: dict[str, str], items: list[Evaluated]) -> None:
+def _print(protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> None:
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for name, text in protocol.items():
         console.print(f"{name}: {text}")
@@ -167,11 +180,14 @@ def _print(protocol: dict[str, str], items: list[Evaluated]) -> None:
         values = [column[key] for column in columns]
         table.add_row(title, *("-" if value is None else format(value, form) for value in values))
     console.print(table)
+    for note in notes:
+        console.print(note)
 
 
-def _json_text(reference: TrajectoryFile, protocol: dict[str, str], items: list[Evaluated]) -> str:
+def _json_text(reference: TrajectoryFile, protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> str:
     report = {
         "protocol": protocol,
+        "notes": notes,
         "reference": _about(reference),
         "estimates": [
             {"name": item.name, **_about(item.file), **item.measures, "local_scale": local_scale(item.found)}

@@ -17,6 +17,8 @@ from ispom.geometry import Array, Similarity, rotation_angle_rad
 from ispom.types import Trajectory
 
 MIN_POSES = 3
+STRAIGHT = 0.05
+"""A path whose spread across is a smaller share of that along it leaves the turn about it open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,13 @@ class Comparison:
     def rotation_errors_deg(self) -> Array:
         """(N,) angles [deg]."""
         return np.degrees(rotation_angle_rad(np.swapaxes(self.reference.rotations, 1, 2) @ self.estimate.rotations))
+
+    @property
+    def straight(self) -> bool:
+        """Whether the compared positions lie so near a line that they hardly fix the turn about it."""
+        centred = self.reference.translations - self.reference.translations.mean(axis=0)
+        spread = np.linalg.svd(centred, compute_uv=False)
+        return bool(spread[1] <= STRAIGHT * spread[0])
 
     @property
     def relative_errors(self) -> tuple[Array, Array]:

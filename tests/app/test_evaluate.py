@@ -156,6 +156,15 @@ def test_a_path_without_length_has_no_scale(tmp_path: Path) -> None:
     assert found["alignment_scale"] == 1
 
 
+def test_a_straight_path_is_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Positions on a line say nothing of the turn about it."""
+    along = np.outer(TRUTH.translations[:, 2], [0, 0, 1.0])
+    (tmp_path / "a.tum").write_text(tum_text(Trajectory(TRUTH.times_ns, TRUTH.rotations, along)))
+    for alignment, noted in (("se3", True), ("first", False)):
+        assert main(["evaluate", *[str(tmp_path / "a.tum")] * 2, "--alignment", alignment]) == 0
+        assert ("nearly straight" in capsys.readouterr().out) == noted
+
+
 def test_names_that_tell_apart() -> None:
     assert distinct_names([Path("a/x.tum"), Path("b/x.tum"), Path("b/y.tum")]) == ["a/x.tum", "b/x.tum", "b/y.tum"]
     assert distinct_names([Path("a/x.tum")]) == ["x.tum"]
