@@ -23,7 +23,7 @@ CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortio
 def looks_like_images(folder: Path) -> bool:
     """Whether there are images right in it."""
     try:
-        return folder.is_dir() and any(path.suffix.lower() in IMAGE_SUFFIXES for path in folder.iterdir())
+        return folder.is_dir() and any(_is_image(path) for path in folder.iterdir())
     except OSError as error:
         raise InputError(f"{folder} cannot be read ({error.strerror}): check its permissions") from None
 
@@ -46,7 +46,7 @@ def open_folder(folder: Path) -> Recording:
 
 def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:
     """The images (width, height) of a folder in the order of their names, 2 before 10."""
-    paths = sorted((p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES), key=lambda p: _order(p.name))
+    paths = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: _order(p.name))
     if not paths:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
     times_ns, note = clock.times_ns(folder, len(paths))
@@ -55,6 +55,11 @@ def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:
         return read_image(paths[i], size)
 
     return Stream(times_ns, read, (note,) if note else ())
+
+
+def _is_image(path: Path) -> bool:
+    """By its name; hidden files are those that other systems leave beside the real ones."""
+    return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
 
 
 def _order(name: str) -> tuple[tuple[int, str], ...]:

@@ -23,6 +23,9 @@ VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
 MAX_SKIP = 40
 """Up to this many images ahead, reading on is quicker than a jump to the key frame before and decoding from there."""
 
+HEADER_ERROR = 4
+"""Headers of whole files may tell a few images too many; beyond that, the images are counted by decoding all."""
+
 
 def looks_like_video(path: Path) -> bool:
     """Whether its name is that of a video file."""
@@ -89,8 +92,9 @@ class _Film:
 
     def _counted(self, told: int) -> tuple[int, str]:
         """How many images there are, and what to tell about that. Headers may tell none, or more than there are."""
-        if told > 0 and self._decoded(told - 1) is not None:
-            return told, ""
+        for count in range(told, max(0, told - HEADER_ERROR), -1):
+            if self._decoded(count - 1) is not None:
+                return count, self._fewer(count, told)
         self._restart()
         count = 0
         while self._decoder.grab():
@@ -98,7 +102,10 @@ class _Film:
         self._restart()
         if not count:
             raise InputError(f"{self._path} holds no image that can be decoded: restore the file")
-        return count, f"{self._path.name}: {count} of {told} images can be decoded" if told > count else ""
+        return count, self._fewer(count, told)
+
+    def _fewer(self, count: int, told: int) -> str:
+        return f"{self._path.name}: {count} of {told} images can be decoded" if count < told else ""
 
     def _decoded(self, i: int) -> np.ndarray | None:
         """Image i in OpenCV's order of colours, None where there is none."""

@@ -20,7 +20,9 @@ from tests.sequences.own_folders import make_described, make_images, make_video,
 
 
 def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    sequence = open_sequence(str(make_images(tmp_path, frames=12)))
+    folder = make_images(tmp_path, frames=12)
+    (folder / "._3.png").write_bytes(b"left here by another system")
+    sequence = open_sequence(str(folder))
     for i, image in enumerate(images(12, 0)):
         exposure = sequence[i]
         assert isinstance(exposure, VideoFrame) and np.array_equal(exposure.image, image)
