@@ -8,27 +8,24 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array
 from ispom.io.maps import CAMERAS, SceneMap
 from ispom.types import Frame, Landmarks, Rig, Step, TrackStatus, Trajectory
 
 
 @dataclass
 class MapMemory:
-    """Grows with the landmarks and key frames of one method."""
+    """Grows with the landmarks and key frames of one method, by some 40 bytes for each point seen."""
 
     camera: Frame | None = None
-    _xyz: dict[int, Array] = field(default_factory=dict)
-    _rgb: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
+    _found: list[Landmarks] = field(default_factory=list)
     _seen: dict[int, tuple[NDArray[np.int64], NDArray[np.float32]]] = field(default_factory=dict)
 
     def add(self, step: Step) -> None:
         """Landmarks of every step; tracks of key frames, its own or those of the part that follows points."""
         found = step.landmarks
         good = np.isfinite(found.xyz_in_world).all(axis=1)
-        ids = found.ids[good].tolist()
-        self._xyz.update(zip(ids, found.xyz_in_world[good], strict=True))
-        self._rgb.update(zip(ids, found.rgb[good], strict=True))
+        if good.any():
+            self._found.append(Landmarks(found.ids[good], found.xyz_in_world[good], found.rgb[good]))
         part = next((p for p in step.parts if p.method == "monocular"), None) if step.parts else step
         if part is None or not part.key_frame:
             return
@@ -44,19 +41,23 @@ class MapMemory:
         camera = self.camera or ("video" if rig.video is not None else "left")
         times = [t for t in trajectory.times_ns.tolist() if t in self._seen]
         keys = trajectory.select(np.isin(trajectory.times_ns, np.array(times, np.int64)))
-        ids = sorted(self._xyz)
-        landmarks = Landmarks.empty()
-        if ids:
-            rgb = np.array([self._rgb[i] for i in ids], np.uint8)
-            landmarks = Landmarks(np.array(ids, np.int64), np.array([self._xyz[i] for i in ids]), rgb)
         seen = [self._seen[t] for t in times]
         return SceneMap(
-            landmarks,
+            _latest(self._found),
             keys.moved(right=rig.rig_from(trajectory.frame).inverse() @ rig.rig_from(camera), frame=camera),
             np.repeat(np.arange(len(times)), [len(i) for i, _ in seen]),
             np.concatenate([np.zeros(0, np.int64), *(i for i, _ in seen)]),
             np.concatenate([np.zeros((0, 2), np.float32), *(uv for _, uv in seen)]),
         )
+
+
+def _latest(found: list[Landmarks]) -> Landmarks:
+    """Each point once, in the order of ids, as it was found last."""
+    parts = [Landmarks.empty(), *found]
+    ids = np.concatenate([part.ids for part in parts])
+    index = len(ids) - 1 - np.unique(ids[::-1], return_index=True)[1]
+    xyz, rgb = np.concatenate([p.xyz_in_world for p in parts]), np.concatenate([p.rgb for p in parts])
+    return Landmarks(ids[index], xyz[index], rgb[index])
 
 
 @dataclass
