@@ -49,7 +49,8 @@ class Figures:
             )
         self.data.append({"traces": figure.traces, "layout": figure.layout})
         height = int(figure.layout["height"])
-        plot = f'<div class="plot" data-figure="{len(self.data) - 1}" style="height:{height}px"></div>'
+        kind = "plot planes" if "xaxis3" in figure.layout else "plot"
+        plot = f'<div class="{kind}" data-figure="{len(self.data) - 1}" style="height:{height}px"></div>'
         return f'<div class="card">{heading}{plot}{paragraph(figure.note, "quiet")}</div>'
 
     def grid(self, figures: list[Figure]) -> str:
