@@ -8,7 +8,6 @@ import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import suppress
 
 from ispom.simulation.cache import ImageCache
 from ispom.types import Image
@@ -40,7 +39,11 @@ class AheadRenderer:
         return self._obtain(i, os.cpu_count() or 1)
 
     def prepare(self, i: int) -> None:
-        """Makes images from i on in the background, from now on and at low priority."""
+        """Makes images from i on in the background, from now on.
+
+        At no lower priority than others: the consumer waits for the image in work, and would wait long
+        beside a browser that takes every core.
+        """
         with self._lock:
             self._cursor = i
             self._wake.notify()
@@ -112,8 +115,6 @@ def _work(owner: weakref.ref[AheadRenderer]) -> None:
 
     Not a daemon: those are cut off in the middle of native code while its libraries unload, and the process crashes.
     """
-    with suppress(OSError, AttributeError):  # on Linux a thread has a priority of its own, elsewhere only processes
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
     while threading.main_thread().is_alive():
         renderer = owner()
         try:
