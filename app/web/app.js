@@ -46,10 +46,12 @@ addEventListener("keydown", (event) => {
   if (!command || typing || event.target.id === "splitter" || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   event.stopImmediatePropagation();
+  viewer.release();
   send(command);
 }, { capture: true });
 
 document.getElementById("track").addEventListener("click", (event) => {
+  viewer.release();
   if (state?.total) send({ do: "seek", index: Math.round((event.clientX / innerWidth) * (state.total - 1)) });
 });
 

@@ -1,24 +1,29 @@
 // The Rerun viewer in its canvas, and the two time cursors: ours sets Rerun's, and a hand on Rerun's timeline sets ours.
+// Rerun tells of every change of its cursor, up to half a second late, and not who made it. A change is the person's only
+// where a touch of the canvas is newer than all that we asked for, and the change is nothing that we asked for.
 import { setTimeCursor, PAUSED, FOLLOWING } from "./viewer_control.js";
 
 const TIMELINE = "exposure";
-const HAND_MS = 500; // how long after a touch of the canvas a change of time counts as the person's
+const HAND_MS = 1500; // how long after a touch of the canvas a change of time may be the person's
+const HELD_MS = 500; // how long a press keeps our requests back
+const SETTLE_MS = 60; // a hand that drags chooses that often
+const LATE = 8; // requests whose answers may still come
 
 export function openViewer(dark, seek) {
   const canvas = document.getElementById("canvas");
-  const sync = { handle: null, wanted: null, sent: null, busy: false, touched: -HAND_MS, seen: null, following: null, run: 0 };
-  for (const kind of ["pointerdown", "pointerup", "wheel", "keydown"]) {
-    canvas.addEventListener(kind, () => (sync.touched = performance.now()), { capture: true, passive: true });
+  const sync = { handle: null, wanted: null, sent: null, asked: [], busy: false, seen: null, timeline: null, run: 0, seek };
+  forget(sync);
+  for (const kind of ["pointerdown", "pointerup", "pointermove", "wheel", "keydown"]) {
+    canvas.addEventListener(kind, (event) => touched(sync, event), { capture: true, passive: true });
   }
-  canvas.addEventListener("pointermove", (e) => e.buttons && (sync.touched = performance.now()), { passive: true });
-  start(canvas, dark, (event) => heard(sync, event, seek)).then(
+  start(canvas, dark, (event) => heard(sync, event)).then(
     (handle) => {
       sync.handle = handle;
       push(sync);
     },
     (fault) => failed(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls at the left work without it.`),
   );
-  return { follow: (state) => follow(sync, state), sync };
+  return { follow: (state) => follow(sync, state), release: () => release(sync), sync };
 }
 
 async function start(canvas, dark, onEvent) {
@@ -64,38 +69,79 @@ const cover = (text) => (document.getElementById("loading").textContent = text);
 
 // Our state -> Rerun: at the newest exposure Rerun follows its stream, in the past it stands at the exposure shown.
 function follow(sync, state) {
-  if (state.run !== sync.run) Object.assign(sync, { run: state.run, sent: null });
-  if (state.index < 0) return;
-  const newest = state.index >= state.head - 1;
-  sync.following = newest && (state.playing || state.target !== null);
-  sync.wanted = sync.following ? "following" : state.index;
+  if (state.run !== sync.run) Object.assign(sync, { run: state.run, wanted: null, sent: null, asked: [] });
+  if (state.index < 0 || sync.chosen !== null) return;
+  const live = state.index >= state.head - 1 && (state.playing || state.target !== null);
+  sync.wanted = live ? "following" : state.index;
   push(sync);
 }
 
-// One request at a time, and only the latest: an answer can take a quarter of a second in software rendering.
+// One request at a time, and only the latest: an answer can take a quarter of a second in software rendering. Where a hand
+// has just come down, Rerun is left alone: what it tells next is where the hand went.
 async function push(sync) {
-  if (!sync.handle || sync.busy || sync.wanted === null || sync.wanted === sync.sent) return;
+  if (!sync.handle || sync.busy) return;
   sync.busy = true;
-  const wanted = sync.wanted;
-  try {
-    const request = wanted === "following" ? setTimeCursor(TIMELINE, null, FOLLOWING) : setTimeCursor(TIMELINE, wanted, PAUSED);
-    await sync.handle.viewer_control(request);
-    sync.sent = wanted;
-  } catch {
-    await new Promise((done) => setTimeout(done, 300)); // no recording there yet: try again
+  while (sync.wanted !== sync.sent) {
+    const held = sync.pressedAt + HELD_MS - performance.now();
+    if (held > 0) await wait(held);
+    else await ask(sync, sync.wanted);
   }
   sync.busy = false;
-  push(sync);
+}
+
+async function ask(sync, wanted) {
+  forget(sync);
+  sync.asked = [...sync.asked, wanted].slice(-LATE);
+  try {
+    const live = wanted === "following";
+    await sync.handle.viewer_control(setTimeCursor(TIMELINE, live ? null : wanted, live ? FOLLOWING : PAUSED));
+    sync.sent = wanted;
+  } catch {
+    await wait(300); // no recording there yet: try again
+  }
+}
+
+const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+
+function touched(sync, event) {
+  if (event.type === "pointermove" && !event.buttons) return;
+  sync.touchedAt = performance.now();
+  if (event.type === "pointerdown") sync.pressedAt = sync.touchedAt;
+}
+
+function forget(sync) {
+  Object.assign(sync, { touchedAt: -Infinity, pressedAt: -Infinity, chosen: null });
+}
+
+// The person goes on elsewhere on the page: where the hand went is said first, and nothing later counts as the hand's.
+function release(sync) {
+  if (sync.chosen !== null) choose(sync);
+  forget(sync);
 }
 
 // Rerun -> ours, when a person did it.
-function heard(sync, event, seek) {
-  if (event.type !== "time_update") return;
-  sync.seen = event.time;
-  const byHand = performance.now() - sync.touched < HAND_MS;
-  const index = Math.round(event.time);
-  if (!byHand || index === sync.sent) return;
-  sync.sent = sync.wanted = index;
-  clearTimeout(sync.timer);
-  sync.timer = setTimeout(() => seek(index), 60);
+function heard(sync, event) {
+  if (event.type === "timeline_change") sync.timeline = event.timeline;
+  if (event.type !== "time_update" || sync.timeline !== TIMELINE) return;
+  const before = sync.seen;
+  const index = (sync.seen = Math.round(event.time));
+  const streamed = sync.sent === "following" && index >= before;
+  if (answers(sync, index) || streamed || index === sync.sent) return;
+  if (performance.now() - sync.touchedAt > HAND_MS) return;
+  if (sync.chosen === null) setTimeout(() => sync.chosen !== null && choose(sync), SETTLE_MS);
+  sync.chosen = sync.sent = sync.wanted = index;
+}
+
+function choose(sync) {
+  const index = sync.chosen;
+  sync.chosen = null;
+  sync.seek(index);
+}
+
+// Whether we asked for this; what was asked for before it is answered as well. Where Rerun was asked to follow its stream,
+// it goes wherever that is.
+function answers(sync, index) {
+  const at = sync.asked.findIndex((wanted) => wanted === index || wanted === "following");
+  sync.asked.splice(0, at + 1);
+  return at >= 0;
 }

@@ -79,8 +79,8 @@ def browser() -> Iterator:
 class Page:
     """A page that was opened, with what its console said."""
 
-    def __init__(self, browser, url: str, *, rerun: bool = True) -> None:
-        """`rerun` False leaves the Rerun viewer out, which takes seconds of processor time."""
+    def __init__(self, browser, url: str, *, viewer: str | None = None) -> None:
+        """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time."""
         self.faults: list[str] = []
         self.requests: list[str] = []
         self.tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="dark")
@@ -88,8 +88,10 @@ class Page:
         self.tab.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         self.tab.on("pageerror", lambda e: self.faults.append(str(e)))
         self.tab.on("request", lambda r: self.requests.append(r.url))
-        if not rerun:
-            self.tab.route("**/viewer/re_viewer.js", lambda route: route.fulfill(body=""))
+        if viewer is not None:
+            script = {"body": viewer, "content_type": "text/javascript"}
+            self.tab.route("**/viewer/re_viewer.js", lambda route: route.fulfill(**script))
+            self.tab.route("**/viewer/re_viewer_bg.wasm", lambda route: route.fulfill(body=""))
         self.tab.goto(url)
         self.until("state.total > 0", "the first state")
 
@@ -150,20 +152,17 @@ def test_a_hand_on_reruns_timeline_moves_our_time(page: Page):
     page.until("window.ispom.viewer.sync.seen === state.index", "both to agree")
 
 
-def test_keys_step_forward_and_back(page: Page, browser, app: App):
-    keys = Page(browser, app.url, rerun=False)  # a slow Rerun that still has the last exposure would step from there
-    keys.send("{do: 'seek', index: 10}")
-    keys.until("state.index === 10", "the seek")
-    keys.tab.locator("#bar").click(position={"x": 600, "y": 15})
-    keys.tab.keyboard.press("ArrowRight")
-    keys.until("state.index === 11", "a step forward")
-    keys.tab.keyboard.press("ArrowLeft")
-    keys.until("state.index === 10", "a step back")
-    keys.tab.keyboard.press("Space")
-    keys.until("state.playing || state.index > 10", "playing")
-    keys.until("!state.playing && state.index === 43", "the end")
-    keys.tab.close()
-    page.until("!state.playing && state.index === 43", "the same end")
+def test_keys_step_forward_and_back(page: Page):
+    page.send("{do: 'seek', index: 10}")
+    page.until("state.index === 10", "the seek")
+    page.tab.locator("#bar").click(position={"x": 600, "y": 15})
+    page.tab.keyboard.press("ArrowRight")
+    page.until("state.index === 11", "a step forward")
+    page.tab.keyboard.press("ArrowLeft")
+    page.until("state.index === 10", "a step back")
+    page.tab.keyboard.press("Space")
+    page.until("state.playing || state.index > 10", "playing")
+    page.until("!state.playing && state.index === 43", "the end")
 
 
 def test_the_buttons_of_the_panel_work(page: Page):
@@ -181,7 +180,7 @@ def test_the_bar_seeks(page: Page):
 def test_a_second_browser_shows_the_same(page: Page, browser, app: App):
     page.send("{do: 'seek', index: 17}")
     page.until("state.index === 17", "the seek")
-    other = Page(browser, app.url, rerun=False)
+    other = Page(browser, app.url, viewer="")
     other.until("state.index === 17 && state.head === 44", "the same state")
     other.send("{do: 'seek', index: 5}")
     page.until("state.index === 5", "the other's seek")
