@@ -1,0 +1,99 @@
+"""Whether covariances tell the truth: normalised estimation error squared (Bar-Shalom et al. 2001, section 5.4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from ispom.geometry import Array, Pose
+from ispom.types import Step, Trajectory
+
+DOF = 6
+PARTS = {"pose": slice(0, 6), "position": slice(0, 3), "orientation": slice(3, 6)}
+"""Of a twist (rho, phi)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """The errors of one run's poses, with what the estimator said of them."""
+
+    times_ns: NDArray[np.int64]
+    """(K,)."""
+    twists: Array
+    """(K, 6) (rho [m], phi [rad]) with true pose = estimate @ exp(twist)."""
+    covariances: Array
+    """(K, 6, 6) of these."""
+
+    def nees(self, part: slice = PARTS["pose"]) -> Array:
+        """(K,) e' P^-1 e of the pose or a part of it; its mean is the part's size where P is right."""
+        e, p = self.twists[:, part], self.covariances[:, part, part]
+        return np.einsum("ki,ki->k", e, np.linalg.solve(p, e[..., None])[..., 0])
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """NEES of several independent runs, averaged over the runs at each time."""
+
+    dof: int
+    runs: int
+    average: float
+    """Over runs and times; `dof` where the covariance is right, more where it is too small."""
+    band: tuple[float, float]
+    """95 % band of the average over the runs at one time."""
+    inside: float
+    """Share of the times whose average lies in the band: about 0.95 where all is well."""
+    above: float
+    """Share of the times whose average lies above: the covariance is too small."""
+
+    @property
+    def sigma_factor(self) -> float:
+        """What standard deviations should be multiplied by."""
+        return float(np.sqrt(self.average / self.dof))
+
+
+def errors(steps: Iterable[Step], truth: Trajectory) -> Errors:
+    """Of the steps that have a pose and a covariance, against world_from_FRAME of the same frame at the same times.
+
+    The first pose of the steps is the world that the covariances are relative to: the truth is brought there, and that
+    pose takes no part.
+    """
+    times, twists, covariances = [], [], []
+    world: Pose | None = None
+    for step in steps:
+        true = truth.at(step.time_ns)
+        if step.world_from_frame is None or true is None:
+            continue
+        if world is None:
+            world = step.world_from_frame @ true.inverse()
+        elif step.covariance is not None:
+            times.append(step.time_ns)
+            twists.append((step.world_from_frame.inverse() @ world @ true).log())
+            covariances.append(step.covariance)
+    k = len(times)
+    return Errors(np.array(times, np.int64), np.reshape(twists, (k, DOF)), np.reshape(covariances, (k, DOF, DOF)))
+
+
+def consistency(runs: list[Errors], part: slice = PARTS["pose"]) -> Consistency | None:
+    """Over the times that all runs have; None where there are none."""
+    if not runs:
+        return None
+    common = sorted(set.intersection(*(set(run.times_ns.tolist()) for run in runs)))
+    if not common:
+        return None
+    rows = np.stack([run.nees(part)[np.isin(run.times_ns, common)] for run in runs])
+    dof, count = part.stop - part.start, len(runs)
+    low, high = band(dof, count)
+    mean = rows.mean(axis=0)
+    inside, above = (mean >= low) & (mean <= high), mean > high
+    return Consistency(dof, count, float(rows.mean()), (low, high), float(inside.mean()), float(above.mean()))
+
+
+def band(dof: int, runs: int, probability: float = 0.95) -> tuple[float, float]:
+    """What the average of the NEES of so many independent runs lies between with this probability."""
+    tails = np.array([(1 + probability) / 2, (1 - probability) / 2])
+    low, high = chdtri(dof * runs, tails) / runs
+    return float(low), float(high)
