@@ -6,9 +6,10 @@ import json
 import re
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from ispom.estimators import METHODS, Method, possible_methods
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
+from ispom.sequences.live import without_secrets
 from ispom.types import Sequence
 
 from .map_memory import MapMemories
@@ -56,16 +58,25 @@ def run(options: Run) -> int:
     told = {"methods": list(methods), "variant": options.variant, "frame": options.frame, "seed": options.seed}
     told |= {"stereo_every": options.stereo_every, "video_scale": options.video_scale}
     told |= {"max_exposures": options.max_exposures, "recording": options.recording}
-    folder.write("run.yaml", run_text(options.source, sequence, told, options.config))
+    told |= {"camera": None if options.camera is None else str(options.camera)}
+    source, tally = without_secrets(options.source), Tally()
+    folder.write("run.yaml", run_text(source, sequence, told, options.config))
     folder.write("rig.yaml", rig_text(sequence.rig))
     try:
-        finished = _play(playback, methods, options, folder)
-        _require_poses(options.source, finished, methods)
+        finished = _play(playback, methods, options, folder, tally)
+        _require_poses(source, finished, methods)
     except BaseException as error:
+        with suppress(InputError):
+            folder.write("run.yaml", run_text(source, playback.sequence, told, options.config))
         folder.failed(_reason(error, playback))
         raise
+    finally:
+        if sequence.stop is not None:
+            sequence.stop()
+    seen = tally.images.hexdigest()
+    folder.write("run.yaml", run_text(source, playback.sequence, told, options.config, seen))
     folder.complete()
-    _tell(folder, sequence)
+    _tell(folder, playback.sequence)
     return 0
 
 
@@ -82,9 +93,9 @@ def _default_folder(name: str) -> Path:
     return Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}"
 
 
-def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder) -> Finished:
+def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder, tally: Tally) -> Finished:
     """Steps through the sequence. Whatever ends that, what was computed is written."""
-    tally, memories = Tally(), MapMemories()
+    memories = MapMemories()
     with ExitStack() as stack:
         record = None
         if options.recording:
@@ -96,8 +107,9 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
         if playback.sequence.prepare:
             playback.sequence.prepare(0)
         try:
-            with _terminable(), _progress(len(playback.sequence)) as advance:
-                while not playback.done:
+            total = len(playback.sequence) if playback.sequence.grow is None else options.max_exposures
+            with _terminable(), _ended_by_interrupt(playback.sequence), _progress(total) as advance:
+                while playback.more():
                     event = playback.step()
                     tally.add(event)
                     memories.add(event.steps)
@@ -169,7 +181,26 @@ def _terminable() -> Iterator[None]:
 
 
 @contextmanager
-def _progress(total: int):
+def _ended_by_interrupt(sequence: Sequence) -> Iterator[None]:
+    """The first Ctrl-C ends the recording of a live source; what came so far is still run. A second one ends that."""
+    if sequence.stop is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    stop, before = sequence.stop, signal.getsignal(signal.SIGINT)
+
+    def end(*_: object) -> None:
+        signal.signal(signal.SIGINT, before)
+        stop()
+
+    signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def _progress(total: int | None):
     """Gives a function to call after each exposure; shows how far and how fast, on a terminal only."""
     columns = (
         BarColumn(),

@@ -27,6 +27,14 @@ class Path:
         self._rotations, self._positions = np.zeros((n, 3, 3)), np.zeros((n, 3))
         self._known, self._key = np.zeros(n, bool), np.zeros(n, bool)
 
+    def know(self, index: int, time_ns: int) -> None:
+        """Takes in an exposure of a live source, whose times were not known before."""
+        if not len(self._times) or time_ns > self._times[-1]:
+            self._times, self._index = np.append(self._times, time_ns), np.append(self._index, index)
+            self._rotations = np.concatenate([self._rotations, np.zeros((1, 3, 3))])
+            self._positions = np.concatenate([self._positions, np.zeros((1, 3))])
+            self._known, self._key = np.append(self._known, False), np.append(self._key, False)
+
     def indices(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) of the first exposures at these times of the sequence."""
         return self._index[self._rows(times_ns)]

@@ -30,6 +30,8 @@ class Options:
     """Seed of a simulation."""
     max_exposures: int | None = None
     """Use only the first N exposures."""
+    camera: Path | None = None
+    """Calibration of a live camera (a camera.yaml); of images or a video, in place of that beside them."""
     monocular: MonocularConfig = field(default_factory=MonocularConfig)
     stereo: StereoConfig = field(default_factory=StereoConfig)
     integrated: IntegratedConfig = field(default_factory=IntegratedConfig)
@@ -46,6 +48,7 @@ class Options:
             video_scale=self.video_scale,
             seed=self.seed,
             max_exposures=self.max_exposures,
+            camera=self.camera,
         )
 
 
@@ -71,7 +74,8 @@ class App(Serve):
     """Opens the app on a source."""
 
     source: tyro.conf.Positional[str]
-    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, or a sequence.yaml."""
+    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live
+    camera: camera:0, http://..., rtsp://..."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +83,8 @@ class Run(Options):
     """Runs the methods over a source without a window, and writes trajectories, metrics and a recording."""
 
     source: tyro.conf.Positional[str]
-    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, or a sequence.yaml."""
+    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live
+    camera: camera:0, http://..., rtsp://..."""
     out: Path | None = None
     """Folder to write to; without it, a new one below recordings/."""
     frame: Literal["rig", "left", "video"] = "rig"
@@ -93,7 +98,7 @@ class Sources(Options):
     """Says what is seen in a source: cameras, calibration, rates, gaps, truth. Runs nothing."""
 
     source: tyro.conf.Positional[str]
-    """sim:NAME, or a path: a data set's folder, images, a video file ..."""
+    """sim:NAME, a path (a data set's folder, images, a video file ...), or a live camera (camera:0, http://...)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -79,7 +79,20 @@ class Playback:
 
     @property
     def done(self) -> bool:
-        return self.position >= len(self.sequence)
+        """Whether nothing comes any more."""
+        return self.position >= len(self.sequence) and self.sequence.grow is None
+
+    def more(self, patience_s: float | None = None) -> bool:
+        """Whether there is an exposure to step to; of a live source, waits for it so long (None: until it ends).
+
+        InputError, once, where the live source fails.
+        """
+        while self.position >= len(self.sequence) and self.sequence.grow is not None:
+            before = self.sequence
+            self.sequence = self.sequence.grow(self.position, patience_s)
+            if len(self.sequence) == len(before) and self.sequence.grow is not None:
+                return False
+        return self.position < len(self.sequence)
 
     @property
     def monocular_placed(self) -> bool:

@@ -92,6 +92,8 @@ class Recorder:
 
     def _stepped(self, event: Stepped) -> Batch:
         self._now = (event.index, event.exposure.time_ns - self.first_ns)
+        for path in self._paths.values():
+            path.know(event.index, event.exposure.time_ns)
         entries = [*self._place(event.placements), *self._truth_now(event), *self._images(event)]
         for step in event.steps:
             entries += self._pose(step, event)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import platform
@@ -15,7 +16,7 @@ import yaml
 
 from ispom.estimators import Method
 from ispom.evaluation import metrics
-from ispom.types import Frame, Rig, Sequence, Status, Trajectory
+from ispom.types import Frame, Rig, Sequence, Status, StereoPair, Trajectory
 
 from .playback import Finished, Opened, Stepped
 
@@ -30,8 +31,14 @@ class Tally:
     lost: dict[str, int] = field(default_factory=dict)
     skipped: list[str] = field(default_factory=list)
     """What was wrong with each exposure that was left out."""
+    images: Any = field(default_factory=hashlib.sha256)
+    """SHA-256 of all that the estimators saw: the time, size and pixels of each image."""
 
     def add(self, event: Stepped) -> None:
+        seen = event.exposure
+        for image in (seen.left, seen.right) if isinstance(seen, StereoPair) else (seen.image,):
+            self.images.update(f"{seen.time_ns} {image.shape}\n".encode())
+            self.images.update(np.ascontiguousarray(image))
         self.skipped += [event.skipped] if event.skipped else []
         for step in event.steps:
             self.ms.setdefault(step.method, []).append(1000 * sum(step.seconds.values()))
@@ -71,13 +78,16 @@ def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...]
     return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
 
 
-def run_text(source: str, sequence: Sequence, options: Mapping[str, Any], config: Any) -> str:
-    """run.yaml: what is needed to repeat the run."""
+def run_text(
+    source: str, sequence: Sequence, options: Mapping[str, Any], config: Any, images_sha256: str | None = None
+) -> str:
+    """run.yaml: what is needed to repeat the run, and to know that it was on the same images (of a run that ended)."""
     found = {
         "source": source,
         "sequence": sequence.name,
         "notes": list(sequence.notes),
         "exposures": {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
+        "images_sha256": images_sha256,
         "options": dict(options),
         "config": asdict(config),
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},

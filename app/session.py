@@ -90,6 +90,7 @@ class Session:
                 self._guarded(lambda command=command: self._obey(command))
             self._guarded(self._advance)
             self._watch_recording()
+        self._end_live()
         if self._writer is not None:
             self._writer.close(CLOSE_S)
 
@@ -157,6 +158,7 @@ class Session:
     def _open(self, source: str) -> None:
         """Opens another source; where that fails, the one before stays as it was."""
         before = self.state
+        self._end_live()
         self._emit(Opening(source))
         self._busy(f"opening {source}")
         try:
@@ -208,7 +210,7 @@ class Session:
     # Moving
 
     def _play(self, on: bool) -> None:
-        at_end = self._playback is not None and self.state.index >= len(self._playback.sequence) - 1
+        at_end = self._playback is not None and self._playback.done and self.state.index >= self.state.total - 1
         if on and at_end and self.history:
             self._emit(Shown(self.history[0]))
         self._due_s = 0.0
@@ -233,11 +235,26 @@ class Session:
         elif self.state.playing and time.monotonic() >= self._due_s:
             if self.state.index + 1 < len(self.history):
                 self._emit(Shown(self.history[self.state.index + 1]))
-            elif self._playback is not None and not self._playback.done:
+            elif self._playback is not None and self._more(self._playback):
                 self._compute()
-            else:
+            elif self._playback is None or self._playback.done:
                 self._emit(changed(playing=False))
             self._schedule()
+
+    def _more(self, playback: Playback) -> bool:
+        """Whether there is an exposure to compute; a live source is waited for a moment."""
+        live = not playback.done and playback.sequence.grow is not None
+        found = playback.more(WATCH_S)
+        if live:
+            self._emit(changed(total=len(playback.sequence), notes=playback.sequence.notes))
+            if playback.done:
+                self._finish(playback.finish())
+        return found
+
+    def _end_live(self) -> None:
+        """A live source records no more, and its camera is free; what came so far stays."""
+        if self._playback is not None and self._playback.sequence.stop is not None:
+            self._playback.sequence.stop()
 
     def _schedule(self) -> None:
         """When the next exposure is due at the chosen speed; time that was lost is not caught up."""

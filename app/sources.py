@@ -19,7 +19,9 @@ EARLIEST_DATE_NS = 1_000_000_000_000_000_000
 
 
 def tell(sequence: Sequence) -> int:
-    """Prints the description; the exit code is 0."""
+    """Prints the description; the exit code is 0. A live source is let go."""
+    if sequence.stop is not None:
+        sequence.stop()
     sys.stdout.write("\n".join(described(sequence)) + "\n")
     return 0
 

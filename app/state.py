@@ -173,13 +173,14 @@ class Told:
 
 @dataclass(frozen=True)
 class Changed:
-    """Plain fields took new values: playing, speed, target, activity, recording, recordings."""
+    """Plain fields took new values: playing, speed, target, activity, recording, recordings, and of a live source total
+    and notes."""
 
     values: Mapping[str, object]
 
 
 Event = Opening | OpeningFailed | Opened | Computed | Shown | Finished | Told | Changed
-_CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings"}
+_CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings", "total", "notes"}
 
 
 def changed(**values: object) -> Changed:

@@ -386,6 +386,11 @@ class Sequence:
     """What a person must know to read results of this sequence rightly (an emulation, a nominal frame rate)."""
     prepare: Callable[[int], None] | None = None
     """Renders or fetches ahead from exposure i on, in the background; None where loading is always quick."""
+    grow: Callable[[int, float | None], Sequence] | None = None
+    """Of a live source: waits for more than N exposures, at most so many seconds (None: until it ends), and gives the
+    sequence of all that came so far. InputError where the source fails. None where nothing more will come."""
+    stop: Callable[[], None] | None = None
+    """Of a live source: ends the recording and frees the camera; what came so far stays."""
 
     def __len__(self) -> int:
         return len(self.times_ns)

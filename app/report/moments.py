@@ -24,7 +24,7 @@ MOST, ALL = 6, 30
 WIDTH_PX = 400
 QUALITY = 70
 RECORDING = "run.rrd"
-OPENING = ("stereo_every", "video_scale", "seed", "max_exposures")
+OPENING = ("stereo_every", "video_scale", "seed", "max_exposures", "camera")
 """Options of a run that shape its sequence."""
 
 

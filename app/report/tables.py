@@ -63,6 +63,7 @@ def provenance(runs: list[Run]) -> str:
         ["true path length [m]", *(run.path_length_m for run in runs)],
         ["exposures", *(_pairs(run.told.get("exposures")) for run in runs)],
         ["platform", *(run.told.get("platform") for run in runs)],
+        ["SHA-256 of the images and their times", *(_sha256(run) for run in runs)],
         ["SHA-256 of the settings", *(_settings_sha256(run)[:16] for run in runs)],
     ]
     options = _flat_rows([run.told["options"] for run in runs])
@@ -95,6 +96,12 @@ def _flat(config: Mapping[str, Any]) -> dict[str, Any]:
 def _flat_rows(columns: list[dict[str, Any]]) -> list[list[Any]]:
     names = dict.fromkeys(name for column in columns for name in column)
     return [[name, *(column.get(name) for column in columns)] for name in names]
+
+
+def _sha256(run: Run) -> str | None:
+    """Equal for runs over the same images; None of a run that did not tell."""
+    told = run.told.get("images_sha256")
+    return told[:16] if isinstance(told, str) else None
 
 
 def _settings_sha256(run: Run) -> str:

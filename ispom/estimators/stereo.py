@@ -33,6 +33,9 @@ from ispom.types import (
     colours_at,
 )
 
+REFINE = Klt(window_px=15, levels=0, max_forward_backward_px=0.3)
+"""Detectors place a point anew in every image, tenths of a pixel beside itself; this finds the same place again."""
+MAX_REFINEMENT_PX = 1.0
 MIN_DISPARITY_PX = 1.0
 """A smaller disparity says no more than that the point is far."""
 
@@ -149,6 +152,7 @@ class Stereo:
                 pairs = sift.match(reference.features, features)
                 previous[pairs[:, 1]] = pairs[:, 0]
                 ended[pairs[:, 0]] = TrackStatus.ALIVE
+                features = _refined(reference, left, features, pairs)
         else:
             uv, ended = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
             previous = np.zeros(0, np.int64)
@@ -274,6 +278,16 @@ class Stereo:
         near = cloud.xyz_in_left[:, 2] <= self.config.max_depth_baselines * self.rig.baseline_m
         xyz = (world_from_rig @ self.rig.rig_from_left).apply(cloud.xyz_in_left[near])
         return Landmarks(cloud.ids[near], xyz, colours_at(exposure.left, cloud.features.uv[near]))
+
+
+def _refined(reference: Cloud, left: Image, features: sift.Features, pairs: NDArray[np.int64]) -> sift.Features:
+    """The features with matched ones moved to where the patch about their partner is found, if that is near."""
+    detected = features.uv[pairs[:, 1]]
+    found, status = REFINE.track(reference.grey, left, reference.features.uv[pairs[:, 0]], detected)
+    near = (status == TrackStatus.ALIVE) & (np.linalg.norm(found - detected, axis=1) < MAX_REFINEMENT_PX)
+    uv = features.uv.copy()
+    uv[pairs[near, 1]] = found[near]
+    return replace(features, uv=uv)
 
 
 def _renamed(cloud: Cloud, used: NDArray[np.int64], motion: RigidMotion | None, next_id: int) -> tuple[Cloud, int]:

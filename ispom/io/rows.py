@@ -57,6 +57,17 @@ def numbers(path: Path, line: int, words: list[str]) -> Array:
     return np.array(values)
 
 
+def matrix(path: Path, shape: tuple[int, int]) -> Array:
+    """The matrix that a file holds, not finite where the file says so; InputError naming the line that is wrong."""
+    rows = read_rows(path, shape[1])
+    if len(rows) != shape[0]:
+        raise InputError(f"{path} has {len(rows)} rows, not {shape[0]}: restore the file")
+    missing = {"nan", "inf", "-inf", "-nan", "-1.#ind", "1.#qnan", "-1.#inf", "1.#inf"}
+    if any(word.lower() in missing for _, words in rows for word in words):
+        return np.full(shape, np.nan)
+    return np.stack([numbers(path, line, words) for line, words in rows])
+
+
 def times_ns(path: Path, rows: list[Row]) -> NDArray[np.int64]:
     """The first words, decimal seconds, as integer nanoseconds (N,), exactly; InputError where time goes backwards."""
     times = np.array([_time_ns(path, line, words[0]) for line, words in rows], np.int64)

@@ -11,8 +11,10 @@ from ispom.sequences.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.folder import looks_like_images, open_folder
 from ispom.sequences.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.kitti_raw import looks_like_kitti_raw, open_kitti_raw
+from ispom.sequences.live import looks_live, open_live
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.recording import Recording
+from ispom.sequences.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.tum import looks_like_tum, open_tum
 from ispom.sequences.two_rate import two_rate
 from ispom.sequences.video import looks_like_video, open_video
@@ -24,12 +26,16 @@ LAYOUTS = (
     (looks_like_kitti, open_kitti),
     (looks_like_kitti_raw, open_kitti_raw),
     (looks_like_euroc, open_euroc),
-    (looks_like_tum, open_tum),
     (looks_like_bag, open_bag),
+)
+"""How each kind of folder or file is recognised and opened; the first that recognises it counts."""
+ONE_CAMERA = (
+    (looks_like_tum, open_tum),
+    (looks_like_seven_scenes, open_seven_scenes),
     (looks_like_video, open_video),
     (looks_like_images, open_folder),
 )
-"""How each kind of folder or file is recognised and opened; the first that recognises it counts."""
+"""The same, of kinds whose calibration is a file of its own, so that another may take its place."""
 
 
 def open_sequence(
@@ -39,14 +45,18 @@ def open_sequence(
     video_scale: float = 1.0,
     seed: int = 0,
     max_exposures: int | None = None,
+    camera: str | Path | None = None,
 ) -> Sequence:
-    """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), or of a path whose kind is
-    recognised (shaped by `two_rate`).
+    """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
+    by the file `camera`), or of a path whose kind is recognised (shaped by `two_rate`).
 
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option.
     """
+    if camera is not None and source.startswith("sim:"):
+        raise InputError(f"{source} has its own calibration: leave --camera {camera} out")
     if max_exposures is not None and max_exposures < MIN_FRAMES:
         raise InputError(f"--max-exposures is {max_exposures}, give {MIN_FRAMES} or more")
+    calibration = None if camera is None else Path(camera).expanduser()
     if source.startswith("sim:"):
         from ispom.sequences.simulated import open_simulated  # brings the ray caster, which takes seconds
 
@@ -54,8 +64,10 @@ def open_sequence(
         if own_seed and not own_seed.isdecimal():
             raise InputError(f"{source} has no seed after #: give a whole number, such as sim:{name}#3")
         sequence = open_simulated(name, int(own_seed or seed))
+    elif looks_live(source):
+        return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
-        opened = _opened(Path(source).expanduser())
+        opened = _opened(Path(source).expanduser(), calibration)
         sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
     if frames < MIN_FRAMES:
@@ -63,12 +75,17 @@ def open_sequence(
     return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
 
 
-def _opened(path: Path) -> Recording | Sequence:
+def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
     if not path.exists():
         raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
     for looks_like, opened in LAYOUTS:
         if looks_like(path):
+            if calibration is not None:
+                raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
             return opened(path)
+    for looks_like, opened in ONE_CAMERA:
+        if looks_like(path):
+            return opened(path, calibration)
     if not path.is_dir():
         raise InputError(
             f"{path} is a file of no known kind: give a video, a sequence.yaml, or the folder of a drive, such as "
@@ -81,9 +98,9 @@ def _opened(path: Path) -> Recording | Sequence:
     cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
-        f"mav0, as in EuRoC, rgb.txt, as in TUM, sequence.yaml, and images): {cure}"
+        f"mav0, as in EuRoC, rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, and images): {cure}"
     )
 
 
 def _is_known(folder: Path) -> bool:
-    return any(looks_like(folder) for looks_like, _ in LAYOUTS)
+    return any(looks_like(folder) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from ispom.errors import InputError
 from ispom.io.camera import read_camera
@@ -14,7 +15,7 @@ from ispom.io.mapping import read_mapping
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import Clock, Stream, clock_of, size_of
-from ispom.types import Image
+from ispom.types import Camera, Image
 
 CAMERA, TIMES = "camera.yaml", "times.txt"
 CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortion and rate_hz"
@@ -28,20 +29,26 @@ def looks_like_images(folder: Path) -> bool:
         raise InputError(f"{folder} cannot be read ({error.strerror}): check its permissions") from None
 
 
-def open_folder(folder: Path) -> Recording:
+def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
     places = [folder / CAMERA, folder.resolve().parent / CAMERA]
-    path = next((place for place in places if place.exists()), None)
+    path = calibration or next((place for place in places if place.exists()), None)
     if path is None:
         raise InputError(f"{places[0]} is missing: write one with {CAMERA_ENTRIES}")
-    camera = read_camera(path)
-    clock = clock_of(path, read_mapping(path))
-    times = next((place / TIMES for place in (folder, path.parent) if (place / TIMES).exists()), None)
+    camera, content = read_settings(path)
+    clock = clock_of(path, content)
+    beside = path.parent if calibration is None else folder.resolve().parent
+    times = next((place / TIMES for place in (folder, beside) if (place / TIMES).exists()), None)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock)
     name = f"images {folder.resolve().name}"
     return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, stream.notes)
+
+
+def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:
+    """The camera of a camera.yaml, and all that the file says."""
+    return read_camera(path), read_mapping(path)
 
 
 def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:

@@ -1,7 +1,7 @@
 """KITTI raw drives: `DAY_drive_NNNN_sync` (rectified) or `_extract` (rectified here), calibrated by their day's folder.
 
 The grey cameras (image_00, image_01) are read, or else the colour ones (image_02, image_03); the right one may be
-missing. The GPS/IMU track (oxts) is not read: there is no truth.
+missing. The truth is the GPS/IMU track (oxts), where that and its calibration are there.
 """
 
 from __future__ import annotations
@@ -9,19 +9,24 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 from ispom.io.kitti_raw import image_size, raw_camera, read_calibrations, read_timestamps
+from ispom.io.oxts import read_oxts, read_rigid
 from ispom.sequences.images import read_image
-from ispom.sequences.matching import unmatched_note
+from ispom.sequences.matching import truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Maps, remapped, undistortion
-from ispom.types import Camera, Image
+from ispom.types import Camera, Image, Trajectory
 
 _PAIRS = (("00", "01"), ("02", "03"))
 _CALIBRATION = "calib_cam_to_cam.txt"
-_NOTE = "The GPS/IMU track of a KITTI raw drive is not read: no truth."
+_IMU, _VELO = "calib_imu_to_velo.txt", "calib_velo_to_cam.txt"
+_TRUTH_GAP_NS = 250_000_000
+"""Samples of synchronised drives are a tenth of a second apart, and some are missing."""
 
 
 def looks_like_kitti_raw(folder: Path) -> bool:
@@ -33,7 +38,10 @@ def open_kitti_raw(folder: Path) -> Recording:
     """The recording of a drive; InputError names the file that is missing or wrong."""
     left, right = next(pair for pair in _PAIRS if (folder / f"image_{pair[0]}" / "data").is_dir())
     cameras = (left, right) if (folder / f"image_{right}" / "data").is_dir() else (left,)
-    path = _calibration_path(folder)
+    path = _calibration_path(folder, _CALIBRATION)
+    if path is None:
+        missing = folder.resolve().parent / _CALIBRATION
+        raise InputError(f"{missing} is missing: put the calibration of the drive's day there")
     calibrations = read_calibrations(path, cameras)
     images = [_images(folder, camera) for camera in cameras]
     frames, notes = _frames(folder, images)
@@ -58,15 +66,35 @@ def open_kitti_raw(folder: Path) -> Recording:
         return image if maps is None else remapped(image, maps)
 
     name = f"KITTI raw {folder.resolve().name}"
-    return Recording(name, camera, baseline_m, times_ns[frames], read, notes=(*notes, _NOTE))
+    truth, told = _truth(folder, left, calibrations[0], path, times_ns[frames])
+    return Recording(name, camera, baseline_m, times_ns[frames], read, truth, (*notes, told))
 
 
-def _calibration_path(folder: Path) -> Path:
-    places = (folder / _CALIBRATION, folder.resolve().parent / _CALIBRATION)
-    for place in places:
-        if place.exists():
-            return place
-    raise InputError(f"{places[1]} is missing: put the calibration of the drive's day there")
+def _calibration_path(folder: Path, name: str) -> Path | None:
+    places = (folder / name, folder.resolve().parent / name)
+    return next((place for place in places if place.exists()), None)
+
+
+def _truth(
+    folder: Path, left: str, calibration: dict[str, Array], path: Path, times_ns: NDArray[np.int64]
+) -> tuple[Trajectory | None, str]:
+    """world_from_left at the images' times, and what to tell about it."""
+    if not (folder / "oxts" / "data").is_dir():
+        return None, "The drive has no GPS/IMU track (oxts): no truth."
+    imu, velo = _calibration_path(folder, _IMU), _calibration_path(folder, _VELO)
+    if imu is None or velo is None:
+        missing = folder.resolve().parent / (_IMU if imu is None else _VELO)
+        return None, f"{missing} is missing, without which the GPS/IMU track (oxts) cannot be used: no truth."
+    first = calibration if left == _PAIRS[0][0] else read_calibrations(path, (_PAIRS[0][0],))[0]
+    turned = Pose(Rotation.from_matrix(first["R_rect"]).as_matrix())
+    projection = calibration["P_rect"]
+    left_from_rectified = Pose(translation=np.linalg.solve(projection[:, :3], projection[:, 3]))
+    left_from_body = left_from_rectified @ turned @ read_rigid(velo) @ read_rigid(imu)
+    found = truth_at(read_oxts(folder / "oxts"), times_ns, _TRUTH_GAP_NS)
+    note = "The truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor."
+    if found is None:
+        return None, "The GPS/IMU track (oxts) is of other times than the images: no truth."
+    return found.moved(right=left_from_body.inverse(), frame="left"), note
 
 
 def _images(folder: Path, camera: str) -> dict[int, Path]:

@@ -34,14 +34,14 @@ def unmatched_note(left: int, right: int, matched: int) -> tuple[str, ...]:
     )
 
 
-def truth_at(truth: Trajectory, times_ns: NDArray[np.int64]) -> Trajectory | None:
-    """The truth at those of the times (N,) that it covers, interpolated; None where it covers none."""
+def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = TRUTH_GAP_NS) -> Trajectory | None:
+    """The truth at those of the times (N,) that it covers, interpolated over at most gap_ns; None where it covers none."""
     if not len(truth):
         return None
     after = np.searchsorted(truth.times_ns, times_ns).clip(0, len(truth) - 1)
     before = np.where(truth.times_ns[after] == times_ns, after, after - 1)
     inside = (before >= 0) & (times_ns <= truth.times_ns[-1])
-    covered = inside & (truth.times_ns[after] - truth.times_ns[before] <= TRUTH_GAP_NS)
+    covered = inside & (truth.times_ns[after] - truth.times_ns[before] <= gap_ns)
     return interpolate(truth, times_ns[covered], "linear") if covered.any() else None
 
 

@@ -14,11 +14,12 @@ AHEAD = 4
 
 
 def prefetched(sequence: Sequence) -> Sequence:
-    """The same sequence, read ahead from where `prepare` started last; one that prepares by itself stays as it is.
+    """The same sequence, read ahead from where `prepare` started last; one that prepares by itself, or is live, stays
+    as it is.
 
     The thread ends with the sequence or the process. Exposures out of turn are read by whoever asks for them.
     """
-    if sequence.prepare is not None:
+    if sequence.prepare is not None or sequence.grow is not None:
         return sequence
     ahead = _Ahead(sequence.load, len(sequence))
     return replace(sequence, load=ahead.load, prepare=ahead.prepare)

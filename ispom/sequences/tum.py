@@ -19,7 +19,7 @@ def looks_like_tum(folder: Path) -> bool:
     return (folder / "rgb.txt").exists()
 
 
-def open_tum(folder: Path) -> Recording:
+def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder; InputError names the file that is missing or wrong."""
     listing = folder / "rgb.txt"
     rows = read_rows(listing, 2)
@@ -27,11 +27,10 @@ def open_tum(folder: Path) -> Recording:
         raise InputError(f"{listing} lists no image: restore the file")
     times_ns = increasing_times_ns(listing, rows)
     paths = [folder / words[1] for _, words in rows]
-    if not (folder / "camera.yaml").exists():
-        raise InputError(
-            f"{folder / 'camera.yaml'} is missing: write one with width, height, fx, fy, cx, cy and distortion"
-        )
-    camera = read_camera(folder / "camera.yaml")
+    path = calibration or folder / "camera.yaml"
+    if not path.exists():
+        raise InputError(f"{path} is missing: write one with width, height, fx, fy, cx, cy and distortion")
+    camera = read_camera(path)
     size = (camera.width, camera.height)
 
     def read(_: Side, i: int) -> Image:

@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.io.camera import read_camera
-from ispom.io.mapping import read_mapping
-from ispom.sequences.folder import CAMERA, CAMERA_ENTRIES
+from ispom.sequences.folder import CAMERA, CAMERA_ENTRIES, read_settings
+from ispom.sequences.quiet import quiet_decoders
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
 from ispom.types import Image
@@ -32,14 +31,14 @@ def looks_like_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES
 
 
-def open_video(path: Path) -> Recording:
+def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
     places = [path.with_suffix(".yaml"), path.parent / CAMERA]
-    settings = next((place for place in places if place.exists()), None)
+    settings = calibration or next((place for place in places if place.exists()), None)
     if settings is None:
         raise InputError(f"{places[0]} (or {CAMERA} beside it) is missing: write one with {CAMERA_ENTRIES}")
-    camera = read_camera(settings)
-    stream = video_stream(path, size_of(camera), clock_of(settings, read_mapping(settings)))
+    camera, content = read_settings(settings)
+    stream = video_stream(path, size_of(camera), clock_of(settings, content))
     read = stream.read
     return Recording(f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, stream.notes)
 
@@ -85,6 +84,7 @@ class _Film:
             return self._last[1]
 
     def _opened(self) -> cv2.VideoCapture:
+        quiet_decoders()
         decoder = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
         if not decoder.isOpened():
             raise InputError(f"{self._path} is not a video that FFmpeg can decode (truncated or damaged?): restore it")

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ispom.io.oxts import EARTH_RADIUS_M
 from ispom.types import Image
 from tests.sequences.kitti_folder import make_drive
 
@@ -67,8 +68,11 @@ def make_tum(root: Path, frames: int = 6, truth: bool = True) -> Path:
     return root
 
 
-def make_kitti_raw(root: Path, frames: int = 6, raw: bool = False, colour: bool = False) -> Path:
-    """Writes a drive below its day's folder; `raw` images are larger than rectified ones and a little distorted."""
+def make_kitti_raw(root: Path, frames: int = 6, raw: bool = False, colour: bool = False, truth: bool = True) -> Path:
+    """Writes a drive below its day's folder; `raw` images are larger than rectified ones and a little distorted.
+
+    The truth is that of a car that drives east on the equator, 1 m per image; the unit sits 0.8 m below the laser.
+    """
     drive = root / "2011_09_26" / f"2011_09_26_drive_0009_{'extract' if raw else 'sync'}"
     lines = ["calib_time: 09-Jan-2012 13:57:47"]
     for i, shift in enumerate((8, 0)):
@@ -79,11 +83,41 @@ def make_kitti_raw(root: Path, frames: int = 6, raw: bool = False, colour: bool 
             cv2.imwrite(str(path), np.pad(image, 4 * raw, mode="edge"))
         stamps = [f"2011-09-26 13:02:{25 + 0.1 * frame:012.9f}" for frame in range(frames)]
         (drive / f"image_{camera}" / "timestamps.txt").write_text("\n".join(stamps) + "\n")
+    for i, camera in enumerate(("00", "01", "02", "03")):
         lines += [f"S_{camera}: {WIDTH + 8} {HEIGHT + 8}", f"K_{camera}: 80 0 51.5 0 80 35.5 0 0 1"]
         lines += [f"D_{camera}: -0.05 0.01 0 0 0", f"R_rect_{camera}: 1 0 0 0 1 0 0 0 1"]
-        lines += [f"S_rect_{camera}: {WIDTH} {HEIGHT}", f"P_rect_{camera}: 80 0 47.5 {2 - 40 * i} 0 80 31.5 0 0 0 1 0"]
+        tx = 2 - 40 * (i % 2)
+        lines += [f"S_rect_{camera}: {WIDTH} {HEIGHT}", f"P_rect_{camera}: 80 0 47.5 {tx} 0 80 31.5 0 0 0 1 0"]
     (drive.parent / "calib_cam_to_cam.txt").write_text("\n".join(lines) + "\n")
+    if truth:
+        (drive / "oxts" / "data").mkdir(parents=True)
+        for frame in range(frames):
+            degrees = np.degrees(frame / EARTH_RADIUS_M)
+            sample = f"0 {8 + degrees:.14f} 100 0 0 0 {' 0' * 24}\n"  # looking east: no yaw
+            (drive / "oxts" / "data" / f"{frame:010d}.txt").write_text(sample)
+        stamps = [f"2011-09-26 13:02:{25 + 0.1 * frame:012.9f}" for frame in range(frames)]
+        (drive / "oxts" / "timestamps.txt").write_text("\n".join(stamps) + "\n")
+        head = "calib_time: 25-May-2012 16:47:16\n"
+        # The laser's axes are those of the unit (x ahead, y left, z up); the camera looks ahead, its y axis down.
+        (drive.parent / "calib_imu_to_velo.txt").write_text(f"{head}R: 1 0 0 0 1 0 0 0 1\nT: -0.5 0 -0.8\n")
+        (drive.parent / "calib_velo_to_cam.txt").write_text(f"{head}R: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.1 -0.3\n")
     return drive
+
+
+def make_seven_scenes(root: Path, frames: int = 6, truth: bool = True) -> Path:
+    """Writes seq-01 with camera.yaml beside it; the camera moves along x."""
+    folder = root / "chess" / "seq-01"
+    folder.mkdir(parents=True)
+    for i, image in enumerate(images(frames, 0)):
+        cv2.imwrite(str(folder / f"frame-{i:06d}.color.png"), np.dstack([image, image, 255 - image]))
+        cv2.imwrite(str(folder / f"frame-{i:06d}.depth.png"), np.full(image.shape, 1000, np.uint16))
+        if truth:
+            pose = f"1 0 0 {i / 10:.7e}\t\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+            (folder / f"frame-{i:06d}.pose.txt").write_text(pose)
+    (root / "chess" / "camera.yaml").write_text(
+        f"{{width: {WIDTH}, height: {HEIGHT}, fx: 80, fy: 80, cx: 47.5, cy: 31.5}}"
+    )
+    return folder
 
 
 MAKERS: dict[str, Callable[[Path], Path]] = {
@@ -92,6 +126,7 @@ MAKERS: dict[str, Callable[[Path], Path]] = {
     "euroc": make_euroc,
     "euroc, one camera": lambda root: make_euroc(root, right=False, truth=False),
     "tum": make_tum,
+    "7-scenes": make_seven_scenes,
     "kitti raw, sync": make_kitti_raw,
     "kitti raw, extract": lambda root: make_kitti_raw(root, raw=True),
 }

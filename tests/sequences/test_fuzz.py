@@ -38,7 +38,7 @@ PIECES = [
 ]
 
 
-@pytest.fixture(scope="module", params=["kitti", "kitti raw, extract", "euroc", "tum"])
+@pytest.fixture(scope="module", params=["kitti", "kitti raw, extract", "euroc", "tum", "7-scenes"])
 def made(request: pytest.FixtureRequest):
     with TemporaryDirectory() as root:
         yield MAKERS[request.param](Path(root) / "made")

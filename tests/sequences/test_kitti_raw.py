@@ -21,7 +21,7 @@ def test_a_synchronised_drive_is_read_as_it_is(colour: bool, tmp_path: Path) -> 
     sequence = open_sequence(str(make_kitti_raw(tmp_path, colour=colour)))
     assert sequence.rig.left == Camera(WIDTH, HEIGHT, 80.0, 80.0, 47.5, 31.5)
     assert sequence.rig.baseline_m == pytest.approx(0.5)
-    assert sequence.truth is None and "no truth" in sequence.notes[-1]
+    assert sequence.truth is not None and "GPS/IMU" in sequence.notes[-1]
     assert (sequence.times_ns[::2] == FIRST_NS + np.arange(6) * 100_000_000).all()
     pair = sequence[4]
     assert isinstance(pair, StereoPair)
@@ -56,6 +56,11 @@ def test_an_image_that_one_side_lacks_is_left_out_and_told(tmp_path: Path) -> No
         ("image_00/timestamps.txt", "2011-09-26 13:02:25.1", "2011-99-26 13:02:25.1", "line 2: .* is not a date"),
         ("image_00/timestamps.txt", ":25.1", ":24.1", "line 2: time .* is not after"),
         ("image_00/timestamps.txt", "2011-09-26 13:02:25.500000000", "", "has 5 times, none for image 0000000005"),
+        ("oxts/data/0000000002.txt", "0 8.", "0 nan 8.", "line 1: 'nan' is not a finite number"),
+        ("oxts/data/0000000002.txt", "0 8.", "100 8.", "is not a latitude"),
+        ("oxts/timestamps.txt", "2011-09-26 13:02:25.500000000", "", "has 5 times, none for"),
+        ("../calib_imu_to_velo.txt", "R: 1", "R: 2", "line 2: R is not a rotation"),
+        ("../calib_velo_to_cam.txt", "T:", "S:", "no line 'T: ...'"),
     ],
 )
 def test_a_mistake_is_named(file: str, old: str, new: str, message: str, tmp_path: Path) -> None:
@@ -66,6 +71,39 @@ def test_a_mistake_is_named(file: str, old: str, new: str, message: str, tmp_pat
     with pytest.raises(InputError, match=message) as caught:
         open_sequence(str(drive))
     assert str(path) in str(caught.value)
+
+
+def test_the_truth_is_the_track_of_the_unit_carried_to_the_rig(tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_kitti_raw(tmp_path)))
+    truth = sequence.truth
+    assert truth is not None and len(truth) == 6
+    # World: x east, y north, z up. The rig looks east, its x axis south, its y axis down.
+    np.testing.assert_allclose(truth.rotations[3], [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], atol=1e-6)
+    # The unit is at (i, 0, 0). The camera sees the laser at (0, -0.1, -0.3) and the laser the unit at (-0.5, 0, -0.8):
+    # the camera is 0.3 m ahead of the laser and 0.1 m below it, so 0.8 m ahead of the unit and 0.7 m above it.
+    # P_rect puts the left camera 2 / 80 m further to the left, and the rig is half the baseline of 0.5 m right of it.
+    expected = np.stack([np.arange(6) + 0.8, np.full(6, 0.025 - 0.25), np.full(6, 0.7)], axis=1)
+    np.testing.assert_allclose(truth.translations, expected, atol=1e-6)
+
+
+def test_samples_that_come_late_or_twice_are_left_out(tmp_path: Path) -> None:
+    drive = make_kitti_raw(tmp_path)
+    stamps = drive / "oxts" / "timestamps.txt"
+    stamps.write_text(stamps.read_text().replace(":25.300", ":25.100"))
+    truth = open_sequence(str(drive)).truth
+    assert truth is not None and len(truth) == 6
+    np.testing.assert_allclose(np.diff(truth.translations[:, 0]), 1, atol=1e-6)  # interpolated over the one left out
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [("oxts", "no GPS/IMU track"), ("../calib_imu_to_velo.txt", "calib_imu_to_velo.txt is missing, without which")],
+)
+def test_without_track_or_its_calibration_there_is_no_truth(missing: str, told: str, tmp_path: Path) -> None:
+    drive = make_kitti_raw(tmp_path)
+    (drive / missing).rename(tmp_path / "away")
+    sequence = open_sequence(str(drive))
+    assert sequence.truth is None and told in sequence.notes[-1]
 
 
 def test_a_drive_without_its_calibration(tmp_path: Path) -> None:

@@ -1,0 +1,179 @@
+"""A live camera: `camera:0` (by its number or its device file), or the address of a stream (HTTP, RTSP), by OpenCV.
+
+Its images are kept as they arrive, in a temporary file that vanishes with the program: none is lost where the
+estimators are slower, and they can be read again in any order. Their times are those of arrival.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from pathlib import Path
+from threading import Condition, Thread
+
+import cv2
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.io.camera import read_camera
+from ispom.sequences.quiet import quiet_decoders
+from ispom.sequences.spool import Spool
+from ispom.sequences.stream import size_of
+from ispom.types import Camera, Exposure, Image, Rig, Sequence, VideoFrame
+
+DEVICE = "camera:"
+SCHEMES = ("http://", "https://", "rtsp://", "rtsps://", "rtmp://", "udp://", "tcp://")
+PATIENCE_S = 10.0
+"""A source that can't be opened for so long, or gives no image for so long, has failed."""
+STOP_S = 2.0
+
+
+def looks_live(source: str) -> bool:
+    """Whether it names a camera or a stream, not a path."""
+    return source.startswith((DEVICE, *SCHEMES))
+
+
+def without_secrets(source: str) -> str:
+    """The source without the user's name and password that an address may hold."""
+    return re.sub(r"(://)[^/@]*@", r"\1", source) if looks_live(source) else source
+
+
+def open_live(source: str, calibration: Path | None, max_frames: int | None = None, least: int = 1) -> Sequence:
+    """The sequence of a camera that records from now on, once it has `least` images; it ends after `max_frames`, by
+    `stop`, with the source, or with the room on disk.
+
+    InputError where the camera cannot be opened, fails, or is not as `calibration` says.
+    """
+    name = without_secrets(source)
+    if calibration is None:
+        raise InputError(f"{name} has no calibration: give --camera FILE, a camera.yaml of this camera")
+    camera = read_camera(calibration)
+    live = _Live(name, camera, _opened(source, name, camera), max_frames)
+    sequence = live.grown(least - 1, None)
+    if len(sequence) < least:
+        raise InputError(f"{name} ended after {len(sequence)} image(s): give a source that goes on")
+    return sequence
+
+
+def _opened(source: str, name: str, camera: Camera) -> cv2.VideoCapture:
+    quiet_decoders()
+    if source.startswith(DEVICE):
+        capture = _device(source.removeprefix(DEVICE), name)
+        capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.width)
+        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, camera.height)
+    else:
+        patience_ms = round(1000 * PATIENCE_S)
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, patience_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, patience_ms]
+        capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, limits)
+    if not capture.isOpened():
+        cure = "check that it is plugged in and no other program uses it"
+        if not source.startswith(DEVICE):
+            cure = "check the address, and that it can be reached"
+        raise InputError(f"{name} cannot be opened: {cure}")
+    return capture
+
+
+def _device(which: str, name: str) -> cv2.VideoCapture:
+    if sys.platform == "linux":
+        file = Path(f"/dev/video{which}" if which.isdecimal() else which)
+        if not file.exists():
+            there = ", ".join(sorted(f"{DEVICE}{p}" for p in Path("/dev").glob("video*"))) or "none"
+            raise InputError(f"{name} is not there (no {file}): plug it in, or give one of those there are: {there}")
+        return cv2.VideoCapture(str(file), cv2.CAP_V4L2)
+    if not which.isdecimal():
+        raise InputError(f"{name} is no camera: give its number, such as {DEVICE}0")
+    return cv2.VideoCapture(int(which))
+
+
+class _Live:
+    """One thread reads the camera into the spool; all else is safe from any thread."""
+
+    def __init__(self, name: str, camera: Camera, capture: cv2.VideoCapture, max_frames: int | None) -> None:
+        self._name, self._camera, self._capture = name, camera, capture
+        self._spool = Spool((camera.height, camera.width, 3), max_frames)
+        self._times_ns = np.zeros(self._spool.capacity, np.int64)
+        self._notes: tuple[str, ...] = ("Times are those of each image's arrival.",)
+        self._count = 0
+        self._over = self._stopping = False
+        self._failure = ""
+        self._news = Condition()
+        self._thread = Thread(target=self._record, name="live-camera", daemon=True)
+        self._thread.start()
+
+    def grown(self, count: int, patience_s: float | None) -> Sequence:
+        """See Sequence.grow. A failure is raised once, after all images before it; then the sequence has ended."""
+        with self._news:
+            self._news.wait_for(lambda: self._count > count or self._over, patience_s)
+            if self._failure and self._count <= count:
+                reason, self._failure = self._failure, ""
+                raise InputError(reason)
+            known, more = self._count, not self._over or bool(self._failure)
+        return Sequence(
+            f"live {self._name}",
+            Rig.single(self._camera),
+            self._times_ns[:known],
+            ("video",) * known,
+            self._load,
+            notes=self._notes,
+            grow=self.grown if more else None,
+            stop=self._stop,
+        )
+
+    def _load(self, i: int) -> Exposure:
+        return VideoFrame(int(self._times_ns[i]), self._spool.read(i))
+
+    def _stop(self) -> None:
+        self._stopping = True
+        self._thread.join(STOP_S)
+
+    def _record(self) -> None:
+        """Until something ends it."""
+        reason = ""
+        try:
+            while self._count < self._spool.capacity and not self._stopping:
+                image = self._next()
+                if image is None:
+                    break
+                self._spool.append(image)
+                with self._news:
+                    self._times_ns[self._count] = self._now_ns()
+                    self._count += 1
+                    if self._spool.full:
+                        self._notes += (
+                            f"The recording ended after {self._count} images: {self._spool.limit} is full.",
+                        )
+                    self._over = self._count == self._spool.capacity
+                    self._news.notify_all()
+        except InputError as fault:
+            reason = str(fault)
+        finally:
+            self._capture.release()
+            with self._news:
+                self._over, self._failure = True, reason
+                self._news.notify_all()
+
+    def _next(self) -> Image | None:
+        """The next image, or None at the end of the stream; InputError where the camera fails."""
+        asked_s = time.monotonic()
+        good, image = self._capture.read()
+        if self._stopping:
+            return None
+        if not good or image is None:
+            if time.monotonic() - asked_s >= 0.9 * PATIENCE_S:
+                raise InputError(
+                    f"{self._name} gave no image for {PATIENCE_S:g} s after {self._count}: check the camera and its "
+                    "connection"
+                )
+            self._notes += (f"The source ended by itself after {self._count} images.",)
+            return None
+        found, wanted = image.shape[1::-1], size_of(self._camera)
+        if found != wanted:
+            size = f"{found[0]} x {found[1]}, not {wanted[0]} x {wanted[1]}"
+            raise InputError(f"{self._name} gives images of {size} as its calibration: give that of this camera")
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB if image.ndim == 3 else cv2.COLOR_GRAY2RGB), np.uint8)
+
+    def _now_ns(self) -> int:
+        """The time of day, never before or at the last one, whatever is done to the clock."""
+        before = int(self._times_ns[self._count - 1]) if self._count else 0
+        return max(time.time_ns(), before + 1)
