@@ -60,15 +60,10 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report) -> int
 
         return report(command)
     source = command.source if isinstance(command, App) else "sim:city"
-    opener = command.open
-    if source.startswith("sim:"):
-        from .warmup import compiling_ahead
-
-        opener = compiling_ahead(opener)
     from .server import serve
 
     return serve(
-        opener,
+        command.open,
         source,
         host=command.host,
         port=command.port,

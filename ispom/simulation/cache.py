@@ -26,6 +26,11 @@ def default_folder() -> Path:
     return Path(platformdirs.user_cache_dir("ispom", appauthor=False)) / "simulated"
 
 
+def anything_rendered() -> bool:
+    """Whether the user's cache folder holds a simulation, so that an app may start without rendering at once."""
+    return any(default_folder().glob("*/*.png"))
+
+
 def source_key(*values: object) -> str:
     """A name for what these values and the code of this package render."""
     digest = hashlib.blake2b(digest_size=12)

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import open3d as o3d
-from numpy.typing import NDArray
 
 from ispom.geometry import Array, so3_exp
-from ispom.simulation.materials import Material
-from ispom.simulation.noise import Grain
+from ispom.simulation.materials import Material, Surfaces
+from ispom.simulation.noise import Values
 
 Colour = tuple[float, float, float]
 SUN = np.array([0.45, -0.75, -0.48])
@@ -25,15 +24,9 @@ class Scene:
     """(Q, 3) where u = v = 0 [m]."""
     axes: Array
     """(Q, 3, 3) rows: unit u, unit v, outward normal."""
-    material: NDArray[np.int64]
-    seed: NDArray[np.int64]
-    """(Q,) each face's own."""
-    parameters: Array
-    """(Q, 8) columns as in `materials`."""
-    light: Array
+    light: Values
     """(Q,) brightness from the sun and the sky."""
-    grain: NDArray[np.float32]
-    """The noise that all materials are made with."""
+    surfaces: Surfaces
     caster: o3d.t.geometry.RaycastingScene
     """Face q is triangles 2q and 2q + 1."""
 
@@ -102,4 +95,5 @@ class SceneBuilder:
         sun = np.clip(axes[:, 2] @ (SUN / np.linalg.norm(SUN)), 0, 1)
         light = 0.66 + 0.42 * sun - 0.12 * np.clip(axes[:, 2, 1], 0, 1)
         seeds = self.rng.integers(1, 2**31, len(corner))
-        return Scene(corner, axes, np.array(self.materials), seeds, parameters, light, Grain.make().texels, caster)
+        surfaces = Surfaces.of(np.array(self.materials), seeds, parameters)
+        return Scene(corner, axes, light.astype(np.float32), surfaces, caster)
