@@ -14,8 +14,8 @@ from ispom.io.rows import numbers, read_text
 from ispom.types import Trajectory
 
 EARTH_RADIUS_M = 6_378_137.0
-COLUMNS = 6
-"""Read of each file: latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad]."""
+COLUMNS = 30
+"""Of each file; the first six are read: latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad]."""
 
 
 def read_oxts(folder: Path) -> Trajectory:
@@ -64,9 +64,9 @@ def _values(path: Path, lines: dict[str, tuple[int, list[str]]], name: str, coun
 
 def _sample(path: Path) -> Array:
     words = read_text(path).split()
-    if len(words) < COLUMNS:
-        raise InputError(f"{path} has {len(words)} values, not {COLUMNS} or more: restore the file")
-    values = numbers(path, 1, words[:COLUMNS])
+    if len(words) != COLUMNS:
+        raise InputError(f"{path} has {len(words)} values, not {COLUMNS}: restore the file")
+    values = numbers(path, 1, words[:6])
     if abs(values[0]) >= 90 or abs(values[1]) > 360:
         raise InputError(f"{path} line 1: {words[0]} {words[1]} is not a latitude and longitude: restore the file")
     return values

@@ -21,15 +21,20 @@ LARGEST = 1e15
 
 
 def read_text(path: Path) -> str:
-    """A text file; InputError where it is missing or no text."""
+    """A text file in UTF-8, with or without byte-order mark; InputError where it is missing or no such text."""
     try:
-        return path.read_text(encoding="utf-8")
+        content = path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path} is missing: restore the file or correct the path") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not a text file: give the right file") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}): check the path and its permissions") from None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path} line {line}: it is not a text file in UTF-8: save it as such, or give the right file"
+        ) from None
 
 
 def read_rows(path: Path, columns: int) -> list[Row]:

@@ -13,6 +13,7 @@ than 2 ms apart are a pair. Where no video is named, left images are the video, 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from ispom.io.mapping import read_mapping
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
 from ispom.sequences.folder import folder_stream
-from ispom.sequences.matching import truth_at
+from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
 from ispom.sequences.stream import Stream, clock_of, named_file, size_of
@@ -62,9 +63,13 @@ def open_described(path: Path) -> Sequence | Recording:
         stereo = stereo_stream(path, rig, _stream(path, "left", content, rig), _stream(path, "right", content, rig))
     truth = read_tum(named_file(path, "truth", content["truth"]), "rig") if "truth" in content else None
     if video is not None:
-        return _sequence(name, rig, video, stereo, truth)
-    assert stereo is not None
-    return _recording(name, stereo, truth)
+        found = _sequence(name, rig, video, stereo, truth)
+    else:
+        assert stereo is not None
+        found = _recording(name, stereo, truth)
+    if truth is None:
+        return found
+    return replace(found, notes=found.notes + no_truth_note(path.parent / content["truth"], found.truth))
 
 
 def _recording(name: str, stereo: StereoStream, truth: Trajectory | None) -> Recording:

@@ -19,8 +19,8 @@ from ispom.io.camera import camera_of
 from ispom.io.euroc import read_euroc
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rows import read_text
-from ispom.sequences.images import read_grey
-from ispom.sequences.matching import pairs, truth_at, unmatched_note
+from ispom.sequences.images import read_grey, those_there
+from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Rectification, remapped
 from ispom.types import Camera, Image, Trajectory
@@ -36,6 +36,7 @@ class _Sensor:
     body_from_camera: Pose
     times_ns: NDArray[np.int64]
     paths: list[Path]
+    notes: tuple[str, ...]
 
 
 def looks_like_euroc(folder: Path) -> bool:
@@ -49,9 +50,13 @@ def open_euroc(folder: Path) -> Recording:
     name = f"EuRoC {mav0.resolve().parent.name}"
     left = _sensor(mav0 / "cam0")
     if not (mav0 / "cam1").is_dir():
-        truth = _truth(mav0, left.body_from_camera, left.times_ns)
-        size = (left.camera.width, left.camera.height)
-        return Recording(name, left.camera, None, left.times_ns, lambda _, i: read_grey(left.paths[i], size), truth)
+        truth, told = _truth(mav0, left.body_from_camera, left.times_ns)
+        size, notes = (left.camera.width, left.camera.height), left.notes + told
+
+        def read_left(_: Side, i: int) -> Image:
+            return read_grey(left.paths[i], size)
+
+        return Recording(name, left.camera, None, left.times_ns, read_left, truth, notes)
     right = _sensor(mav0 / "cam1")
     i_left, i_right = pairs(left.times_ns, right.times_ns)
     if not len(i_left):
@@ -67,8 +72,8 @@ def open_euroc(folder: Path) -> Recording:
         return remapped(read_grey(paths[i], size), maps)
 
     times_ns = left.times_ns[i_left]
-    truth = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
-    notes = unmatched_note(len(left.paths), len(right.paths), len(i_left))
+    truth, told = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
+    notes = left.notes + right.notes + unmatched_note(len(left.paths), len(right.paths), len(i_left)) + told
     return Recording(name, rectified.camera, rectified.baseline_m, times_ns, read, truth, notes)
 
 
@@ -85,7 +90,8 @@ def _rectification(mav0: Path, left: _Sensor, right: _Sensor) -> Rectification:
 def _sensor(folder: Path) -> _Sensor:
     camera, body_from_camera = _calibration(folder / "sensor.yaml")
     times_ns, names = _image_list(folder / "data.csv")
-    return _Sensor(camera, body_from_camera, times_ns, [folder / "data" / name for name in names])
+    there, notes = those_there(folder / "data.csv", [folder / "data" / name for name in names])
+    return _Sensor(camera, body_from_camera, times_ns[there], [folder / "data" / names[i] for i in there], notes)
 
 
 def _calibration(path: Path) -> tuple[Camera, Pose]:
@@ -135,10 +141,10 @@ def _fits(digits: str) -> bool:
     return len(digits) <= 19 and int(digits) < 2**63
 
 
-def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> Trajectory | None:
-    """world_from_left at the images' times, of the body's poses."""
+def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, tuple[str, ...]]:
+    """world_from_left at the images' times, of the body's poses, and what to tell about it."""
     path = mav0 / "state_groundtruth_estimate0" / "data.csv"
     if not path.exists():
-        return None
+        return None, ()
     found = truth_at(read_euroc(path, "body"), times_ns)
-    return found and found.moved(right=body_from_left, frame="left")
+    return found and found.moved(right=body_from_left, frame="left"), no_truth_note(path, found)

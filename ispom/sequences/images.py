@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.types import Image
@@ -38,6 +40,24 @@ def decode(content: bytes, flag: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
     image = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
     image.setflags(write=False)
     return image
+
+
+def those_there(listing: Path, paths: list[Path]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Indices (N,) of the listed files that are there, and what to tell of the others; InputError where none is."""
+    names = {folder: _names(folder) for folder in {path.parent for path in paths}}
+    found = np.array([i for i, path in enumerate(paths) if path.name in names[path.parent]], np.int64)
+    if not len(found):
+        raise InputError(f"{paths[0]} is missing, as all images that {listing} lists: restore the images")
+    missing = len(paths) - len(found)
+    note = f"{missing} of {len(paths)} images that {listing} lists are not there and are left out."
+    return found, (note,) if missing else ()
+
+
+def _names(folder: Path) -> set[str]:
+    try:
+        return set(os.listdir(folder))
+    except (OSError, ValueError):
+        return set()
 
 
 def _read(path: Path, size: tuple[int, int] | None, flag: int) -> Image:

@@ -26,9 +26,10 @@ def open_kitti(folder: Path) -> Recording:
     """The recording of a folder `sequences/NN`; InputError names the file that is missing or wrong."""
     count = _count(folder / "image_0")
     camera, baseline_m = _cameras(folder)
-    if baseline_m is not None and _count(folder / "image_1") != count:
+    if baseline_m is not None and (right := _count(folder / "image_1")) != count:
         raise InputError(
-            f"{folder / 'image_1'} holds not as many images as image_0 ({count}): restore the missing ones"
+            f"{folder / 'image_1'} holds {right} images, image_0 {count}: restore the missing ones, or move image_1 "
+            "away to run the left camera alone"
         )
     times_ns = read_times(folder / "times.txt")
     if len(times_ns) < count:

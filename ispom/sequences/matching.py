@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,7 @@ def unmatched_note(left: int, right: int, matched: int) -> tuple[str, ...]:
 
 
 def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = TRUTH_GAP_NS) -> Trajectory | None:
-    """The truth at those of the times (N,) that it covers, interpolated over at most gap_ns; None where it covers none."""
+    """The truth at those of the times (N,) that it covers, interpolated over gap_ns at most; None: it covers none."""
     if not len(truth):
         return None
     after = np.searchsorted(truth.times_ns, times_ns).clip(0, len(truth) - 1)
@@ -43,6 +45,11 @@ def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = TRUTH
     inside = (before >= 0) & (times_ns <= truth.times_ns[-1])
     covered = inside & (truth.times_ns[after] - truth.times_ns[before] <= gap_ns)
     return interpolate(truth, times_ns[covered], "linear") if covered.any() else None
+
+
+def no_truth_note(path: Path, found: Trajectory | None) -> tuple[str, ...]:
+    """What to tell where a file of truth covers no image."""
+    return () if found is not None else (f"{path} has no pose at the times of the images: no truth.",)
 
 
 def _nearest(times_ns: NDArray[np.int64], asked_ns: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -8,8 +8,8 @@ from ispom.errors import InputError
 from ispom.io.camera import read_camera
 from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.io.tum import read_tum
-from ispom.sequences.images import read_image
-from ispom.sequences.matching import truth_at
+from ispom.sequences.images import read_image, those_there
+from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording, Side
 from ispom.types import Image
 
@@ -27,6 +27,8 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
         raise InputError(f"{listing} lists no image: restore the file")
     times_ns = increasing_times_ns(listing, rows)
     paths = [folder / words[1] for _, words in rows]
+    there, notes = those_there(listing, paths)
+    times_ns, paths = times_ns[there], [paths[i] for i in there]
     path = calibration or folder / "camera.yaml"
     if not path.exists():
         raise InputError(f"{path} is missing: write one with width, height, fx, fy, cx, cy and distortion")
@@ -37,5 +39,8 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
         return read_image(paths[i], size)
 
     truth = folder / "groundtruth.txt"
-    found = truth_at(read_tum(truth, "left"), times_ns) if truth.exists() else None
-    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found)
+    found = None
+    if truth.exists():
+        found = truth_at(read_tum(truth, "left"), times_ns)
+        notes += no_truth_note(truth, found)
+    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found, notes)

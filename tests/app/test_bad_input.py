@@ -79,7 +79,7 @@ def empty(name: str) -> Callable[[Path], None]:
 BROKEN = {
     "calibration missing": (remove("calib.txt"), "calib.txt is missing: restore the file"),
     "calibration malformed": (edit("calib.txt", lambda t: t[:30]), "calib.txt line 1: P0 needs 12 numbers"),
-    "calibration no text": (lambda d: (d / "calib.txt").write_bytes(b"\xff\xfe\x00"), "calib.txt is not a text file"),
+    "calibration no text": (lambda d: (d / "calib.txt").write_bytes(b"\xff\xfe\x00"), "calib.txt line 1: it is not"),
     "calibration without right": (
         edit("calib.txt", lambda t: t.splitlines()[0]),
         "calib.txt has no line 'P1: ...' for image_1: give",
@@ -100,7 +100,7 @@ BROKEN = {
     "fewer times than images": (edit("times.txt", lambda t: t.split("\n", 1)[1]), "5 times for 6 images: give"),
     "no images": (empty("image_0"), "image_0 holds no .png image: give"),
     "an image missing": (remove("image_0/000002.png"), "000002.png is missing: images are numbered"),
-    "a right image missing": (remove("image_1/000005.png"), "image_1 holds not as many images as image_0 (6)"),
+    "a right image missing": (remove("image_1/000005.png"), "image_1 holds 5 images, image_0 6: restore"),
     "first image empty": (lambda d: (d / "image_0/000000.png").write_bytes(b""), "000000.png is not a whole image"),
 }
 

@@ -50,6 +50,23 @@ def test_images_without_a_partner_are_left_out_and_told(tmp_path: Path) -> None:
     assert "2 of 6 left and 0 of 4 right images have no partner" in sequence.notes[-1]
 
 
+def test_a_right_camera_that_stops_half_way_ends_the_pairs_and_is_told(tmp_path: Path) -> None:
+    folder = make_euroc(tmp_path)
+    for path in sorted((folder / "mav0" / "cam1" / "data").iterdir())[3:]:
+        path.unlink()
+    sequence = open_sequence(str(folder))
+    assert sequence.kinds.count("stereo") == 3 and sequence[5].time_ns == sequence.times_ns[5]
+    assert "3 of 6 images that" in sequence.notes[1] and "3 of 6 left and 0 of 3 right" in sequence.notes[2]
+
+
+def test_a_truth_of_another_time_is_told(tmp_path: Path) -> None:
+    folder = make_euroc(tmp_path)
+    path = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
+    path.write_text(path.read_text().replace("\n140", "\n130"))
+    sequence = open_sequence(str(folder))
+    assert sequence.truth is None and "data.csv has no pose at the times of the images" in sequence.notes[-1]
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [

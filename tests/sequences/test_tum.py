@@ -31,6 +31,28 @@ def test_truth_is_not_interpolated_over_a_gap(tmp_path: Path) -> None:
     assert open_sequence(str(folder)).truth.times_ns.tolist() == [33_333_000, 166_667_000]
 
 
+def test_listed_images_that_are_not_there_are_left_out_and_told(tmp_path: Path) -> None:
+    folder = make_tum(tmp_path)
+    (folder / "rgb" / "2.jpg").unlink()
+    sequence = open_sequence(str(folder))
+    assert len(sequence) == 5 and "1 of 6 images that" in sequence.notes[0]
+    for path in (folder / "rgb").iterdir():
+        path.unlink()
+    with pytest.raises(InputError, match=r"0.jpg is missing, as all images that .*rgb.txt lists"):
+        open_sequence(str(folder))
+
+
+def test_a_byte_order_mark_is_no_mistake_and_another_encoding_one(tmp_path: Path) -> None:
+    folder = make_tum(tmp_path)
+    listing = folder / "rgb.txt"
+    lines = listing.read_bytes()
+    listing.write_bytes(b"\xef\xbb\xbf" + lines)
+    assert len(open_sequence(str(folder))) == 6
+    listing.write_bytes(lines.replace(b"rgb/2", b"\xe9/2"))
+    with pytest.raises(InputError, match=r"rgb.txt line 4: it is not a text file in UTF-8"):
+        open_sequence(str(folder))
+
+
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
