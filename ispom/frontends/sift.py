@@ -26,6 +26,10 @@ SEARCH_WIDTH_PX = 800
 """Wider images are searched at this width: as accurate on real drives, and much faster."""
 
 
+ROWS_AT_ONCE = 512
+"""Descriptors compared at a time with all of the other image: the whole table would take some 70 MB."""
+
+
 def detect_and_describe(grey: Image, count: int) -> Features:
     """The `count` strongest SIFT features of an image, each place once."""
     height, width = grey.shape
@@ -47,14 +51,19 @@ def match(a: Features, b: Features, max_ratio: float = 0.9) -> NDArray[np.int64]
     """Index pairs (M, 2) of mutual nearest neighbours that pass the ratio test."""
     if len(a) < 2 or len(b) < 2:
         return np.zeros((0, 2), np.int64)
-    similarity = a.descriptors @ b.descriptors.T
-    to_b, to_a = similarity.argmax(1), np.ascontiguousarray(similarity.T).argmax(1)
-    rows = np.arange(len(a))
-    best = similarity[rows, to_b]
-    similarity[rows, to_b] = -1
-    second = similarity.max(1)
-    # Unit vectors: squared distance is 2 - 2 similarity, and the ratio test compares distances.
-    clear = (1 - best) < max_ratio**2 * (1 - second)
-    mutual = to_a[to_b] == rows
-    good = clear & mutual
-    return np.stack([rows[good], to_b[good]], axis=1)
+    to_b, clear = np.zeros(len(a), np.int64), np.zeros(len(a), bool)
+    to_a, best_of_b, columns = np.zeros(len(b), np.int64), np.full(len(b), -np.inf, np.float32), np.arange(len(b))
+    for start in range(0, len(a), ROWS_AT_ONCE):
+        similarity = a.descriptors[start : start + ROWS_AT_ONCE] @ b.descriptors.T
+        row = np.ascontiguousarray(similarity.T).argmax(1)
+        better = similarity[row, columns] > best_of_b
+        to_a[better], best_of_b[better] = start + row[better], similarity[row, columns][better]
+        rows = np.arange(len(similarity))
+        nearest = similarity.argmax(1)
+        best = similarity[rows, nearest]
+        similarity[rows, nearest] = -1
+        # Unit vectors: squared distance is 2 - 2 similarity, and the ratio test compares distances.
+        clear[start + rows] = (1 - best) < max_ratio**2 * (1 - similarity.max(1))
+        to_b[start + rows] = nearest
+    good = clear & (to_a[to_b] == np.arange(len(a)))
+    return np.stack([np.flatnonzero(good), to_b[good]], axis=1)
