@@ -19,8 +19,8 @@ from .session import Session
 log = logging.getLogger(__name__)
 PAGE = Path(__file__).parent / "web"
 LOOPBACK = {"localhost", "127.0.0.1", "::1"}
-REFRESH_S = 0.05
-"""How often pages hear of a new state."""
+REFRESH_S, PLAYING_S = 0.03, 0.1
+"""How often pages hear of a new state; and while it plays, where every one is a new picture of the page."""
 _HOP = {"connection", "keep-alive", "transfer-encoding", "upgrade", "host", "content-length", "te", "trailer"}
 SECURITY = {
     "Content-Security-Policy": "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; "
@@ -149,7 +149,7 @@ class Gateway:
                 if (state := self._session.state) is not shown:
                     shown = state
                     await socket.send_str(json.dumps(message_of(state)))
-                await asyncio.sleep(REFRESH_S)
+                await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)
         except ConnectionError:
             pass  # the browser went away
 

@@ -24,6 +24,8 @@ from .streams import LiveStream
 
 log = logging.getLogger(__name__)
 PAINT_S = 1 / 30
+PLAYING_S = 0.1
+"""Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
 SCENE_S = 0.25
 """The scene is costlier than the panels, and Rerun shows the same beside it."""
 
@@ -41,7 +43,7 @@ class Screen:
         self.panels = self._panels(self.server.gui)
         self.server.scene.world_axes.visible = False
         self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
-        self._run, self._painted, self._scene_due_s = -1, None, 0.0
+        self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
         self.scene_wanted = True
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
@@ -99,8 +101,8 @@ class Screen:
     def paint(self) -> None:
         """Brings the panels and, less often, the scene up to date."""
         state, history = self._session.state, self._session.history
-        if state is not self._painted:
-            self._painted = state
+        if state is not self._painted and (not state.playing or time.monotonic() >= self._due_s):
+            self._painted, self._due_s = state, time.monotonic() + PLAYING_S
             for panel in self.panels:
                 panel.show(state)
         if not self.scene_wanted or time.monotonic() < self._scene_due_s:

@@ -37,7 +37,8 @@ function showActivity() {
   const waited = performance.now() - activity.since;
   const shown = activity.text && (waited >= SLOW_MS || activity.text.startsWith("computing"));
   const seconds = waited > 2000 && activity.raw ? ` ${Math.round(waited / 1000)} s` : "";
-  at("activity").textContent = shown ? activity.text + seconds : "";
+  const text = shown ? activity.text + seconds : "";
+  if (at("activity").textContent !== text) at("activity").textContent = text; // a new text node is a new picture of the page
 }
 setInterval(showActivity, 250);
 

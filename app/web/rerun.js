@@ -1,10 +1,11 @@
 // The Rerun viewer in its canvas, and the two time cursors: ours sets Rerun's, and a hand on Rerun's timeline sets ours.
 // Rerun tells of every change of its cursor, up to half a second late, and not who made it. A change is the person's only
 // where a touch of the canvas is newer than all that we asked for, and the change is nothing that we asked for.
+import { wake } from "./pace.js";
 import { setTimeCursor, PAUSED, FOLLOWING } from "./viewer_control.js";
 
 const TIMELINE = "exposure";
-const HAND_MS = 1500; // how long after a touch of the canvas a change of time may be the person's
+const HAND_MS = 3000; // how long after a touch of the canvas a change of time may be the person's
 const HELD_MS = 500; // how long a press keeps our requests back
 const SETTLE_MS = 60; // a hand that drags chooses that often
 const LATE = 8; // requests whose answers may still come
@@ -16,17 +17,23 @@ export function openViewer(dark, seek) {
   for (const kind of ["pointerdown", "pointerup", "pointermove", "wheel", "keydown"]) {
     canvas.addEventListener(kind, (event) => touched(sync, event), { capture: true, passive: true });
   }
-  start(canvas, dark, (event) => heard(sync, event)).then(
-    (handle) => {
-      sync.handle = handle;
-      push(sync);
-    },
-    (fault) => failed(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls at the left work without it.`),
-  );
+  // Not before there is something to show: starting takes seconds of processor time, which the first exposure needs.
+  sync.start = () => {
+    sync.start = () => {};
+    start(canvas, dark, (event) => heard(sync, event)).then(
+      (handle) => {
+        sync.handle = handle;
+        push(sync);
+      },
+      (fault) => failed(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls at the left work without it.`),
+    );
+  };
+  for (const kind of ["resize", "focus", "visibilitychange"]) addEventListener(kind, () => wake());
   return { follow: (state) => follow(sync, state), release: () => release(sync), sync };
 }
 
 async function start(canvas, dark, onEvent) {
+  document.getElementById("loaded").hidden = false;
   await wasm_bindgen({ module_or_path: counted("/viewer/re_viewer_bg.wasm") });
   cover("Starting the Rerun viewer …");
   const scheme = location.protocol === "https:" ? "rerun+https" : "rerun+http";
@@ -70,8 +77,11 @@ const cover = (text) => (document.getElementById("loading").textContent = text);
 // Our state -> Rerun: at the newest exposure Rerun follows its stream, in the past it stands at the exposure shown.
 function follow(sync, state) {
   if (state.run !== sync.run) Object.assign(sync, { run: state.run, wanted: null, sent: null, asked: [] });
-  if (state.index < 0 || sync.chosen !== null) return;
+  if (state.index < 0) return;
+  sync.start();
+  if (sync.chosen !== null) return;
   const live = state.index >= state.head - 1 && (state.playing || state.target !== null);
+  sync.playing = state.playing;
   sync.wanted = live ? "following" : state.index;
   push(sync);
 }
@@ -94,6 +104,7 @@ async function ask(sync, wanted) {
   sync.asked = [...sync.asked, wanted].slice(-LATE);
   try {
     const live = wanted === "following";
+    wake(!sync.playing); // otherwise somebody waits for the answer
     await sync.handle.viewer_control(setTimeCursor(TIMELINE, live ? null : wanted, live ? FOLLOWING : PAUSED));
     sync.sent = wanted;
   } catch {
@@ -104,6 +115,7 @@ async function ask(sync, wanted) {
 const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 
 function touched(sync, event) {
+  wake(true);
   if (event.type === "pointermove" && !event.buttons) return;
   sync.touchedAt = performance.now();
   if (event.type === "pointerdown") sync.pressedAt = sync.touchedAt;
@@ -123,6 +135,7 @@ function release(sync) {
 function heard(sync, event) {
   if (event.type === "timeline_change") sync.timeline = event.timeline;
   if (event.type !== "time_update" || sync.timeline !== TIMELINE) return;
+  wake();
   const before = sync.seen;
   const index = (sync.seen = Math.round(event.time));
   const streamed = sync.sent === "following" && index >= before;

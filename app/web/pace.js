@@ -1,0 +1,63 @@
+// How often the Rerun viewer draws. It would draw without end, though nothing moves, and where graphics are software a
+// frame takes as long as an exposure's computation. So it draws freely only for a moment after something happened: data
+// came, a hand is on it, our time moved. After that less and less often; and a slow frame leaves others as much time again,
+// unless a hand waits for it.
+const FREE_MS = 700;
+const SLOW_MS = 40;
+const FIRST_MS = 40;
+const RAREST_MS = 30_000;
+
+const frame = window.requestAnimationFrame.bind(window);
+let wokenAt = 0;
+let handAt = -FREE_MS;
+let idle = FIRST_MS; // the pause before the next frame while nothing happens
+let took = 0;
+let waiting = null;
+
+window.requestAnimationFrame = (callback) => {
+  const now = performance.now();
+  const awake = now - wokenAt < FREE_MS;
+  const rest = took > SLOW_MS && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
+  if (!awake) idle = Math.min(3 * idle, RAREST_MS);
+  const go = () => {
+    waiting = null;
+    const asked = performance.now();
+    frame((now) => {
+      took = performance.now() - asked;
+      callback(now);
+    });
+  };
+  const pause = awake ? rest : idle;
+  if (pause > 0) waiting = { go, timer: setTimeout(go, pause) };
+  else go();
+  return 0; // nobody cancels
+};
+
+// Something happened that the viewer shall show; at once where it was a hand.
+export function wake(hand = false) {
+  const now = performance.now();
+  const sleeps = now - wokenAt > FREE_MS;
+  wokenAt = now;
+  if (hand) handAt = now;
+  idle = FIRST_MS;
+  if (!waiting || !(sleeps || hand)) return;
+  clearTimeout(waiting.timer);
+  waiting.go();
+}
+
+// What comes in the viewer's stream wakes it.
+const fetchAll = window.fetch.bind(window);
+window.fetch = async (request, options) => {
+  const response = await fetchAll(request, options);
+  return response.body && new URL(request.url ?? request, location.href).pathname.startsWith("/rerun.") ? tapped(response) : response;
+};
+
+function tapped(response) {
+  const tap = new TransformStream({
+    transform(chunk, out) {
+      out.enqueue(chunk);
+      wake();
+    },
+  });
+  return new Response(response.body.pipeThrough(tap), response);
+}
