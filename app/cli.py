@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | sources | evaluate | export | report."""
+"""The command `ispom`: demo | app | run | sources | evaluate | export | report | bench."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import tyro
 
 from ispom.errors import InputError
 
+from .bench.options import Bench
 from .options import App, Demo, Evaluate, Export, Report, Run, Serve, Sources
 
 Command = (
@@ -20,6 +21,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
 MISUSE, INTERRUPTED = 2, 130
 
@@ -37,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _execute(command: Serve | Run | Sources | Evaluate | Export | Report) -> int:
+def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
@@ -59,6 +61,10 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report) -> int
         from .report.command import report
 
         return report(command)
+    if isinstance(command, Bench):
+        from .bench.command import bench
+
+        return bench(command)
     source = command.source if isinstance(command, App) else "sim:city"
     from .server import serve
 

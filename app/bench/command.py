@@ -1,0 +1,159 @@
+"""`ispom bench`: every row in a process of its own, one after the other, one thread each."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from ispom.errors import InputError
+from ispom.estimators import Method
+from ispom.io.whole import write_whole
+
+from .consistency import METRIC, print_consistency
+from .options import VARIANTS, Bench
+from .plan import CASES, Case, found_below
+from .tables import print_blocks, print_case, print_unit
+
+ONE_THREAD = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+"""For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""
+PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A method and variant on a case, and what was found: see measure.py; {"error": ...} where nothing was."""
+
+    case: str
+    method: Method
+    variant: str
+    found: dict[str, Any]
+
+
+def bench(options: Bench) -> int:
+    """Measures, prints and writes what is asked; a source that is absent is one line. InputError for wrong options."""
+    if not 1 <= options.runs <= 100:
+        raise InputError(f"--runs is {options.runs}, give a value from 1 to 100")
+    if options.json is not None and not options.json.parent.is_dir():
+        raise InputError(f"{options.json.parent} is no folder: make it, or give another --json")
+    if not 2 <= options.seeds <= 1000:
+        raise InputError(f"--seeds is {options.seeds}, give a value from 2 to 1000")
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    chosen, report = _chosen(options), _about(options)
+    if options.consistency:
+        report["consistency"] = _consistency(console, options)
+    else:
+        _rows_and_blocks(console, chosen, options, report)
+    if options.json is not None:
+        write_whole(options.json, json.dumps(report, indent=2) + "\n")
+    return 0
+
+
+def _rows_and_blocks(console: Console, chosen: list[Case], options: Bench, report: dict[str, Any]) -> None:
+    pair = _unit_pair(options.data)
+    for case in chosen:
+        found = found_below(case, options.data)
+        methods: list[Method] = [m for m in case.methods if not options.methods or m in options.methods]
+        if found is None:
+            console.print(f"{case.title}: skipped, there is no {case.places[0]} in {options.data} (see --data)")
+            report["skipped"].append(case.key)
+        elif methods:
+            rows = list(_rows(found, methods, options, pair))
+            print_case(console, found, rows)
+            report["rows"] += [asdict(row) for row in rows]
+    if options.blocks:
+        with _telling("building blocks"):
+            blocks = _child("blocks", {"pair": _texts(pair)})
+        print_blocks(console, blocks)
+        report["blocks"] = blocks
+    print_unit(console, report["rows"])
+
+
+def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
+    told = []
+    for method in (m for m in METRIC if not options.methods or m in options.methods):
+        for variant in options.variants or VARIANTS:
+            with _telling(f"{method} {variant}: {options.seeds} seeds"):
+                task = {"method": method, "variant": variant, "seeds": options.seeds}
+                found = _child("consistency", task)
+            print_consistency(console, method, variant, found)
+            told.append({"method": method, "variant": variant, **found})
+    return told
+
+
+def _chosen(options: Bench) -> list[Case]:
+    unknown = [key for key in options.sources if key not in {case.key for case in CASES}]
+    if unknown:
+        raise InputError(f"there is no source {unknown[0]}: give --sources of {', '.join(c.key for c in CASES)}")
+    return [case for case in CASES if not options.sources or case.key in options.sources]
+
+
+def _rows(case: Case, methods: list[Method], options: Bench, pair: tuple[Path, ...]) -> Iterator[Row]:
+    task: dict[str, Any] = {"case": case.key, "source": case.source, "pair": _texts(pair), "runs": options.runs}
+    if case.simulated:
+        with _telling(f"{case.title}: rendering, where that was not done before"):
+            _child("measure", task | {"method": None}, one_thread=False)
+    for method in methods:
+        for variant in options.variants or VARIANTS:
+            with _telling(f"{case.title}: {method} {variant}, {options.runs} runs"):
+                yield Row(case.key, method, variant, _child("measure", task | {"method": method, "variant": variant}))
+
+
+def _child(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:
+    """What another process found out; {"error": ...} where it could not."""
+    command = [sys.executable, "-m", f"{__package__}.{module}", json.dumps(task)]
+    environment = {**os.environ, **(ONE_THREAD if one_thread else {})}
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
+    )
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or [f"it ended with code {done.returncode}"])[-1]
+        return {"error": f"failed, please report it: {last}"}
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _unit_pair(data: Path) -> tuple[Path, ...]:
+    """The first two left images of KITTI 06; empty where they are not there."""
+    case = next(found_below(c, data) for c in CASES if c.key == "kitti-06")
+    images = sorted((Path(case.source) / "image_0").glob("*.png"))[:2] if case else []
+    return tuple(images) if len(images) == 2 else ()
+
+
+def _texts(paths: tuple[Path, ...]) -> list[str]:
+    return [str(path) for path in paths]
+
+
+def _about(options: Bench) -> dict[str, Any]:
+    return {
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "platform": platform.platform(),
+        "processor": platform.processor() or platform.machine(),
+        "runs": options.runs,
+        "rows": [],
+        "blocks": [],
+        "consistency": [],
+        "skipped": [],
+    }
+
+
+@contextmanager
+def _telling(what: str) -> Iterator[None]:
+    """What is going on, on a terminal."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield
+        return
+    with console.status(what):
+        yield

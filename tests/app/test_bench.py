@@ -1,0 +1,140 @@
+"""`ispom bench`: its rows, peers and refusals. No time is asserted."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ispom_app.bench import command, consistency, measure, peak, plan, tables, unit
+from ispom_app.bench.options import VARIANTS
+from ispom_app.bench.peers import PEERS
+from ispom_app.cli import main
+
+from ispom.estimators import METHODS
+from ispom.evaluation.consistency import Errors
+from tests.app import helpers
+from tests.sequences.kitti_folder import make_drive
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows in this process, with estimators that walk the true path, and a small speed unit."""
+    monkeypatch.setattr(measure, "build", helpers.build)
+    monkeypatch.setattr(unit.Unit, "measure", lambda self, times=7: self.samples_ms.append(10.0))
+
+    def child(module: str, task: dict, one_thread: bool = True) -> object:
+        assert module == "measure"
+        return measure.answer(task)
+
+    monkeypatch.setattr(command, "_child", child)
+
+
+def drive(folder: Path) -> Path:
+    """A data folder with a tiny KITTI 06."""
+    made = make_drive(folder / "kitti")
+    made.rename(made.with_name("06"))
+    (folder / "kitti" / "poses" / "07.txt").rename(folder / "kitti" / "poses" / "06.txt")
+    return folder
+
+
+@pytest.mark.usefixtures("quick")
+def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written = tmp_path / "bench.json"
+    sources = ["kitti-06", "kitti-00", "euroc"]
+    arguments = ["--data", str(drive(tmp_path)), "--sources", *sources, "--runs", "2", "--no-blocks"]
+    assert main(["bench", *arguments, "--json", str(written)]) == 0
+    told, report = capsys.readouterr().out, json.loads(written.read_text())
+    for peer in PEERS["kitti-06", "stereo"]:
+        assert peer.name in told and peer.t_err_percent in told
+    assert told.count("skipped") == 2 and report["skipped"] == ["kitti-00", "euroc"]
+    assert [(r["method"], r["variant"]) for r in report["rows"]] == [
+        (m, v) for m in ("monocular", "stereo") for v in VARIANTS
+    ]
+    for row in report["rows"]:
+        found = row["found"]
+        assert found["poses"] == found["asked"] > 0 and found["lost"] == 0
+        assert found["unit_ms"] == 10.0 and set(found["stages_ms"]) == {"track", "pose"}
+        assert found["stages_ms"]["track"]["median"] == pytest.approx(4.0)
+        assert 20 < found["peak_mb"] < 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--runs", "0"], "--runs"),
+        (["--seeds", "1"], "--seeds"),
+        (["--sources", "mars"], "mars"),
+        (["--json", "nowhere/b.json"], "nowhere"),
+    ],
+)
+def test_misuse_is_told(arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", *arguments]) == 2
+    assert word in capsys.readouterr().err
+
+
+def test_consistency_is_told_of_what_has_covariances(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def made(seed: int) -> Errors:
+        twists = np.random.default_rng(seed).normal(size=(10, 6))
+        return Errors(np.arange(10), twists, np.tile(np.eye(6) / 4, (10, 1, 1)))
+
+    monkeypatch.setattr(consistency, "_errors", lambda sequence, method, variant: made(sequence))
+    monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s: seed)
+    monkeypatch.setattr(command, "METRIC", ("stereo",))
+    monkeypatch.setattr(
+        command, "_child", lambda module, task: consistency.measured("stereo", "paper", task["seeds"], tmp_path)
+    )
+    assert main(["bench", "--consistency", "--seeds", "5", "--json", str(tmp_path / "c.json")]) == 0
+    (row, *_) = json.loads((tmp_path / "c.json").read_text())["consistency"]
+    assert row["pose"]["sigma_factor"] == pytest.approx(2, rel=0.1) and row["position"]["dof"] == 3
+    monkeypatch.setattr(command, "_child", lambda module, task: {})
+    assert main(["bench", "--consistency"]) == 0
+    told = capsys.readouterr().out
+    assert "orientation" in told and "gives no covariances" in told
+
+
+def test_every_peer_stands_beside_a_row() -> None:
+    methods = {case.key: case.methods for case in plan.CASES}
+    assert all(method in methods[key] for key, method in PEERS)
+
+
+def test_a_row_in_a_process_of_its_own(tmp_path: Path) -> None:
+    task = {"case": "kitti-06", "source": str(tmp_path), "pair": [], "runs": 1, "method": "stereo", "variant": "paper"}
+    assert "empty folder" in command._child("measure", task)["error"]
+    assert "failed, please report it" in command._child("nothing", task)["error"]
+
+
+def test_the_unit_and_the_peak() -> None:
+    own = unit.Unit()
+    own.measure(1)
+    assert own.ms > 0 and len(own._points) == unit.POINTS and own._a.shape[::-1] == unit.SIZE
+    before = peak.peak_mb()
+    grown = np.ones(30_000_000)
+    assert math.isnan(before) or peak.peak_mb() >= before + 100, grown.size
+
+
+def test_the_window_is_of_the_size_that_is_told() -> None:
+    window = pytest.importorskip("ispom.solvers.window")
+    from ispom_app.bench import blocks
+
+    problem = blocks.bundle_window()
+    assert len(problem.points) == 1000 and len(problem.rotations) == 10 and set(problem.cameras) == set(range(10))
+    assert (np.diff(problem.owners) >= 0).all() and np.isfinite(problem.seen).all()
+    found = window.adjust(problem, 1 / 718)
+    assert found.cost_after < 0.3 * found.cost_before and np.median(found.distances) < 1.5 / 718
+
+
+def test_the_stretch_is_the_same_whatever_the_length(tmp_path: Path) -> None:
+    case = plan.found_below(plan.CASES[2], drive(tmp_path))
+    assert case is not None and case.key == "kitti-06"
+    for frames in (2, 3):
+        short = plan.Case("k", "K", METHODS, frames, case.source).open()
+        assert short.kinds.count("video") == frames == short.kinds.count("stereo")
+
+
+def test_numbers_that_are_not_there_are_dashes() -> None:
+    assert tables._number(None, ".1f") == tables._number(float("nan"), ".1f") == "-"
