@@ -128,6 +128,14 @@ class Pose:
         """Points (..., 3) of source, in target."""
         return xyz_in_source @ self.rotation.T + self.translation
 
+    @property
+    def adjoint(self) -> Array:
+        """(6, 6) with self @ exp(twist) == exp(adjoint @ twist) @ self, twist = (rho, phi)."""
+        out = np.zeros((6, 6))
+        out[:3, :3] = out[3:, 3:] = self.rotation
+        out[:3, 3:] = skew(self.translation) @ self.rotation
+        return out
+
     def scaled(self, factor: float) -> Pose:
         """The same motion with its translation in another unit."""
         return Pose(self.rotation, factor * self.translation)

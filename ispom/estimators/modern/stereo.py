@@ -1,0 +1,509 @@
+"""Stereo, modern: guided tracking in both images, reprojection in both, a window of key frames, self-calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.chain import Chain, in_order
+from ispom.estimators.modern.stereo_window import (
+    KeyFrame,
+    StereoMap,
+    adjusted,
+    newest_covariance,
+    with_key,
+    without_oldest,
+)
+from ispom.frontends import corners, sift
+from ispom.frontends.klt import Klt
+from ispom.frontends.row_search import PointSearch
+from ispom.geometry import Array, Pose
+from ispom.settings import Range
+from ispom.solvers.resection import resect
+from ispom.solvers.stereo_pose import Located, locate
+from ispom.stopwatch import Stopwatch
+from ispom.types import (
+    Decision,
+    Exposure,
+    Image,
+    Landmarks,
+    Rig,
+    Status,
+    Step,
+    StereoPair,
+    Tracks,
+    TrackStatus,
+    Trajectory,
+    as_grey,
+    colours_at,
+)
+
+
+@dataclass(frozen=True)
+class ModernStereoConfig:
+    """Settings of the modern stereo estimator."""
+
+    max_tracks: Annotated[int, Range(50, 3000)] = 400
+    """Points tracked at a time."""
+    window: Annotated[int, Range(3, 20)] = 8
+    """Key frames adjusted together; older ones become a prior."""
+    self_calibration: bool = True
+    """Estimate what is wrong with the rectification: a constant offset of the disparity, and a late right shutter."""
+    offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.5
+    """How far off the disparities may be, before any data."""
+    lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
+    """How late the right shutter may be, before any data."""
+    loss_px: Annotated[float, Range(0.1, 5)] = 0.5
+    """Scale of the Cauchy loss: about the error of a good track."""
+    max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
+    """Larger reprojection errors end a track."""
+    min_parallax_px: Annotated[float, Range(0.5, 100)] = 20.0
+    """Median displacement since the last key frame that makes the next one."""
+    min_share: Annotated[float, Range(0.1, 1)] = 0.7
+    """A key frame is taken before a smaller share of the last one's points is left."""
+    min_inliers: Annotated[int, Range(6, 500)] = 15
+    """Fewer points than this, and the pair is not located."""
+    max_lost_pairs: Annotated[int, Range(0, 50)] = 2
+    """Pairs that may fail against the last located one before the next starts afresh from where the motion led."""
+    iterations: Annotated[int, Range(1, 30)] = 4
+    """Of the adjustment, at each key frame."""
+
+    def build(self, rig: Rig) -> ModernStereo:
+        return ModernStereo(rig, self)
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The points alive in the previous left image."""
+
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) ascending."""
+    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    disparity_px: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    """(N,) NaN where unknown."""
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def select(self, keep: NDArray[np.bool_]) -> Points:
+        return Points(self.ids[keep], self.uv[keep], self.disparity_px[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class ModernStereoState:
+    left: Image | None = None
+    """The last located pair."""
+    right: Image | None = None
+    key_left: Image | None = None
+    """Of the newest key frame."""
+    points: Points = Points()
+    next_id: int = 0
+    map: StereoMap = StereoMap()
+    time_ns: int = 0
+    left_from_world: Pose = field(default_factory=Pose)
+    motion: Pose = field(default_factory=Pose)
+    """curr_left_from_prev_left of the last two located pairs."""
+    motion_s: float = 0.0
+    """Time between them; 0 before there are two."""
+    lost_pairs: int = 0
+    poses: Chain[tuple[int, int, Pose]] | None = None
+    """Time, the key frame's time, left_from_key of every located pair."""
+    settled: Chain[tuple[int, Pose]] | None = None
+    """left_from_world of the key frames that have left the window."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Where the points of the last pair are in this one."""
+
+    uv: NDArray[np.float32]
+    """(N, 2) [px] in the left image."""
+    disparity_px: NDArray[np.float32]
+    """(N,) NaN where not found in the right image."""
+    status: NDArray[np.uint8]
+    place: NDArray[np.int64]
+    """(N,) in the map, or -1."""
+    located: Located | None
+    took_part: NDArray[np.int64]
+    """Which of the points `located` is about."""
+
+    @property
+    def inliers(self) -> int:
+        return 0 if self.located is None else int(self.located.inliers.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class ModernStereo:
+    """Metric; needs no key frame to follow, and corrects the last few as it goes. World: the rig at the first pair."""
+
+    rig: Rig
+    config: ModernStereoConfig
+    method: str = "stereo"
+
+    def uses(self, exposure: Exposure) -> bool:
+        return isinstance(exposure, StereoPair)
+
+    def start(self) -> ModernStereoState:
+        return ModernStereoState()
+
+    def finish(self, state: ModernStereoState) -> Trajectory:
+        keys = dict(in_order(state.settled)) | {k.time_ns: k.left_from_world for k in state.map.keys}
+        world_from_left = {t: (pose @ keys[key]).inverse() for t, key, pose in in_order(state.poses)}
+        return Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
+
+    def step(self, state: ModernStereoState, exposure: Exposure) -> tuple[ModernStereoState, Step]:
+        """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
+        assert isinstance(exposure, StereoPair)
+        watch = Stopwatch()
+        left, right = as_grey(exposure.left), as_grey(exposure.right)
+        sighting, decisions = self._sight(state, left, right, exposure.time_ns)
+        watch.lap("track")
+        if state.map.keys and sighting.inliers < self.config.min_inliers:
+            state, sighting, restart = self._lost(state, sighting)
+            decisions += restart
+            if not restart:
+                return state, self._step(exposure, Status.LOST, None, state, sighting, decisions, watch)
+        time_ns, located = exposure.time_ns, sighting.located
+        pose = self._predicted(state, time_ns) if located is None else located.camera_from_world
+        points = _alive(state.points, sighting)
+        is_key, why = self._choose_key_frame(state.map, points)
+        decisions += why
+        world, settled, next_id, fresh = state.map, state.settled, state.next_id, 0
+        if is_key:
+            found = self._new_points(world, points, left, right, pose, next_id)
+            fresh, next_id = len(found[0]), next_id + len(found[0])
+            watch.lap("new points")
+            points, world = _joined(points, found[0]), world.with_points(found[0].ids, found[1])
+            key = KeyFrame(time_ns, pose, points.ids, self._seen(points), self._turn_rate(state, pose, time_ns))
+            world, settled, bundled = self._adjusted(with_key(world, key, self._extra_sigma), settled)
+            decisions += bundled
+            pose = world.keys[-1].left_from_world
+            points = points.select(np.isin(points.ids, world.keys[-1].ids, assume_unique=True))
+            world = world.only(points.ids)
+            watch.lap("adjust")
+        newest = world.keys[-1]
+        moved = pose @ state.left_from_world.inverse()
+        after = ModernStereoState(
+            left,
+            right,
+            left if is_key else state.key_left,
+            points,
+            next_id,
+            world,
+            time_ns,
+            pose,
+            moved if state.left is not None else Pose(),
+            (time_ns - state.time_ns) * 1e-9 if state.left is not None else 0.0,
+            poses=Chain((time_ns, newest.time_ns, pose @ newest.left_from_world.inverse()), state.poses),
+            settled=settled,
+        )
+        status = Status.TRACKING if located is not None else Status.INITIALISING
+        step = self._step(exposure, status, pose, after, sighting, decisions, watch, state, fresh, is_key)
+        return after, step
+
+    @property
+    def _left_from_rig(self) -> Pose:
+        return self.rig.rig_from_left.inverse()
+
+    @property
+    def _extra_sigma(self) -> Array:
+        """Of the offset [rad] and the lag [s]; 0 holds them."""
+        if not self.config.self_calibration:
+            return np.zeros(2)
+        return np.array([self.config.offset_sigma_px / self.rig.camera("left").fx, self.config.lag_sigma_s])
+
+    @property
+    def _loss(self) -> float:
+        return self.config.loss_px / self.rig.camera("left").fx
+
+    @property
+    def _limit(self) -> float:
+        return self.config.max_error_px / self.rig.camera("left").fx
+
+    def _predicted(self, state: ModernStereoState, time_ns: int) -> Pose:
+        """left_from_world if the motion goes on as it was."""
+        if state.motion_s <= 0:
+            return state.left_from_world
+        return (
+            Pose.exp(state.motion.log() * ((time_ns - state.time_ns) * 1e-9 / state.motion_s)) @ state.left_from_world
+        )
+
+    def _turn_rate(self, state: ModernStereoState, pose: Pose, time_ns: int) -> float:
+        """About the left camera's y axis [rad/s], since the last pair."""
+        if state.left is None:
+            return 0.0
+        turn = (pose @ state.left_from_world.inverse()).rotvec
+        return float(turn[1] / ((time_ns - state.time_ns) * 1e-9))
+
+    def _sight(
+        self, state: ModernStereoState, left: Image, right: Image, time_ns: int
+    ) -> tuple[Sighting, tuple[Decision, ...]]:
+        """The points of the last pair in this one, and the pose: guided by the motion so far, or by descriptors."""
+        guess = self._predicted(state, time_ns)
+        sighting = self._follow(state, left, right, guess if state.motion_s > 0 else None, guess, time_ns)
+        if state.left is None:
+            return sighting, ()
+        wanted = max(self.config.min_inliers, 0.3 * len(state.points))
+        guided = Decision("points found where the motion leads", sighting.inliers, wanted, sighting.inliers >= wanted)
+        if guided.passed:
+            return sighting, (guided,)
+        sighting = max(sighting, self._follow(state, left, right, None, guess, time_ns), key=lambda s: s.inliers)
+        around = Decision("points found around their last places", sighting.inliers, wanted, sighting.inliers >= wanted)
+        if around.passed:
+            return sighting, (guided, around)
+        described = self._relocated(state, left)
+        if described is not None:
+            again = self._follow(state, left, right, described, described, time_ns)
+            sighting = max(sighting, again, key=lambda s: s.inliers)
+        least = self.config.min_inliers
+        last = Decision("points found by descriptors", sighting.inliers, least, sighting.inliers >= least)
+        return sighting, (guided, around, last)
+
+    def _follow(
+        self, state: ModernStereoState, left: Image, right: Image, guide: Pose | None, guess: Pose, time_ns: int
+    ) -> Sighting:
+        """Track into the left image from where `guide` puts the points, else from where they were; then right."""
+        points, camera, place = state.points, self.rig.camera("left"), state.map.places(state.points.ids)
+        if state.left is None or not len(points):
+            nothing = np.zeros(0, np.int64)
+            return Sighting(points.uv, points.disparity_px, nothing.astype(np.uint8), nothing, None, nothing)
+        near = guess.apply(state.map.xyz[place])
+        if guide is None:
+            uv, status = Klt(levels=5).track(state.left, left, points.uv)
+        else:
+            expected = camera.project(near).astype(np.float32)
+            lost = ~np.isfinite(expected).all(1)
+            expected[lost] = points.uv[lost]
+            uv, status = Klt(levels=2).track(state.left, left, points.uv, expected)
+        uv = self._refined(state, left, uv, status)
+        alive = np.flatnonzero(status == TrackStatus.ALIVE)
+        disparity = np.full(len(points), np.nan, np.float32)
+        depth = np.maximum(near[alive, 2], 0.1)
+        disparity[alive] = PointSearch().follow(
+            left, right, uv[alive], (camera.fx * self.rig.baseline_m / depth).astype(np.float32)
+        )
+        seen = self._seen(Points(points.ids[alive], uv[alive], disparity[alive]))
+        located = self._locate(state, place[alive], seen, guess, time_ns)
+        if located is not None:
+            status[alive[~located.inliers]] = TrackStatus.REPROJECTION
+        return Sighting(uv, disparity, status, place, located, alive)
+
+    def _refined(
+        self, state: ModernStereoState, left: Image, uv: NDArray[np.float32], status: NDArray[np.uint8]
+    ) -> NDArray[np.float32]:
+        """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest."""
+        if state.key_left is None or state.key_left is state.left:
+            return uv
+        key, camera = state.map.keys[-1], self.rig.camera("left")
+        _, old, new = np.intersect1d(key.ids, state.points.ids, assume_unique=True, return_indices=True)
+        alive = status[new] == TrackStatus.ALIVE
+        old, new = old[alive], new[alive]
+        start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)
+        again, found = Klt(levels=1).track(state.key_left, left, start, uv[new])
+        good = (found == TrackStatus.ALIVE) & (np.linalg.norm(again - uv[new], axis=1) < 1.5)
+        out = uv.copy()
+        out[new[good]] = again[good]
+        return out
+
+    def _locate(
+        self, state: ModernStereoState, place: NDArray[np.int64], seen: Array, guess: Pose, time_ns: int
+    ) -> Located | None:
+        """left_from_world by reprojection in both images; from three-point samples where the guess is poor."""
+        xyz, baseline = state.map.xyz[place], self.rig.baseline_m
+        moved = guess @ state.left_from_world.inverse()
+        offset = state.map.extra[0] + state.map.extra[1] * moved.rotvec[1] / ((time_ns - state.time_ns) * 1e-9)
+        prior = None
+        if len(xyz) < 3 * self.config.min_inliers:
+            reach = 0.5 * float(np.linalg.norm(moved.translation)) + 0.1 * baseline
+            prior = np.diag([reach**-2] * 3 + [0.05**-2] * 3)
+        arguments = baseline, float(offset), self._loss, self._limit
+        found = locate(xyz, seen, guess, *arguments, prior)
+        if found is None or found.inliers.mean() < 0.6:
+            sampled = resect(xyz, seen[:, :2], self._limit)
+            if sampled is not None:
+                again = locate(xyz, seen, sampled.camera_from_world, *arguments, prior)
+                if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
+                    found = again
+        return found
+
+    def _relocated(self, state: ModernStereoState, left: Image) -> Pose | None:
+        """left_from_world by descriptors shared with the last located pair."""
+        assert state.left is not None and state.right is not None
+        before, now = (sift.detect_and_describe(i, 2000) for i in (state.left, left))
+        pairs = sift.match(before, now)
+        uv = before.uv[pairs[:, 0]]
+        disparity = PointSearch().search(state.left, state.right, uv)
+        good = disparity >= 1
+        xyz = self._intersected(state.map, Points(pairs[good, 0], uv[good], disparity[good]))
+        x = self.rig.camera("left").normalise(now.uv[pairs[good, 1]].astype(float))
+        found = resect(xyz, x, 2 * self._limit)
+        return None if found is None else found.camera_from_world @ state.left_from_world
+
+    def _lost(
+        self, state: ModernStereoState, sighting: Sighting
+    ) -> tuple[ModernStereoState, Sighting, tuple[Decision, ...]]:
+        """Keep the last located pair for the next one; after some failures begin again from where the motion led."""
+        state = replace(state, lost_pairs=state.lost_pairs + 1)
+        limit = self.config.max_lost_pairs
+        if state.lost_pairs <= limit:
+            return state, sighting, ()
+        keys = [(k.time_ns, k.left_from_world) for k in state.map.keys]
+        settled = state.settled
+        for key in keys:
+            settled = Chain(key, settled)
+        state = replace(state, map=StereoMap(extra=state.map.extra), points=Points(), settled=settled)
+        empty = np.zeros(0, np.int64)
+        nothing = Sighting(Points().uv, Points().disparity_px, empty.astype(np.uint8), empty, None, empty)
+        decision = Decision(
+            "pairs lost", state.lost_pairs, limit, False, relation="<=", because="a new start from the prediction"
+        )
+        return state, nothing, (decision,)
+
+    def _choose_key_frame(self, world: StereoMap, points: Points) -> tuple[bool, tuple[Decision, ...]]:
+        """Large displacement, or too few of the last key frame's points left."""
+        if not world.keys:
+            return True, ()
+        last, camera = world.keys[-1], self.rig.camera("left")
+        _, old, new = np.intersect1d(last.ids, points.ids, assume_unique=True, return_indices=True)
+        flow = (camera.normalise(points.uv[new]) - last.seen[old, :2]) * camera.fx
+        displacement = float(np.median(np.linalg.norm(flow, axis=1))) if len(new) else 0.0
+        share = len(new) / max(len(last.ids), 1)
+        wanted, least = self.config.min_parallax_px, self.config.min_share
+        moved = Decision("median displacement", displacement, wanted, displacement >= wanted, "px")
+        kept = Decision("share of the last key frame's points", share, least, share >= least)
+        return moved.passed or not kept.passed, (moved, kept)
+
+    def _new_points(
+        self, world: StereoMap, points: Points, left: Image, right: Image, pose: Pose, next_id: int
+    ) -> tuple[Points, Array]:
+        """Corners between the points there are, with a place in the world from their disparity."""
+        uv = corners.detect(left, self.config.max_tracks - len(points), points.uv)
+        disparity = PointSearch().search(left, right, uv)
+        found = np.flatnonzero(np.isfinite(disparity))
+        fresh = Points(next_id + np.arange(len(found)), uv[found], disparity[found])
+        return fresh, pose.inverse().apply(self._intersected(world, fresh))
+
+    def _intersected(self, world: StereoMap, points: Points) -> Array:
+        """(N, 3) in the left camera from disparities, freed of the offset found so far; far ones at 2000 baselines."""
+        seen = self._seen(points)
+        disparity = seen[:, 0] - seen[:, 2] + (1 + seen[:, 2] ** 2) * world.extra[0]
+        depth = self.rig.baseline_m / np.maximum(disparity, 1 / 2000)
+        return np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
+
+    def _seen(self, points: Points) -> Array:
+        camera = self.rig.camera("left")
+        x = camera.normalise(points.uv)
+        return np.column_stack([x, x[:, 0] - points.disparity_px / camera.fx])
+
+    def _adjusted(
+        self, world: StereoMap, settled: Chain[tuple[int, Pose]] | None
+    ) -> tuple[StereoMap, Chain[tuple[int, Pose]] | None, tuple[Decision, ...]]:
+        """The window adjusted; what is too much for it becomes a prior."""
+        baseline, sigma = self.rig.baseline_m, self._extra_sigma
+        world, result = adjusted(world, baseline, sigma, self._loss, self._limit, self.config.iterations)
+        while len(world.keys) > self.config.window:
+            oldest = world.keys[0]
+            settled = Chain((oldest.time_ns, oldest.left_from_world), settled)
+            world = without_oldest(world, baseline, sigma, self._loss)
+        if result is None:
+            return world, settled, ()
+        f = self.rig.camera("left").fx
+        error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
+        decisions = [
+            Decision(
+                "median error after adjustment", error, self.config.loss_px, error <= self.config.loss_px, "px", "<="
+            )
+        ]
+        if self.config.self_calibration and world.covariance is not None:
+            sigma_px, sigma_s = np.sqrt(np.diag(world.covariance)[-2:]) * (f, 1.0)
+            offset, lag = world.extra[0] * f, world.extra[1]
+            decisions += [
+                Decision("disparity offset", offset, 2 * sigma_px, abs(offset) > 2 * sigma_px, "px", ">"),
+                Decision("right shutter late by", 1e3 * lag, 2e3 * sigma_s, abs(lag) > 2 * sigma_s, "ms", ">"),
+            ]
+        return world, settled, tuple(decisions)
+
+    def _step(
+        self,
+        exposure: StereoPair,
+        status: Status,
+        pose: Pose | None,
+        after: ModernStereoState,
+        sighting: Sighting,
+        decisions: tuple[Decision, ...],
+        watch: Stopwatch,
+        before: ModernStereoState | None = None,
+        fresh: int = 0,
+        is_key: bool = False,
+    ) -> Step:
+        camera, residual = self.rig.camera("left"), np.full(len(sighting.status), np.nan, np.float32)
+        if sighting.located is not None:
+            residual[sighting.took_part] = np.minimum(sighting.located.distances * camera.fx, 1e4)
+        tracks, landmarks, revised = Tracks.of(np.zeros(0), np.zeros((0, 2))), Landmarks.empty(), Trajectory.empty()
+        if before is not None:
+            old, new = before.points, after.points
+            count = len(sighting.status)
+            ids = np.concatenate([old.ids[:count], new.ids[len(new) - fresh :]])
+            ended = (sighting.status != TrackStatus.ALIVE) & (sighting.status < TrackStatus.EPIPOLAR)
+            uv = np.where(ended[:, None], old.uv[:count], sighting.uv)
+            nan = np.full((fresh, 2), np.nan, np.float32)
+            tracks = Tracks.of(
+                ids,
+                np.concatenate([uv, new.uv[len(new) - fresh :]]),
+                uv_prev=np.concatenate([old.uv[:count], nan]),
+                status=np.concatenate([sighting.status, np.full(fresh, TrackStatus.NEW, np.uint8)]),
+                residual_px=np.concatenate([residual, nan[:, 0]]),
+                disparity_px=np.concatenate([sighting.disparity_px, new.disparity_px[len(new) - fresh :]]),
+            )
+        world_from_rig, spread = None, None
+        if pose is not None:
+            world_from_rig = pose.inverse() @ self._left_from_rig
+            spread = self._covariance(after, sighting, is_key)
+        if is_key:
+            place = after.map.places(after.points.ids)
+            landmarks = Landmarks(after.points.ids, after.map.xyz[place], colours_at(exposure.left, after.points.uv))
+            revised = Trajectory.of(
+                [(k.time_ns, k.left_from_world.inverse() @ self._left_from_rig) for k in after.map.keys[:-1]]
+            )
+        inliers = residual[np.isfinite(residual) & (sighting.status == TrackStatus.ALIVE)]
+        watch.lap("conclude")
+        return Step(
+            self.method,
+            exposure.time_ns,
+            status,
+            "rig",
+            world_from_rig,
+            spread,
+            is_key,
+            {"left": tracks},
+            landmarks,
+            inliers,
+            revised,
+            seconds=watch.seconds,
+            decisions=decisions,
+        )
+
+    def _covariance(self, after: ModernStereoState, sighting: Sighting, is_key: bool) -> Array | None:
+        """(6, 6) of the twist on the right of world_from_rig: the last key frame's, and the way from there."""
+        spread = newest_covariance(after.map)
+        if spread is None:
+            return None
+        if not is_key and sighting.located is not None:
+            spread = spread + np.linalg.inv(sighting.located.information)
+        # left_from_world grows by exp(d) on the left: world_from_rig by exp(-Ad(rig_from_left) d) on the right
+        adjoint = self.rig.rig_from_left.adjoint
+        return adjoint @ spread @ adjoint.T
+
+
+def _alive(points: Points, sighting: Sighting) -> Points:
+    keep = sighting.status == TrackStatus.ALIVE
+    return Points(points.ids[: len(keep)][keep], sighting.uv[keep], sighting.disparity_px[keep])
+
+
+def _joined(a: Points, b: Points) -> Points:
+    return Points(
+        np.concatenate([a.ids, b.ids]), np.concatenate([a.uv, b.uv]), np.concatenate([a.disparity_px, b.disparity_px])
+    )

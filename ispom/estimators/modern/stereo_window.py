@@ -1,0 +1,153 @@
+"""The stereo estimator's window: key frames with what they saw, the points, and the prior for what has left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose
+from ispom.solvers.window import EXTRA, POSE, Adjusted, Prior, Window, adjust, anchored, covariance, marginalise
+
+KEPT_FRAMES = 2
+"""A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrame:
+    time_ns: int
+    left_from_world: Pose
+    ids: NDArray[np.int64]
+    """(N,) of the points seen, ascending."""
+    seen: Array
+    """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
+    rate_rad_s: float
+    """Turn rate about the camera's y axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class StereoMap:
+    """Key frames, points and calibration: all that a pair is located against."""
+
+    keys: tuple[KeyFrame, ...] = ()
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(M,) of the points with a place, ascending."""
+    xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """(M, 3) in the world [m]."""
+    extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    """Offset of the right x [rad], lag of the right shutter [s]."""
+    prior: Prior | None = None
+    covariance: Array | None = None
+    """(6 C + 2, 6 C + 2) of the key frames' left twists and the extras."""
+
+    def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N,) index of each id among the points, -1 where unknown."""
+        if not len(self.ids):
+            return np.full(len(ids), -1, np.int64)
+        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
+        return np.where(self.ids[at] == ids, at, -1)
+
+    def with_points(self, ids: NDArray[np.int64], xyz: Array) -> StereoMap:
+        """With new points; ids not in the map yet."""
+        every = np.concatenate([self.ids, ids])
+        order = np.argsort(every, kind="stable")
+        return replace(self, ids=every[order], xyz=np.concatenate([self.xyz, xyz])[order])
+
+    def only(self, ids: NDArray[np.int64]) -> StereoMap:
+        """Without the points that neither a key frame nor these ids know any more."""
+        needed = np.isin(self.ids, np.concatenate([ids, *(k.ids for k in self.keys)]))
+        return replace(self, ids=self.ids[needed], xyz=self.xyz[needed])
+
+
+def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array) -> StereoMap:
+    """The map with one more key frame; the first one is the world."""
+    prior = state.prior
+    if not state.keys:
+        prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
+    return replace(state, keys=(*state.keys, key), prior=prior)
+
+
+def adjusted(
+    state: StereoMap, baseline: float, extra_sigma: Array, scale: float, threshold: float, iterations: int
+) -> tuple[StereoMap, Adjusted | None]:
+    """Bundle adjustment of the window; observations farther than `threshold` from their points are left out then."""
+    window, used, origin = _packed(state, baseline, extra_sigma)
+    if len(state.keys) < 2 or not len(window.cameras):
+        return state, None
+    result = adjust(window, scale, iterations)
+    window = result.window
+    keys = [
+        replace(key, left_from_world=Pose(_proper(r), t))
+        for key, r, t in zip(state.keys, window.rotations, window.translations, strict=True)
+    ]
+    bad = result.distances > threshold
+    for c in np.unique(window.cameras[bad]):
+        keep = np.ones(len(keys[c].ids), bool)
+        keep[origin[bad & (window.cameras == c)]] = False
+        keys[c] = replace(keys[c], ids=keys[c].ids[keep], seen=keys[c].seen[keep])
+    xyz = state.xyz.copy()
+    xyz[used] = window.points
+    spread = covariance(window, scale)
+    return replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=spread), result
+
+
+def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
+    """The oldest key frame and its points become a prior on the others; tracks that go on keep their newest places."""
+    oldest, newest = state.keys[0], len(state.keys) - KEPT_FRAMES
+    gone = oldest.ids
+    past = tuple(
+        replace(k, ids=k.ids[m], seen=k.seen[m]) if i < newest else replace(k, ids=k.ids[:0], seen=k.seen[:0])
+        for i, k in enumerate(state.keys)
+        for m in [np.isin(k.ids, gone, assume_unique=True)]
+    )
+    window, _, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
+    prior = marginalise(window, np.ones(len(window.points), bool), scale)
+    rest = []
+    for i, key in enumerate(state.keys[1:], 1):
+        keep = ~np.isin(key.ids, gone, assume_unique=True) if i < newest else np.ones(len(key.ids), bool)
+        rest.append(replace(key, ids=key.ids[keep], seen=key.seen[keep]))
+    return replace(state, keys=tuple(rest), prior=prior)
+
+
+def _packed(
+    state: StereoMap, baseline: float, extra_sigma: Array
+) -> tuple[Window, NDArray[np.int64], NDArray[np.int64]]:
+    """The window's arrays; which points of the map are in it; and where in its key frame each observation stands."""
+    place = [state.places(k.ids) for k in state.keys]
+    camera = np.repeat(np.arange(len(state.keys)), [len(p) for p in place])
+    origin = np.concatenate([np.arange(len(p)) for p in place])
+    point, seen = np.concatenate(place), np.concatenate([k.seen for k in state.keys])
+    count = np.bincount(point[point >= 0], minlength=len(state.ids))
+    # A point seen once says nothing: with a disparity it has as many unknowns as observations.
+    good = np.flatnonzero((point >= 0) & (count[point] >= 2))
+    good = good[np.argsort(point[good], kind="stable")]
+    used, owners = np.unique(point[good], return_inverse=True)
+    window = Window(
+        np.stack([k.left_from_world.rotation for k in state.keys]),
+        np.stack([k.left_from_world.translation for k in state.keys]),
+        state.xyz[used],
+        camera[good],
+        owners.astype(np.int64),
+        np.ascontiguousarray(seen[good]),
+        np.array([k.rate_rad_s for k in state.keys]),
+        baseline,
+        state.extra,
+        extra_sigma,
+        state.prior,
+    )
+    return window, used, origin[good]
+
+
+def newest_covariance(state: StereoMap) -> Array | None:
+    """(6, 6) of the newest key frame's left twist; None before the first adjustment."""
+    if state.covariance is None:
+        return None
+    o = POSE * (len(state.keys) - 1)
+    return state.covariance[o : o + POSE, o : o + POSE]
+
+
+def _proper(rotation: Array) -> Array:
+    """The nearest rotation: products of many turns lose their last digits."""
+    u, _, vt = np.linalg.svd(rotation)
+    return u @ vt

@@ -1,0 +1,99 @@
+"""Left to right correspondence of single points: sums of absolute differences along the row, then Lucas-Kanade."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ispom.frontends.klt import Klt
+from ispom.types import Image, TrackStatus
+
+SEARCH_WIDTH_PX = 700
+"""Wider images are searched at half size."""
+HALF_ROWS, HALF_COLUMNS = 3, 5
+"""Half sizes of the compared patch, at the reduced size."""
+
+
+@dataclass(frozen=True)
+class PointSearch:
+    """Disparities of points, with or without a guess: only the points asked for are looked at."""
+
+    max_disparity_share: float = 0.25
+    """Largest disparity looked for, as a share of the image width."""
+    max_row_error_px: float = 2.0
+    """Real rectifications are off by a pixel or so."""
+    max_ratio: float = 0.85
+    """Best cost against the best cost elsewhere on the row."""
+    refine: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=0.5))
+    """The sub-pixel search."""
+
+    def search(self, left: Image, right: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Disparities (N,) [px] of left points (N, 2), NaN where none is clear."""
+        if not len(uv):
+            return np.zeros(0, np.float32)
+        factor = 2 if left.shape[1] > SEARCH_WIDTH_PX else 1
+        reduced = [i if factor == 1 else np.asarray(cv2.pyrDown(i), np.uint8) for i in (left, right)]
+        a, b = (_contrast(i) for i in reduced)
+        place = np.rint(uv / factor).astype(np.int64)
+        coarse = _search_rows(a, b, place, int(self.max_disparity_share * a.shape[1]), self.max_ratio)
+        found = coarse >= 0
+        out = np.full(len(uv), np.nan, np.float32)
+        out[found] = self.follow(left, right, uv[found], factor * coarse[found])
+        far = np.abs(out - factor * coarse) > 2.5 * factor
+        out[far] = np.nan
+        return out
+
+    def follow(
+        self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Disparities (N,) [px] of left points (N, 2) near guesses (N,); NaN where lost or off the row."""
+        start = uv.copy()
+        start[:, 0] -= guess_px
+        found, status = self.refine.track(left, right, uv, start)
+        disparity = uv[:, 0] - found[:, 0]
+        good = (status == TrackStatus.ALIVE) & (np.abs(uv[:, 1] - found[:, 1]) <= self.max_row_error_px)
+        return np.where(good, disparity, np.nan).astype(np.float32)
+
+
+def _contrast(image: Image) -> NDArray[np.int16]:
+    """Differences to the neighbourhood's mean: the two cameras may differ in brightness."""
+    mean = cv2.blur(image, (2 * HALF_COLUMNS + 1, 2 * HALF_ROWS + 1))
+    return np.asarray(cv2.subtract(image, mean, dtype=cv2.CV_16S), np.int16)
+
+
+@njit(cache=True)
+def _search_rows(left, right, place, count, max_ratio):
+    """Disparity (N,) of the lowest cost, to half a pixel or better by a parabola; -1 where it is not clear."""
+    height, width = left.shape
+    out, cost = np.full(len(place), np.float32(-1)), np.empty(count + 1)
+    for n in range(len(place)):
+        x, y = place[n]
+        if not (HALF_COLUMNS <= x < width - HALF_COLUMNS and HALF_ROWS <= y < height - HALF_ROWS):
+            continue
+        last = min(count, x - HALF_COLUMNS)
+        best = 0
+        for d in range(last + 1):
+            total = 0
+            for j in range(-HALF_ROWS, HALF_ROWS + 1):
+                for i in range(-HALF_COLUMNS, HALF_COLUMNS + 1):
+                    total += abs(np.int32(left[y + j, x + i]) - np.int32(right[y + j, x + i - d]))
+            cost[d] = total
+            if total < cost[best]:
+                best = d
+        other = np.inf
+        for d in range(last + 1):
+            if abs(d - best) > 2 and cost[d] < other:
+                other = cost[d]
+        if cost[best] > max_ratio * other:
+            continue
+        offset = 0.0
+        if 0 < best < last:
+            bend = cost[best - 1] - 2 * cost[best] + cost[best + 1]
+            if bend > 0:
+                offset = 0.5 * (cost[best - 1] - cost[best + 1]) / bend
+        out[n] = best + offset
+    return out
