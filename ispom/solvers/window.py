@@ -36,7 +36,10 @@ class Prior:
 
     def shifted(self, rotations: Array, translations: Array, extra: Array) -> Array:
         """d (6 P + 2,) of the values now against those of the linearisation."""
-        return _shift(self.rotations, self.translations, self.extra, rotations, translations, extra)
+        p = len(self.rotations)
+        turn = rotations[:p] @ np.swapaxes(self.rotations, 1, 2)
+        rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
+        return np.concatenate([np.hstack([rho, _small_log(turn)]).ravel(), extra - self.extra])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +88,7 @@ def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float 
     damping, cost = 1e-4, total_cost(window, scale)
     before, done = cost, 0
     for done in range(1, iterations + 1):  # noqa: B007
-        hessian, gradient = _prior_terms(window)
-        pose_step, point_step, extra_step = _step(window.fixed, scale, damping, hessian, gradient, *_arrays(window))
-        trial = _moved(window, pose_step, point_step, extra_step)
+        trial = _moved(window, *_step(window, scale, damping))
         trial_cost = total_cost(trial, scale)
         if trial_cost < cost:
             gain = (cost - trial_cost) / max(cost, 1e-300)
@@ -115,10 +116,7 @@ def total_cost(window: Window, scale: float) -> float:
 
 def covariance(window: Window, scale: float) -> Array:
     """(6 C + 2, 6 C + 2) of all poses (left twists) and extras, given what is in the window."""
-    held = replace(window, fixed=0)
-    hessian, gradient = _prior_terms(held)
-    reduced, _ = _reduced(scale, hessian, gradient, *_arrays(held))
-    return np.linalg.inv(reduced)
+    return np.linalg.inv(_Equations.of(replace(window, fixed=0), scale).matrix)
 
 
 def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prior:
@@ -136,9 +134,8 @@ def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prio
         seen=window.seen[gone],
         fixed=0,
     )
-    hessian, gradient = _prior_terms(part)
-    h, negative = _reduced(scale, hessian, gradient, *_arrays(part))
-    g, a = -negative, slice(0, POSE)
+    equations = _Equations.of(part, scale)
+    h, g, a = equations.matrix, -equations.right, slice(0, POSE)
     b = slice(POSE, len(g))
     inverse = np.linalg.pinv(h[a, a], rcond=1e-12, hermitian=True)
     rest = h[b, b] - h[b, a] @ inverse @ h[a, b]
@@ -181,6 +178,57 @@ def _prior_terms(window: Window) -> tuple[Array, Array]:
     return hessian, gradient
 
 
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Normal equations of poses and extras with the points eliminated, and what gives the points back."""
+
+    matrix: Array
+    right: Array
+    inverses: Array
+    sides: Array
+    cross: Array
+    cross_extra: Array
+
+    @staticmethod
+    def of(window: Window, scale: float, damping: float = 0.0) -> _Equations:
+        n_points, n_obs, size = len(window.points), len(window.cameras), POSE * len(window.rotations) + EXTRA
+        out = _Equations(
+            np.zeros((size, size)),
+            np.zeros(size),
+            np.zeros((n_points, 3, 3)),
+            np.zeros((n_points, 3)),
+            np.zeros((n_obs, 6, 3)),
+            np.zeros((n_points, EXTRA, 3)),
+        )
+        _schur(
+            *(scale, damping, out.matrix, out.right, out.inverses, out.sides, out.cross, out.cross_extra),
+            *_arrays(window),
+        )
+        hessian, gradient = _prior_terms(window)
+        return replace(out, matrix=out.matrix + hessian, right=out.right - gradient)
+
+
+def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, Array]:
+    """One damped step: of the poses (C, 6), the points (M, 3) and the extras (2,)."""
+    equations, f = _Equations.of(window, scale, damping), POSE * window.fixed
+    free = equations.matrix[f:, f:]
+    free[np.diag_indices_from(free)] *= 1 + damping
+    free[np.diag_indices_from(free)] += 1e-12
+    solution = np.concatenate([np.zeros(f), np.linalg.solve(free, equations.right[f:])])
+    pose_step, extra_step = solution[:-EXTRA], solution[-EXTRA:]
+    point_step = _back_substituted(
+        window.cameras,
+        window.owners,
+        equations.cross,
+        equations.cross_extra,
+        equations.inverses,
+        equations.sides,
+        pose_step,
+        extra_step,
+    )
+    return pose_step.reshape(-1, POSE), point_step, extra_step
+
+
 def _arrays(window: Window) -> Any:
     return (
         window.rotations, window.translations, window.points, window.cameras, window.owners, window.seen,
@@ -199,20 +247,14 @@ def _moved(window: Window, pose_step: Array, point_step: Array, extra_step: Arra
     )
 
 
-@njit(cache=True)
-def _shift(r0, t0, e0, rotations, translations, extra):
-    p = len(r0)
-    out = np.empty(POSE * p + EXTRA)
-    for c in range(p):
-        turn = rotations[c] @ r0[c].T
-        out[6 * c : 6 * c + 3] = translations[c] - turn @ t0[c]
-        x, y, z = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
-        sine, cosine = 0.5 * np.sqrt(x * x + y * y + z * z), 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1)
-        # a window's poses turn by far less than pi between two linearisations
-        factor = 0.5 * np.arctan2(sine, cosine) / sine if sine > 1e-9 else 0.5
-        out[6 * c + 3], out[6 * c + 4], out[6 * c + 5] = factor * x, factor * y, factor * z
-    out[POSE * p :] = extra - e0
-    return out
+def _small_log(turn: Array) -> Array:
+    """Rotation vectors (N, 3) of (N, 3, 3) well below pi: a window's poses turn little between two linearisations."""
+    axis = (
+        np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], 1) / 2
+    )
+    sine = np.sqrt((axis * axis).sum(1))
+    angle = np.arctan2(sine, (np.trace(turn, axis1=1, axis2=2) - 1) / 2)
+    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)[:, None]
 
 
 @njit(cache=True)
@@ -258,8 +300,8 @@ def _cost(scale, rotations, translations, points, cameras, owners, seen, rates, 
 
 @njit(cache=True)
 def _schur(
-    rotations, translations, points, cameras, owners, seen, rates, baseline, extra,
     scale, damping, reduced, right, inverses, sides, cross, cross_extra,
+    rotations, translations, points, cameras, owners, seen, rates, baseline, extra,
 ):  # fmt: skip
     """Adds to the reduced system (upper triangle) and its right side; keeps what back-substitution needs."""
     n_obs, n_points, e0 = len(cameras), len(points), POSE * len(rotations)
@@ -382,60 +424,19 @@ def _schur(
 
 
 @njit(cache=True)
-def _buffers(n_points, n_obs):
-    return (
-        np.zeros((n_points, 3, 3)), np.zeros((n_points, 3)), np.zeros((n_obs, 6, 3)), np.zeros((n_points, EXTRA, 3)),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def _reduced(
-    scale, hessian, gradient, rotations, translations, points, cameras, owners, seen, rates, baseline, extra
-):  # fmt: skip
-    """Normal equations of poses and extras with the points eliminated: matrix, and right side (-gradient)."""
-    size = POSE * len(rotations) + EXTRA
-    inverses, sides, cross, cross_extra = _buffers(len(points), len(cameras))
-    reduced, right = np.zeros((size, size)), np.zeros(size)
-    _schur(
-        rotations, translations, points, cameras, owners, seen, rates, baseline, extra, scale, 0.0,
-        reduced, right, inverses, sides, cross, cross_extra,
-    )  # fmt: skip
-    return reduced + hessian, right - gradient
-
-
-@njit(cache=True)
-def _step(
-    fixed, scale, damping, hessian, gradient,
-    rotations, translations, points, cameras, owners, seen, rates, baseline, extra,
-):  # fmt: skip
-    """One damped step: (C, 6), (M, 3), (2,)."""
-    n_cameras, n_points, n_obs = len(rotations), len(points), len(cameras)
-    size = POSE * n_cameras + EXTRA
-    inverses, sides, cross, cross_extra = _buffers(n_points, n_obs)
-    reduced, right = np.zeros((size, size)), np.zeros(size)
-    _schur(
-        rotations, translations, points, cameras, owners, seen, rates, baseline, extra, scale, damping,
-        reduced, right, inverses, sides, cross, cross_extra,
-    )  # fmt: skip
-    reduced += hessian
-    right -= gradient
-    f = POSE * fixed
-    free = np.ascontiguousarray(reduced[f:, f:])
-    for a in range(size - f):
-        free[a, a] += damping * free[a, a] + 1e-12
-    solution = np.zeros(size)
-    solution[f:] = np.linalg.solve(free, right[f:])
-    for k in range(n_obs):
+def _back_substituted(cameras, owners, cross, cross_extra, inverses, sides, solution, extra_step):
+    """The points' steps (M, 3), once those of the poses and extras are known; changes `sides`."""
+    step = np.zeros((len(sides), 3))
+    for k in range(len(cameras)):
         m, o = owners[k], 6 * cameras[k]
         for d in range(3):
             for a in range(6):
                 sides[m, d] -= cross[k, a, d] * solution[o + a]
-    point_step = np.zeros((n_points, 3))
-    for m in range(n_points):
+    for m in range(len(sides)):
         for d in range(3):
             for a in range(EXTRA):
-                sides[m, d] -= cross_extra[m, a, d] * solution[size - EXTRA + a]
+                sides[m, d] -= cross_extra[m, a, d] * extra_step[a]
         for d in range(3):
             for a in range(3):
-                point_step[m, d] += inverses[m, d, a] * sides[m, a]
-    return solution[: size - EXTRA].reshape(n_cameras, POSE), point_step, solution[size - EXTRA :]
+                step[m, d] += inverses[m, d, a] * sides[m, a]
+    return step
