@@ -86,10 +86,10 @@ def _pairs(value: Any) -> str | None:
 
 
 def _flat(config: Mapping[str, Any]) -> dict[str, Any]:
-    """method.setting: value."""
+    """method.setting: value; of a variant variant.method.setting."""
     found: dict[str, Any] = {}
-    for method, values in config.items():
-        found |= {f"{method}.{k}": v for k, v in values.items()} if isinstance(values, dict) else {str(method): values}
+    for name, value in config.items():
+        found |= {f"{name}.{k}": v for k, v in _flat(value).items()} if isinstance(value, dict) else {str(name): value}
     return found
 
 

@@ -200,3 +200,13 @@ def test_help_needs_no_viewer_nor_ray_caster() -> None:
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
+
+
+def test_runs_tell_whether_they_saw_the_same_images(drive: str, tmp_path: Path) -> None:
+    def seen(name: str, *options: str) -> str:
+        assert run(drive, tmp_path / name, "--no-recording", *options) == 0
+        return yaml.safe_load((tmp_path / name / "run.yaml").read_text())["images_sha256"]
+
+    first = seen("a")
+    assert len(first) == 64 and seen("b", "--stereo.max-points", "500") == first
+    assert seen("c", "--video-scale", "0.5") != first and seen("d", "--max-exposures", "6") != first
