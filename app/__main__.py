@@ -10,10 +10,10 @@ def main() -> int:
     words = sys.argv[1:]
     if words[:1] == ["demo"] or (words[:1] == ["app"] and any(word.startswith("sim:") for word in words)):
         from ispom.simulation.cache import anything_rendered
-        from ispom.simulation.process import render_process
+        from ispom.simulation.process import render_pool
 
         if not anything_rendered():
-            render_process().start()
+            render_pool().start()
     from .cli import main as run
 
     return run(words)

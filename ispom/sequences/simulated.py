@@ -13,7 +13,7 @@ from ispom.simulation.ahead import AheadRenderer
 from ispom.simulation.cache import ImageCache, default_folder, source_key
 from ispom.simulation.cameras import Timing, simulated_rig
 from ispom.simulation.path import Path as FlightPath
-from ispom.simulation.process import render_process
+from ispom.simulation.process import render_pool
 from ispom.types import Exposure, Sequence, StereoPair, Trajectory, VideoFrame
 
 
@@ -54,7 +54,7 @@ def open_simulated(
     libraries = [version(name) for name in ("open3d", "numpy", "opencv-python-headless")]
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
-        lambda i, threads: render_process().render(*shaping, *stamps[i], threads),
+        lambda i, threads: render_pool().render(*shaping, *stamps[i], threads),
         ImageCache.open(cache_dir or default_folder(), source_key(*shaping, *libraries)),
     )
 

@@ -1,4 +1,4 @@
-"""Rendering ahead: one background thread fills what the consumer will ask for next; nothing is computed twice."""
+"""Rendering ahead: background threads fill what the consumer will ask for next; nothing is computed twice."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from concurrent.futures import Future
 from ispom.simulation.cache import ImageCache
 from ispom.types import Image
 
+_AT_ONCE = 2
+"""Images made at the same time in the background, while few are ahead; else one, and the consumer has the rest."""
 _KEPT_IMAGES = 16
 """The last images made or read stay in memory: nothing rendered ahead is decoded again, and no disk is needed."""
 
@@ -29,13 +31,13 @@ class AheadRenderer:
         self._cursor = 0
         self._on_disk = True
         self._stopping = False
-        self._thread: threading.Thread | None = None
+        self._threads: list[threading.Thread] = []
 
     def get(self, i: int) -> Image:
         """Image i, waiting for the thread that is making it, or making it here."""
         with self._lock:
             self._cursor = i + 1
-            self._wake.notify()
+            self._wake.notify_all()
         return self._obtain(i, os.cpu_count() or 1)
 
     def prepare(self, i: int) -> None:
@@ -46,19 +48,24 @@ class AheadRenderer:
         """
         with self._lock:
             self._cursor = i
-            self._wake.notify()
-            if self._thread is None or not self._thread.is_alive():
-                self._thread = threading.Thread(target=_work, args=(weakref.ref(self),), name="render-ahead")
-                self._thread.start()
+            self._wake.notify_all()
+            self._threads = [thread for thread in self._threads if thread.is_alive()]
+            if not self._threads:
+                ends = [len(self._names), *[_KEPT_IMAGES // 2] * (_AT_ONCE - 1)]
+                work = [(weakref.ref(self), self._wake, end) for end in ends]
+                self._threads = [threading.Thread(target=_work, args=a, name="render-ahead") for a in work]
+                for thread in self._threads:
+                    thread.start()
 
     def stop(self) -> None:
-        """Ends the background thread after the image in work."""
+        """Ends the background threads after the images in work."""
         with self._lock:
             self._stopping = True
-            self._wake.notify()
-            thread = self._thread
-        if thread is not None and thread is not threading.current_thread():
-            thread.join()
+            self._wake.notify_all()
+            threads = list(self._threads)
+        for thread in threads:
+            if thread is not threading.current_thread():
+                thread.join()
 
     def _obtain(self, i: int, threads: int) -> Image:
         with self._lock:
@@ -89,37 +96,32 @@ class AheadRenderer:
         mine.set_result(image)
         return image
 
-    def _next(self) -> int | None:
-        """The first image from the cursor on that nobody has made; without a disk, not further than memory reaches."""
-        end = len(self._names) if self._on_disk else min(len(self._names), self._cursor + _KEPT_IMAGES // 2)
-        for i in range(self._cursor, end):
+    def _next(self, reach: int) -> int | None:
+        """The first of `reach` images on that nobody has made; without a disk, not further than memory reaches."""
+        reach = reach if self._on_disk else min(reach, _KEPT_IMAGES // 2)
+        for i in range(self._cursor, min(len(self._names), self._cursor + reach)):
             if i not in self._recent and i not in self._in_work and not self._cache.has(self._names[i]):
                 return i
         return None
 
-    def _render_one(self) -> bool:
-        """Renders one image ahead, or waits a little for something to do. False when it should end."""
-        with self._lock:
-            i = None if self._stopping else self._next()
-            if i is None and not self._stopping:
-                self._wake.wait(0.5)
-            if self._stopping:
-                return False
-        if i is not None:
-            self._obtain(i, max(1, (os.cpu_count() or 1) - 1))
-        return True
 
-
-def _work(owner: weakref.ref[AheadRenderer]) -> None:
-    """The background thread: lives as long as its owner and the main thread do.
+def _work(owner: weakref.ref[AheadRenderer], wake: threading.Condition, reach: int) -> None:
+    """A background thread: lives as long as its owner and the main thread do, and holds the owner only while it works.
 
     Not a daemon: those are cut off in the middle of native code while its libraries unload, and the process crashes.
     """
     while threading.main_thread().is_alive():
-        renderer = owner()
-        try:
-            if renderer is None or not renderer._render_one():
+        with wake:
+            renderer = owner()
+            if renderer is None or renderer._stopping:
                 return
+            i = renderer._next(reach)
+            if i is None:
+                del renderer
+                wake.wait(0.5)
+                continue
+        try:
+            renderer._obtain(i, max(1, (os.cpu_count() or 1) - 1))
         except Exception:  # whoever asks for that image meets the error; at process exit nobody does
             return
         del renderer

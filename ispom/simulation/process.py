@@ -24,6 +24,42 @@ if TYPE_CHECKING:
 _COMMAND = [sys.executable, "-m", "ispom.simulation.process"]
 
 
+class RenderPool:
+    """Two processes at most, of which the second is started when the first has answered and both are wanted.
+
+    Two, not two threads: those would wait for each other's turn with Python. Safe from several threads.
+    """
+
+    def __init__(self) -> None:
+        self._processes = [RenderProcess() for _ in range(min(2, os.cpu_count() or 1))]
+        self._change = threading.Condition()
+        self._free, self._warm = list(self._processes), False
+
+    def start(self) -> None:
+        """Begins to get the first one ready, and returns at once."""
+        self._processes[0].start()
+
+    def render(self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int) -> Image:
+        """As `RenderProcess.render`, in a process that is free; waits for one."""
+        with self._change:
+            self._change.wait_for(lambda: self._processes[0] in self._free or (self._warm and self._free))
+            process = min(self._free, key=self._processes.index)
+            self._free.remove(process)
+        try:
+            image = process.render(seed, motion_blur, scale, time_ns, kind, threads)
+            self._warm = True
+            return image
+        finally:
+            with self._change:
+                self._free.append(process)
+                self._change.notify_all()
+
+    def stop(self) -> None:
+        """Ends the processes."""
+        for process in self._processes:
+            process.stop()
+
+
 class RenderProcess:
     """Makes one image after the other. Safe from several threads; a process that died is replaced once."""
 
@@ -66,11 +102,11 @@ class RenderProcess:
 
 
 @cache
-def render_process() -> RenderProcess:
+def render_pool() -> RenderPool:
     """The one of this process, which ends with it."""
-    process = RenderProcess()
-    atexit.register(process.stop)
-    return process
+    pool = RenderPool()
+    atexit.register(pool.stop)
+    return pool
 
 
 def _ask(process: subprocess.Popen[bytes], request: bytes) -> Image:

@@ -8,7 +8,7 @@ import pytest
 from ispom_app import __main__ as entry
 from ispom_app import cli
 
-from ispom.simulation.process import RenderProcess
+from ispom.simulation.process import RenderPool
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,11 @@ def test_when_the_renderer_starts(
     started: list[object] = []
     monkeypatch.setattr(sys, "argv", ["ispom", *words])
     monkeypatch.setattr("ispom.simulation.cache.anything_rendered", lambda: rendered)
-    monkeypatch.setattr(RenderProcess, "start", lambda self: started.append(self))
+
+    def start(self: RenderPool) -> None:
+        started.append(self)
+
+    monkeypatch.setattr(RenderPool, "start", start)
     monkeypatch.setattr(cli, "main", lambda given: 7 if given == words else 0)
     assert entry.main() == 7
     assert len(started) == starts
