@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -28,12 +29,12 @@ _NOTE = f"Without {CAMERA}: the focal length of 585 px and the centre (320, 240)
 
 def looks_like_seven_scenes(folder: Path) -> bool:
     """Whether there are images called frame-NUMBER.color.EXTENSION."""
-    return folder.is_dir() and any(_number(path) is not None for path in folder.glob("frame-*"))
+    return folder.is_dir() and any(_number(name) is not None for name in os.listdir(folder))
 
 
 def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of one such folder; InputError names the file that is missing or wrong."""
-    images = {number: path for path in folder.glob("frame-*") if (number := _number(path)) is not None}
+    images = {number: name for name in os.listdir(folder) if (number := _number(name)) is not None}
     places = (folder / CAMERA, folder.resolve().parent / CAMERA)
     path = calibration or next((place for place in places if place.exists()), None)
     camera, clock, notes = PUBLISHED, Clock(), (_NOTE,)
@@ -43,7 +44,7 @@ def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recordin
     numbers = sorted(images)
     times_ns, note = clock.times_ns(folder, numbers[-1] + 1)
     times_ns = times_ns[numbers]  # a number that is missing is a gap in time
-    paths, size = [images[n] for n in numbers], size_of(camera)
+    paths, size = [folder / images[n] for n in numbers], size_of(camera)
     truth, without = _truth(paths, times_ns)
     if truth is not None and without:
         notes += (f"{without} of {len(paths)} images have no pose, or one that is not finite.",)
@@ -52,26 +53,33 @@ def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recordin
     return Recording(name, camera, None, times_ns, lambda _, i: read_image(paths[i], size), truth, notes)
 
 
-def _number(path: Path) -> int | None:
-    found = re.fullmatch(r"frame-([0-9]{1,7})", path.stem.removesuffix(COLOUR))
-    return int(found[1]) if found and path.stem.endswith(COLOUR) and path.suffix.lower() in IMAGE_SUFFIXES else None
+def _number(name: str) -> int | None:
+    found = re.fullmatch(rf"frame-([0-9]{{1,7}}){re.escape(COLOUR)}(\.[A-Za-z]+)", name)
+    return int(found[1]) if found and found[2].lower() in IMAGE_SUFFIXES else None
+
+
+def _pose_path(image: Path) -> Path:
+    return image.with_name(image.stem.removesuffix(COLOUR) + POSE)
 
 
 def _truth(images: list[Path], times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, int]:
     """world_from_camera, and how many images have no pose."""
-    known, matrices = [], []
+    known, matrices, there = [], [], set(os.listdir(images[0].parent))
     for i, image in enumerate(images):
-        path = image.with_name(image.stem.removesuffix(COLOUR) + POSE)
-        found = matrix(path, (4, 4)) if path.exists() else np.full((4, 4), np.nan)
+        path = _pose_path(image)
+        found = matrix(path, (4, 4)) if path.name in there else np.full((4, 4), np.nan)
         if not np.isfinite(found).all():  # the tracker had lost the camera
             continue
-        rotation = found[:3, :3]
-        if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
-            raise InputError(f"{path}: its first three columns are not a rotation: restore the file")
         known.append(i)
         matrices.append(found)
     if not known:
         return None, len(images)
     poses = np.array(matrices)
+    turns = poses[:, :3, :3]
+    skewed = abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > 1e-2
+    wrong = np.flatnonzero(skewed | (np.linalg.det(turns) <= 0))
+    if len(wrong):
+        path = _pose_path(images[known[wrong[0]]])
+        raise InputError(f"{path}: its first three columns are not a rotation: restore the file")
     exact = Rotation.from_matrix(poses[:, :3, :3]).as_matrix()
     return Trajectory(times_ns[known], exact, poses[:, :3, 3], "left"), len(images) - len(known)
