@@ -1,0 +1,172 @@
+"""The start of a map: wait for parallax, hold the place on pure rotation, then choose among what two views allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.keyframes import Frame, Points
+from ispom.estimators.modern.mono_map import Between, Map, adjusted, anchored_prior, intersected
+from ispom.geometry import Pose
+from ispom.solvers.motion_only import adjust_motion
+from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.solvers.two_view import hypotheses
+from ispom.types import Decision
+
+BUFFER = 40
+"""Frames remembered while waiting; older ones keep the pose held until then."""
+MIN_POINTS = 40
+"""Fewer points make no map."""
+CLEARLY_BETTER = 1.25
+"""Cost of the second best hypothesis over that of the best: less is ambiguous, and waits for more parallax."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Frames since the reference, which has the pose `base`."""
+
+    frames: tuple[Frame, ...] = ()
+    """The first is the reference. Each with the pose held for it (its own rotation, the place of the reference)."""
+    base: Pose = Pose()
+    unit: float = 1.0
+    """Length that the first baseline of the map gets."""
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """What a frame did to the start."""
+
+    start: Start
+    decisions: tuple[Decision, ...]
+    held: Pose | None
+    """The frame's pose as long as there is no map; None where it moves already and the place is unknown."""
+    map: Map | None = None
+    settled: tuple[tuple[int, Pose], ...] = ()
+
+
+def advance(start: Start, frame: Frame, sigma: float, min_parallax_rad: float) -> Begun:
+    """One more frame. `sigma`: deviation of a coordinate, normalised units."""
+    if not start.frames:
+        frame = replace(frame, world_from_camera=start.base)
+        return Begun(replace(start, frames=(frame,)), (), start.base)
+    reference = start.frames[0]
+    ids = np.intersect1d(reference.ids, frame.ids, assume_unique=True)
+    share = len(ids) / max(1, len(reference.ids))
+    enough = Decision("share of the first frame's points left", share, 0.4, share >= 0.4 and len(ids) >= MIN_POINTS)
+    if not enough.passed:
+        return _restarted(start, frame, sigma, enough)
+    x1, x2 = reference.at(ids), frame.at(ids)
+    rotation = dominant_rotation(x1, x2, 3 * sigma)
+    parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
+    moved = Decision("parallax of the first map", np.degrees(parallax), np.degrees(min_parallax_rad), False, "deg")
+    held = Pose(start.base.rotation @ rotation.T, start.base.translation)
+    frame = replace(frame, world_from_camera=held)
+    waiting, settled = _remembered(replace(start, frames=(*start.frames, frame)))
+    if parallax < min_parallax_rad:
+        moved = replace(moved, because="place held, waiting for parallax")
+        return Begun(waiting, (moved,), held, settled=settled)
+    moved = replace(moved, passed=True)
+    found, decisions = _first_map(waiting, frame, sigma, parallax > 3 * min_parallax_rad)
+    return Begun(waiting, (moved, *decisions), None, found, settled)
+
+
+def _remembered(start: Start) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
+    """Without the oldest frames after the reference, where there are too many."""
+    extra = len(start.frames) - BUFFER
+    if extra <= 0:
+        return start, ()
+    gone = start.frames[1 : 1 + extra]
+    done = tuple((f.time_ns, f.world_from_camera) for f in gone if f.world_from_camera is not None)
+    return replace(start, frames=(start.frames[0], *start.frames[1 + extra :])), done
+
+
+def _restarted(start: Start, frame: Frame, sigma: float, why: Decision) -> Begun:
+    """Too few of the reference's points are left: this frame becomes the reference, the rotation so far kept."""
+    last = start.frames[-1]
+    ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
+    base = last.world_from_camera or start.base
+    if len(ids) >= 8:
+        turn = dominant_rotation(last.at(ids), frame.at(ids), 3 * sigma)
+        base = Pose(base.rotation @ turn.T, base.translation)
+    done = tuple((f.time_ns, f.world_from_camera) for f in start.frames if f.world_from_camera is not None)
+    new = Start((replace(frame, world_from_camera=base),), base, start.unit)
+    return Begun(new, (replace(why, because="begins again from here"),), base, settled=done)
+
+
+def _first_map(start: Start, last: Frame, sigma: float, impatient: bool) -> tuple[Map | None, tuple[Decision, ...]]:
+    """The best of the hypotheses, if it is clearly the best over all frames since the reference."""
+    reference = start.frames[0]
+    ids = np.intersect1d(reference.ids, last.ids, assume_unique=True)
+    found = hypotheses(reference.at(ids), last.at(ids), 2 * sigma)
+    planar = Decision("points that a plane explains", found.planar_share, 0.7, found.planar_share >= 0.7)
+    trials = [_trial(start, last, ids, pose, sigma) for pose in found.second_from_first]
+    good = sorted((t for t in trials if t is not None), key=lambda t: t[0])
+    if not good:
+        return None, (planar, Decision("hypotheses that give a map", 0, 1, False))
+    cost, best = good[0]
+    rivals = [c for c, m in good[1:] if not _same(best, m)]
+    ratio = min(rivals) / max(cost, 1e-12) if rivals else np.inf
+    clear = Decision("cost of the second best pose / best", min(ratio, 99.0), CLEARLY_BETTER, ratio >= CLEARLY_BETTER)
+    if not clear.passed and not impatient:
+        return None, (planar, clear)
+    return _filled(best, start, sigma), (planar, clear)
+
+
+def _same(a: Map, b: Map) -> bool:
+    """Whether two trials converged to one solution."""
+    change = a.poses[-1].inverse() @ b.poses[-1]
+    base = np.linalg.norm(a.poses[-1].translation - a.poses[0].translation)
+    return bool(np.linalg.norm(change.translation) < 0.1 * base and np.linalg.norm(change.rotvec) < 0.02)
+
+
+def _trial(
+    start: Start, last: Frame, ids: NDArray[np.int64], second_from_first: Pose, sigma: float
+) -> tuple[float, Map] | None:
+    """Cost per observation and map of one hypothesis, adjusted over a few frames between as well."""
+    reference = start.frames[0]
+    end = start.base @ second_from_first.inverse().scaled(start.unit)
+    pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
+    state = Map(pair, Points(), None)
+    points = intersected(state, ids, sigma)
+    good = (points.depth > 0) & (points.worst < 6 * sigma) & (points.significance > 2)
+    if good.sum() < max(MIN_POINTS, len(ids) / 2):
+        return None
+    state = replace(state, points=Points(ids[good], points.xyz_in_world[good]))
+    inner = start.frames[1:-1]
+    chosen = [inner[i] for i in np.unique(np.linspace(0, len(inner) - 1, 4).round().astype(int))] if inner else []
+    keys = [pair[0]]
+    for frame in chosen:
+        pose = _located(state, frame, keys[-1].world_from_camera or start.base, 8 * sigma)
+        if pose is not None:
+            keys.append(replace(frame, world_from_camera=pose))
+    state = replace(state, keys=(*keys, pair[1]))
+    state = replace(state, prior=anchored_prior(state.poses))
+    state, found, _ = adjusted(state, sigma, 12)
+    if len(state.points.ids) < max(MIN_POINTS, len(ids) / 2):
+        return None
+    return found.cost_after / len(found.distances), state
+
+
+def _located(state: Map, frame: Frame, guess: Pose, threshold: float) -> Pose | None:
+    place = state.points.places(frame.ids)
+    known = place >= 0
+    found = adjust_motion(state.points.xyz[place[known]], frame.x[known], guess.inverse(), threshold, 20)
+    return None if found is None or found.inliers.mean() < 0.6 else found.camera_from_world.inverse()
+
+
+def _filled(state: Map, start: Start, sigma: float) -> Map:
+    """With all other frames since the reference, by resection from the map."""
+    keys = {k.time_ns: k for k in state.keys}
+    current, guess, between = state.keys[0], start.base, []
+    for frame in start.frames:
+        if frame.time_ns in keys:
+            current = keys[frame.time_ns]
+            guess = current.world_from_camera or guess
+            continue
+        pose = _located(state, frame, guess, 6 * sigma)
+        if pose is not None and current.world_from_camera is not None:
+            guess = pose
+            between.append(Between(frame.time_ns, current.time_ns, current.world_from_camera.inverse() @ pose))
+    return replace(state, between=tuple(between))

@@ -1,0 +1,165 @@
+"""The live tracks of the monocular estimator, and following them into the next frame where the motion puts them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.frontends.klt import Klt
+from ispom.frontends.patches import align, warps_of
+from ispom.geometry import Array, Pose
+from ispom.types import Camera, Image, Tracks, TrackStatus
+
+
+@dataclass(frozen=True, eq=False)
+class Live:
+    """Points alive in the last image that could be tracked."""
+
+    grey: Image | None = None
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) ascending."""
+    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px]."""
+    flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px] motion into that image; 0 where new."""
+    origin_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) the image of `origins` whose patch each point is compared with: that of its first sight, mostly."""
+    origin_uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px] in that image."""
+    origins: tuple[tuple[int, Image], ...] = ()
+    """By time, those in use."""
+    next_id: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The same points in a new image."""
+
+    uv: NDArray[np.float32]
+    status: NDArray[np.uint8]
+    """(N,) TrackStatus."""
+
+
+GUIDED, UNGUIDED = Klt(levels=3), Klt(levels=5)
+MIN_CORRELATION = 0.8
+"""A patch that is found again looks at least so much like its origin."""
+MAX_SHIFT_PX = 3.0
+"""Alignment with the origin corrects tracking by no more."""
+MIN_WARP, MAX_WARP = 0.35, 1.8
+"""Change of area, origin per image, within which the patch of the origin can be used."""
+
+
+def follow(live: Live, grey: Image, predicted: NDArray[np.float32] | None) -> Followed:
+    """Pyramidal KLT, from where each point is expected: `predicted` (N, 2) [px], else its last motion continued."""
+    if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
+        return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8))
+    klt = UNGUIDED if predicted is None else GUIDED
+    return Followed(*klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted))
+
+
+def guessed(camera: Camera, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
+    """Scene points (N, 3) seen at uv (N, 2) [px]: the known ones, and for NaN at the depth of the nearest known one.
+
+    Nearest in the image. All NaN where none is known.
+    """
+    depth = world_from_camera.inverse().apply(xyz_in_world)[:, 2]
+    known, unknown = np.flatnonzero(depth > 0), np.flatnonzero(~(depth > 0))
+    if not len(known):
+        return np.full((len(uv), 3), np.nan)
+    if len(unknown):
+        distance = ((uv[unknown, None] - uv[None, known]) ** 2).sum(axis=2)
+        depth[unknown] = depth[known[np.argmin(distance, axis=1)]]
+    ray = np.column_stack([camera.normalise(uv), np.ones(len(uv))])
+    return world_from_camera.apply(ray * depth[:, None])
+
+
+def projected(
+    camera: Camera, xyz_in_world: Array, world_from_camera: Pose, otherwise: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Places (N, 2) [px] of points (N, 3); `otherwise` where they have none."""
+    uv = camera.project(world_from_camera.inverse().apply(xyz_in_world))
+    ok = np.asarray(np.isfinite(uv).all(axis=1) & (np.abs(uv) < 1e5).all(axis=1))
+    return np.where(ok[:, None], uv, otherwise).astype(np.float32)
+
+
+def realigned(
+    camera: Camera,
+    live: Live,
+    grey: Image,
+    followed: Followed,
+    expected: NDArray[np.float32],
+    scene: Array,
+    pose: Pose,
+    origins: dict[int, Pose],
+) -> tuple[Followed, NDArray[np.bool_]]:
+    """Each point where its patch of origin, warped as the scene (N, 3) says, fits best; which ones (N,) were compared.
+
+    Looked for around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time: world_from_camera. What does
+    not look like its origin is lost.
+    """
+    uv, status = followed.uv.copy(), followed.status.copy()
+    compared = np.zeros(len(uv), bool)
+    in_camera = pose.inverse().apply(scene)
+    images = dict(live.origins)
+    height, width = grey.shape
+    inside = np.asarray((expected >= 6) & (expected < (width - 7, height - 7))).all(axis=1)
+    for time_ns in np.unique(live.origin_ns).tolist():
+        if time_ns not in origins or time_ns not in images:
+            continue
+        mine = np.flatnonzero((live.origin_ns == time_ns) & inside & (in_camera[:, 2] > 0))
+        warps = warps_of(camera, origins[time_ns].inverse() @ pose, in_camera[mine])
+        area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
+        usable = (area > MIN_WARP) & (area < MAX_WARP)
+        mine, warps = mine[usable], warps[usable]
+        if not len(mine):
+            continue
+        found, score = align(images[time_ns], live.origin_uv[mine], grey, expected[mine], warps)
+        shift = np.linalg.norm(found - expected[mine], axis=1)
+        good = (score > MIN_CORRELATION) & (shift < MAX_SHIFT_PX)
+        uv[mine[good]] = found[good]
+        status[mine[good]] = TrackStatus.ALIVE
+        alive_before = status[mine] == TrackStatus.ALIVE
+        status[mine[~good & alive_before]] = TrackStatus.LOST
+        compared[mine] = True
+    return Followed(uv, status), compared
+
+
+def as_tracks(live: Live, followed: Followed, residual_px: NDArray[np.float32], fresh: NDArray[np.float32]) -> Tracks:
+    """What a Step shows: all points followed, with what became of them, and the fresh ones."""
+    n, status = len(fresh), followed.status
+    seen = (status == TrackStatus.ALIVE) | (status >= TrackStatus.EPIPOLAR)
+    return Tracks.of(
+        np.concatenate([live.ids, live.next_id + np.arange(n)]),
+        np.concatenate([np.where(seen[:, None], followed.uv, live.uv), fresh]),
+        uv_prev=np.concatenate([live.uv, np.full((n, 2), np.nan, np.float32)]),
+        status=np.concatenate([status, np.full(n, TrackStatus.NEW, np.uint8)]),
+        residual_px=np.concatenate([residual_px, np.full(n, np.nan, np.float32)]),
+    )
+
+
+def renewed(
+    live: Live, followed: Followed, grey: Image, fresh: NDArray[np.float32], time_ns: int, compared: NDArray[np.bool_]
+) -> Live:
+    """Those alive in the new image, and the fresh ones.
+
+    At a key frame (where there are fresh ones) points that could not be compared with their origin get a new one.
+    """
+    alive, n = followed.status == TrackStatus.ALIVE, len(fresh)
+    origin_ns, origin_uv = live.origin_ns.copy(), live.origin_uv.copy()
+    if n:
+        origin_ns[~compared], origin_uv[~compared] = time_ns, followed.uv[~compared]
+    origin_ns = np.concatenate([origin_ns[alive], np.full(n, time_ns)])
+    used = set(np.unique(origin_ns).tolist())
+    images = (*live.origins, (time_ns, grey))
+    return Live(
+        grey,
+        np.concatenate([live.ids[alive], live.next_id + np.arange(n, dtype=np.int64)]),
+        np.concatenate([followed.uv[alive], fresh]),
+        np.concatenate([(followed.uv - live.uv)[alive], np.zeros((n, 2), np.float32)]),
+        origin_ns,
+        np.concatenate([origin_uv[alive], fresh]),
+        tuple(item for item in images if item[0] in used),
+        live.next_id + n,
+    )

@@ -1,0 +1,475 @@
+"""Monocular, modern: guided tracking, a pose for every frame against a map, windowed bundle adjustment with a prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.chain import Chain, in_order
+from ispom.estimators.keyframes import Frame, Points, parallax_deg
+from ispom.estimators.modern import mono_start
+from ispom.estimators.modern.mono_map import Map, adjusted, intersected, key_covariance, shortened
+from ispom.estimators.modern.mono_start import Start
+from ispom.estimators.modern.mono_tracks import (
+    Followed,
+    Live,
+    as_tracks,
+    follow,
+    guessed,
+    projected,
+    realigned,
+    renewed,
+)
+from ispom.frontends.buckets import detect_spread
+from ispom.geometry import Array, Pose, rotation_angle_rad
+from ispom.settings import Range
+from ispom.solvers.motion_only import Motion, adjust_motion
+from ispom.solvers.resection import resect
+from ispom.stopwatch import Stopwatch
+from ispom.types import (
+    Camera,
+    Decision,
+    Exposure,
+    Image,
+    Landmarks,
+    Rig,
+    Status,
+    Step,
+    TrackStatus,
+    Trajectory,
+    VideoFrame,
+    as_grey,
+    colours_at,
+)
+
+PATIENCE = 5
+"""So many frames are compared with the last good one before a loss leads to a new start."""
+MIN_LOCATED = 15
+"""Fewer points that agree with a pose are a loss."""
+
+
+@dataclass(frozen=True)
+class ModernMonocularConfig:
+    """Settings of the modern monocular estimator."""
+
+    max_tracks: Annotated[int, Range(50, 2000)] = 500
+    """Points tracked at a time."""
+    key_frames: Annotated[int, Range(4, 20)] = 10
+    """Key frames adjusted together; what leaves them goes on as a prior."""
+    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.8
+    """Median displacement since the last key frame, its rotation taken away, that makes the next one."""
+    min_share: Annotated[float, Range(0.1, 1)] = 0.75
+    """A key frame is taken before a smaller share of the last one's points is left."""
+    max_view_angle_deg: Annotated[float, Range(1, 90)] = 10.0
+    """A key frame is taken when the camera has turned by this since the last one."""
+    max_interval_s: Annotated[float, Range(0.05, 60)] = 1.0
+    """A key frame is taken after this time, where a quarter of the parallax is there."""
+    start_parallax_deg: Annotated[float, Range(0.1, 20)] = 1.0
+    """Median displacement, rotation taken away, from which the first map is attempted."""
+    point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
+    """Points seen under a smaller angle get no place in the map yet."""
+    noise_px: Annotated[float, Range(0.05, 5)] = 0.5
+    """Deviation of a tracked place; the loss of the adjustments is as wide, tracks off by several of it are dropped."""
+
+    def build(self, rig: Rig) -> ModernMonocular:
+        return ModernMonocular(rig, self)
+
+
+@dataclass(frozen=True, eq=False)
+class ModernMonocularState:
+    live: Live = Live()
+    start: Start | None = Start()
+    """While there is no map."""
+    map: Map | None = None
+    recent: tuple[tuple[int, Pose], ...] = ()
+    """The last two poses, for the motion model."""
+    missed: int = 0
+    """Frames since the last pose."""
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    """(6, 6) of the last key frame's pose."""
+    settled: Chain[tuple[int, Pose]] | None = None
+    """Poses that nothing will revise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one frame led to; the rest of the Step follows from it."""
+
+    followed: Followed
+    status: Status
+    pose: Pose | None = None
+    map: Map | None = None
+    start: Start | None = None
+    key_frame: bool = False
+    decisions: tuple[Decision, ...] = ()
+    residual_px: NDArray[np.float32] | None = None
+    covariance: Array | None = None
+    key_covariance: Array | None = None
+    scale: float | None = None
+    settled: tuple[tuple[int, Pose], ...] = ()
+    missed: int = 0
+    revised: bool = False
+    compared: NDArray[np.bool_] | None = None
+    """Which tracks were found by the patch of their origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModernMonocular:
+    """Every frame, no metric scale. World: the video camera at the first frame; unit: the first baseline of the map."""
+
+    rig: Rig
+    config: ModernMonocularConfig
+    method: str = "monocular"
+
+    def uses(self, exposure: Exposure) -> bool:
+        return isinstance(exposure, VideoFrame)
+
+    def start(self) -> ModernMonocularState:
+        return ModernMonocularState()
+
+    def finish(self, state: ModernMonocularState) -> Trajectory:
+        current = state.map.trajectory() if state.map is not None else []
+        waiting = [(f.time_ns, f.world_from_camera) for f in state.start.frames] if state.start is not None else []
+        held = [(t, p) for t, p in waiting if p is not None]
+        return Trajectory.of([*in_order(state.settled), *held, *current], "video")
+
+    def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:
+        """One frame: follow, locate, and at a key frame extend and adjust the map."""
+        assert isinstance(exposure, VideoFrame)
+        watch, grey = Stopwatch(), as_grey(exposure.image)
+        guess = self._predicted(state, exposure.time_ns)
+        followed = self._follow(state, grey, guess)
+        watch.lap("track")
+        if state.map is None or guess is None:
+            outcome = self._begin(state, exposure.time_ns, followed)
+            watch.lap("start")
+        else:
+            outcome = self._advance(state, state.map, exposure.time_ns, grey, followed, guess, watch)
+        return self._conclude(state, exposure, grey, outcome, watch)
+
+    @property
+    def _camera(self) -> Camera:
+        return self.rig.camera("video")
+
+    @property
+    def _sigma(self) -> float:
+        """noise_px in normalised units."""
+        return self.config.noise_px / self._camera.fx
+
+    def _predicted(self, state: ModernMonocularState, time_ns: int) -> Pose | None:
+        """world_from_camera at the velocity of the last two poses."""
+        if state.map is None or not state.recent:
+            return None
+        last_ns, last = state.recent[-1]
+        before_ns, before = state.recent[0]
+        if before_ns == last_ns:
+            return last
+        twist = (before.inverse() @ last).log() * ((time_ns - last_ns) / (last_ns - before_ns))
+        return last @ Pose.exp(twist)
+
+    def _follow(self, state: ModernMonocularState, grey: Image, guess: Pose | None) -> Followed:
+        live = state.live
+        if state.map is None or guess is None:
+            return follow(live, grey, None)
+        scene = guessed(self._camera, live.uv, state.map.known(live.ids), state.recent[-1][1])
+        return follow(live, grey, projected(self._camera, scene, guess, live.uv))
+
+    def _frame(self, state: ModernMonocularState, time_ns: int, followed: Followed) -> Frame:
+        alive = followed.status == TrackStatus.ALIVE
+        return Frame(time_ns, state.live.ids[alive], self._camera.normalise(followed.uv[alive]))
+
+    def _begin(self, state: ModernMonocularState, time_ns: int, followed: Followed) -> Outcome:
+        """No map yet."""
+        frame = self._frame(state, time_ns, followed)
+        angle = np.radians(self.config.start_parallax_deg)
+        begun = mono_start.advance(state.start or Start(), frame, self._sigma, float(angle))
+        if begun.map is None:
+            key = len(begun.start.frames) == 1
+            return Outcome(
+                followed,
+                Status.INITIALISING,
+                begun.held,
+                None,
+                begun.start,
+                key,
+                begun.decisions,
+                settled=begun.settled,
+            )
+        covariance = key_covariance(begun.map, self._sigma)
+        return Outcome(
+            followed,
+            Status.TRACKING,
+            begun.map.poses[-1],
+            begun.map,
+            None,
+            True,
+            begun.decisions,
+            covariance=covariance,
+            key_covariance=covariance,
+            settled=begun.settled,
+            revised=True,
+        )
+
+    def _advance(
+        self,
+        state: ModernMonocularState,
+        world: Map,
+        time_ns: int,
+        grey: Image,
+        followed: Followed,
+        guess: Pose,
+        watch: Stopwatch,
+    ) -> Outcome:
+        """Locate the frame against the map; make it a key frame where a test says so."""
+        frame = self._frame(state, time_ns, followed)
+        xyz = world.known(frame.ids)
+        known = np.flatnonzero(np.isfinite(xyz[:, 0]))
+        motion = self._locate(xyz[known], frame.x[known], guess)
+        compared = np.zeros(len(followed.status), bool)
+        if motion is not None:
+            first = motion.camera_from_world.inverse()
+            followed, compared = self._realign(state, world, grey, followed, first)
+            frame = self._frame(state, time_ns, followed)
+            xyz = world.known(frame.ids)
+            known = np.flatnonzero(np.isfinite(xyz[:, 0]))
+            motion = adjust_motion(xyz[known], frame.x[known], first.inverse(), 4 * self._sigma)
+        agreeing = 0 if motion is None else int(motion.inliers.sum())
+        watch.lap("locate")
+        located = Decision("points that agree with the pose", agreeing, MIN_LOCATED, agreeing >= MIN_LOCATED)
+        if motion is None or not located.passed:
+            return self._lost(state, frame, followed, located)
+        alive = np.flatnonzero(followed.status == TrackStatus.ALIVE)
+        residual = np.full(len(followed.status), np.nan, np.float32)
+        residual[alive[known]] = motion.residuals * self._camera.fx
+        followed.status[alive[known[motion.residuals > 6 * self._sigma]]] = TrackStatus.REPROJECTION
+        pose = motion.camera_from_world.inverse()
+        frame = replace(self._frame(state, time_ns, followed), world_from_camera=pose)
+        is_key, tests = self._choose_key_frame(world.keys[-1], frame)
+        tests = (located, *tests)
+        conditional = np.linalg.pinv(motion.information, hermitian=True) * self._sigma**2
+        outcome = Outcome(
+            followed,
+            Status.TRACKING,
+            pose,
+            world,
+            decisions=tests,
+            residual_px=residual,
+            compared=compared,
+            covariance=_moved(state.covariance, world.poses[-1].inverse() @ pose) + conditional,
+        )
+        if not is_key:
+            return replace(outcome, map=world.with_between(time_ns, pose))
+        outcome = self._key_frame(outcome, world, frame, state.live.ids)
+        watch.lap("key frame")
+        return outcome
+
+    def _realign(
+        self, state: ModernMonocularState, world: Map, grey: Image, followed: Followed, pose: Pose
+    ) -> tuple[Followed, NDArray[np.bool_]]:
+        """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""
+        known = world.known(state.live.ids)
+        scene = guessed(self._camera, state.live.uv, known, state.recent[-1][1])
+        expected = projected(self._camera, known, pose, followed.uv)
+        off = np.linalg.norm(expected - followed.uv, axis=1) > 4 * self.config.noise_px
+        lost = followed.status != TrackStatus.ALIVE
+        expected = np.where((off | lost)[:, None], expected, followed.uv)
+        origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
+        return realigned(self._camera, state.live, grey, followed, expected, scene, pose, origins)
+
+    def _locate(self, xyz: Array, x: Array, guess: Pose) -> Motion | None:
+        """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC."""
+        limit = 4 * self._sigma
+        found = adjust_motion(xyz, x, guess.inverse(), limit)
+        if found is None or found.inliers.mean() < 0.6:
+            again = resect(xyz, x, limit)
+            other = None if again is None else adjust_motion(xyz, x, again.camera_from_world, limit)
+            if other is not None and (found is None or other.inliers.sum() > found.inliers.sum()):
+                found = other
+        return found
+
+    def _choose_key_frame(self, key: Frame, frame: Frame) -> tuple[bool, tuple[Decision, ...]]:
+        config = self.config
+        ids = np.intersect1d(key.ids, frame.ids, assume_unique=True)
+        assert key.world_from_camera is not None and frame.world_from_camera is not None
+        turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
+        parallax = parallax_deg(key, frame, self._sigma)
+        share, angle = len(ids) / max(1, len(key.ids)), float(np.degrees(rotation_angle_rad(turn)))
+        interval = (frame.time_ns - key.time_ns) * 1e-9
+        late = interval >= config.max_interval_s and parallax >= config.min_parallax_deg / 4
+        tests = (
+            Decision("parallax", parallax, config.min_parallax_deg, parallax >= config.min_parallax_deg, "deg"),
+            Decision(
+                "share of the last key frame's points left",
+                share,
+                config.min_share,
+                share < config.min_share,
+                relation="<",
+            ),
+            Decision("view angle", angle, config.max_view_angle_deg, angle >= config.max_view_angle_deg, "deg"),
+            Decision("time since the last key frame", interval, config.max_interval_s, late, "s"),
+        )
+        return any(t.passed for t in tests), tests
+
+    def _key_frame(self, outcome: Outcome, world: Map, frame: Frame, all_ids: NDArray[np.int64]) -> Outcome:
+        """New points, bundle adjustment, and what leaves the window."""
+        sigma, followed = self._sigma, outcome.followed
+        world = replace(world, keys=(*world.keys, frame))
+        open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
+        new = intersected(world, open_ids, sigma)
+        wide = (new.parallax_rad > np.radians(self.config.point_parallax_deg)) & (new.significance > 5)
+        good = wide & (new.depth > 0) & (new.worst < 4 * sigma)
+        drop = open_ids[wide & (new.worst > 8 * sigma)]
+        points = world.points.merged(Points(open_ids[good], new.xyz_in_world[good]))
+        world, bundle, before = adjusted(replace(world, points=points), sigma, 5)
+        drop = np.concatenate([drop, np.setdiff1d(before.ids, world.points.ids)])
+        dropped = np.isin(all_ids, drop) & (followed.status == TrackStatus.ALIVE)
+        followed.status[dropped] = TrackStatus.REPROJECTION
+        alive = all_ids[followed.status == TrackStatus.ALIVE]
+        covariance = key_covariance(world, sigma)
+        scale, drift = _scale(world, sigma)
+        world, settled = shortened(world, alive, self.config.key_frames, sigma)
+        size = (
+            f"{len(bundle.window.rotations)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
+        )
+        cost = Decision(
+            "bundle cost after / before",
+            bundle.cost_after / max(bundle.cost_before, 1e-12),
+            1.0,
+            bundle.cost_after < bundle.cost_before,
+            relation="<",
+            because=size,
+        )
+        return replace(
+            outcome,
+            pose=world.poses[-1],
+            map=world,
+            key_frame=True,
+            decisions=(*outcome.decisions, cost, *drift),
+            covariance=covariance,
+            key_covariance=covariance,
+            scale=scale,
+            settled=tuple(settled),
+            revised=True,
+        )
+
+    def _lost(self, state: ModernMonocularState, frame: Frame, followed: Followed, why: Decision) -> Outcome:
+        """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
+        world = state.map
+        assert world is not None
+        if state.missed < PATIENCE:
+            why = replace(why, because="lost; the next frame is compared with the last good one")
+            return Outcome(followed, Status.LOST, map=world, decisions=(why,), missed=state.missed + 1)
+        base = state.recent[-1][1]
+        why = replace(why, because="lost; a new map from the last pose")
+        return Outcome(
+            followed,
+            Status.LOST,
+            start=Start((replace(frame, world_from_camera=base),), base),
+            decisions=(why,),
+            settled=tuple(world.trajectory()),
+        )
+
+    def _conclude(
+        self, state: ModernMonocularState, exposure: VideoFrame, grey: Image, outcome: Outcome, watch: Stopwatch
+    ) -> tuple[ModernMonocularState, Step]:
+        """The next state and the Step; fresh corners at a key frame."""
+        followed, world, start = outcome.followed, outcome.map, outcome.start
+        alive = followed.status == TrackStatus.ALIVE
+        fresh = np.zeros((0, 2), np.float32)
+        if outcome.key_frame or (start is not None and len(start.frames) == 1):
+            fresh = detect_spread(grey, self.config.max_tracks, followed.uv[alive], 0.011 * self._camera.width)
+            ids, x = state.live.next_id + np.arange(len(fresh), dtype=np.int64), self._camera.normalise(fresh)
+            if world is not None:
+                world = world.with_new_tracks(ids, x)
+            elif start is not None:
+                start = replace(start, frames=(_with(start.frames[0], ids, x),))
+        chain = state.settled
+        for item in outcome.settled:
+            chain = Chain(item, chain)
+        waiting = outcome.missed > 0
+        compared = outcome.compared
+        if compared is None:  # without a map the origins stay
+            compared = np.ones(len(followed.status), bool)
+        pose = outcome.pose
+        moved = [(exposure.time_ns, pose)] if pose is not None else []
+        after = ModernMonocularState(
+            state.live if waiting else renewed(state.live, followed, grey, fresh, exposure.time_ns, compared),
+            start,
+            world,
+            tuple([*state.recent, *moved][-2:]),
+            outcome.missed,
+            state.covariance if outcome.key_covariance is None else outcome.key_covariance,
+            chain,
+        )
+        residual = outcome.residual_px
+        if residual is None:
+            residual = np.full(len(followed.status), np.nan, np.float32)
+        watch.lap("new points")
+        step = Step(
+            self.method,
+            exposure.time_ns,
+            outcome.status,
+            "video",
+            pose,
+            outcome.covariance,
+            outcome.key_frame,
+            {"video": as_tracks(state.live, followed, residual, fresh)},
+            self._landmarks(exposure, after) if outcome.revised else Landmarks.empty(),
+            residual[np.isfinite(residual) & (followed.status == TrackStatus.ALIVE)],
+            Trajectory.of([*outcome.settled, *(world.trajectory() if world is not None else ())], "video")
+            if outcome.revised
+            else Trajectory.empty("video"),
+            outcome.scale,
+            watch.seconds,
+            outcome.decisions,
+        )
+        return after, step
+
+    def _landmarks(self, exposure: VideoFrame, after: ModernMonocularState) -> Landmarks:
+        if after.map is None:
+            return Landmarks.empty()
+        xyz = after.map.known(after.live.ids)
+        known = np.isfinite(xyz[:, 0])
+        return Landmarks(after.live.ids[known], xyz[known], colours_at(exposure.image, after.live.uv[known]))
+
+
+def _with(frame: Frame, ids: NDArray[np.int64], x: Array) -> Frame:
+    return replace(frame, ids=np.concatenate([frame.ids, ids]), x=np.concatenate([frame.x, x]))
+
+
+def _moved(covariance: Array, key_from_camera: Pose) -> Array:
+    """The key frame's covariance as that of a camera rigidly fixed to it."""
+    back = key_from_camera.inverse()
+    t = back.translation
+    cross = np.array([[0, -t[2], t[1]], [t[2], 0, -t[0]], [-t[1], t[0], 0]])
+    adjoint = np.block([[back.rotation, cross @ back.rotation], [np.zeros((3, 3)), back.rotation]])
+    return adjoint @ covariance @ adjoint.T
+
+
+def _scale(world: Map, sigma: float) -> tuple[float | None, tuple[Decision, ...]]:
+    """The unit in the last step against the map's: median ratio of depths from the last two key frames alone."""
+    pair = replace(world, keys=world.keys[-2:])
+    ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), world.points.ids)
+    found = intersected(pair, ids, sigma)
+    sure = (found.depth > 0) & (found.significance > 10)
+    if sure.sum() < 8:
+        return None, ()
+    depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
+    ratio = np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure])
+    middle = float(np.median(ratio))
+    spread = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(sure.sum())
+    scale = float(np.exp(middle))
+    limit = max(3 * spread, 0.005)
+    return scale, (
+        Decision(
+            "scale drift of this step",
+            abs(scale - 1),
+            limit,
+            abs(scale - 1) <= limit,
+            relation="<=",
+            because=f"depth ratio {scale:.4f} +- {spread:.4f} of {int(sure.sum())} points",
+        ),
+    )

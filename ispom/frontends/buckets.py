@@ -1,0 +1,78 @@
+"""Corners spread over the image: the strongest of each bucket, where too few are tracked (Shi & Tomasi 1994)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ispom.types import Image
+
+QUALITY = 0.002
+"""Corners weaker than this share of a strong one in the image are not used."""
+
+SEARCH_WIDTH_PX = 700
+"""Wider images are searched at half size."""
+
+
+def detect_spread(
+    grey: Image, count: int, taken: NDArray[np.float32], min_distance_px: float, border_px: int = 8
+) -> NDArray[np.float32]:
+    """New corners (M, 2) [px], so that with those `taken` (N, 2) every bucket holds about its share of `count`.
+
+    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to one taken.
+    """
+    factor = 2 if grey.shape[1] > SEARCH_WIDTH_PX else 1
+    searched = grey if factor == 1 else cv2.pyrDown(grey)
+    height, width = searched.shape
+    border_px, min_distance_px = border_px // factor, min_distance_px / factor
+    score = cv2.cornerMinEigenVal(searched, 3, ksize=3)
+    peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
+    peak[:border_px], peak[-border_px:], peak[:, :border_px], peak[:, -border_px:] = False, False, False, False
+    strong = float(np.partition(score[::4, ::4].ravel(), -16)[-16]) if score.size > 1000 else float(score.max())
+    row, column = np.nonzero(peak & (score > max(QUALITY * strong, 1e-7)))
+    if not len(row):
+        return np.zeros((0, 2), np.float32)
+    side = np.sqrt(width * height / max(count / 5, 1))
+    across, down = max(1, round(width / side)), max(1, round(height / side))
+    order = np.argsort(-score[row, column], kind="stable")
+    return factor * _select(
+        column[order], row[order], np.asarray(taken, np.float64) / factor, width, height, across, down,
+        int(np.ceil(count / (across * down))), count - len(taken), min_distance_px,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _select(column, row, taken, width, height, across, down, per_bucket, count, min_distance):
+    """Greedy, strongest first; a coarse grid of taken places keeps the distance test local."""
+    cell = max(min_distance, 1.0)
+    n_columns, n_rows = int(width / cell) + 1, int(height / cell) + 1
+    grid = np.full((n_rows, n_columns, 2), -1e9)
+    filled = np.zeros((down, across), np.int64)
+    for i in range(len(taken)):
+        u, v = min(max(taken[i, 0], 0.0), width - 1.0), min(max(taken[i, 1], 0.0), height - 1.0)
+        grid[int(v / cell), int(u / cell), 0], grid[int(v / cell), int(u / cell), 1] = u, v
+        filled[int(v * down / height), int(u * across / width)] += 1
+    out = np.empty((max(count, 0), 2), np.float32)
+    n = 0
+    for i in range(len(row)):
+        if n >= count:
+            break
+        u, v = float(column[i]), float(row[i])
+        b, a = int(v * down / height), int(u * across / width)
+        if filled[b, a] >= per_bucket:
+            continue
+        gy, gx, free = int(v / cell), int(u / cell), True
+        for y in range(max(gy - 1, 0), min(gy + 2, n_rows)):
+            for x in range(max(gx - 1, 0), min(gx + 2, n_columns)):
+                du, dv = grid[y, x, 0] - u, grid[y, x, 1] - v
+                if du * du + dv * dv < min_distance * min_distance:
+                    free = False
+        if not free:
+            continue
+        grid[gy, gx, 0], grid[gy, gx, 1] = u, v
+        filled[b, a] += 1
+        out[n, 0], out[n, 1] = u, v
+        n += 1
+    return out[:n]
