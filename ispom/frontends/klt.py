@@ -19,6 +19,7 @@ class Klt:
     """Pyramid levels above the image itself."""
     iterations: int = 20
     max_forward_backward_px: float = 0.7
+    """inf leaves the way back out, where something else checks the place found."""
     border_px: int = 4
 
     def track(
@@ -31,10 +32,12 @@ class Klt:
         if not len(uv):
             return np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
         forward, found = self._flow(start, end, uv, predicted)
-        back, found_back = self._flow(end, start, forward, uv)
         status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
-        status[np.linalg.norm(back - uv, axis=1) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
-        status[~(found & found_back)] = TrackStatus.LOST
+        if np.isfinite(self.max_forward_backward_px):
+            back, found_back = self._flow(end, start, forward, uv)
+            status[np.linalg.norm(back - uv, axis=1) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
+            found &= found_back
+        status[~found] = TrackStatus.LOST
         height, width = end.shape
         inside = (forward >= self.border_px) & (forward <= (width - 1 - self.border_px, height - 1 - self.border_px))
         status[~inside.all(1)] = TrackStatus.OUT_OF_IMAGE

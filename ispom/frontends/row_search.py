@@ -29,7 +29,9 @@ class PointSearch:
     max_ratio: float = 0.85
     """Best cost against the best cost elsewhere on the row."""
     refine: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=0.5))
-    """The sub-pixel search."""
+    """The sub-pixel place of what was searched for."""
+    guided: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=np.inf))
+    """The place near a guess; rows, and whoever knows the point in space, check it."""
 
     def search(self, left: Image, right: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
         """Disparities (N,) [px] of left points (N, 2), NaN where none is clear."""
@@ -42,7 +44,7 @@ class PointSearch:
         coarse = _search_rows(a, b, place, int(self.max_disparity_share * a.shape[1]), self.max_ratio)
         found = coarse >= 0
         out = np.full(len(uv), np.nan, np.float32)
-        out[found] = self.follow(left, right, uv[found], factor * coarse[found])
+        out[found] = self._sub_pixel(self.refine, left, right, uv[found], factor * coarse[found])
         far = np.abs(out - factor * coarse) > 2.5 * factor
         out[far] = np.nan
         return out
@@ -51,9 +53,14 @@ class PointSearch:
         self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Disparities (N,) [px] of left points (N, 2) near guesses (N,); NaN where lost or off the row."""
+        return self._sub_pixel(self.guided, left, right, uv, guess_px)
+
+    def _sub_pixel(
+        self, klt: Klt, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
         start = uv.copy()
         start[:, 0] -= guess_px
-        found, status = self.refine.track(left, right, uv, start)
+        found, status = klt.track(left, right, uv, start)
         disparity = uv[:, 0] - found[:, 0]
         good = (status == TrackStatus.ALIVE) & (np.abs(uv[:, 1] - found[:, 1]) <= self.max_row_error_px)
         return np.where(good, disparity, np.nan).astype(np.float32)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
 
-ITERATIONS, WIDE = 12, 6
+ITERATIONS, WIDE = 10, 4
 """At most this many; the first ones with a loss this much wider, and then narrower from one to the next."""
 
 
@@ -58,7 +58,7 @@ def locate(
             return None
         turn = so3_exp(step[3:])
         pose, since = Pose(turn @ pose.rotation, turn @ pose.translation + step[:3]), since + step
-        if i >= WIDE and np.abs(step).max() < 1e-7:
+        if i >= WIDE and np.abs(step).max() < 1e-6:
             break
     inliers = distances <= threshold
     return Located(pose, distances, inliers, information + held) if inliers.sum() >= 6 else None

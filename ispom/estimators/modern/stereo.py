@@ -56,8 +56,8 @@ class ModernStereoConfig:
     """How far off the disparities may be, before any data."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """How late the right shutter may be, before any data."""
-    loss_px: Annotated[float, Range(0.1, 5)] = 0.5
-    """Scale of the Cauchy loss: about the error of a good track."""
+    loss_px: Annotated[float, Range(0.1, 5)] = 0.4
+    """Scale of the Cauchy loss, and the error that covariances take a track to have: errors along it are alike."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Larger reprojection errors end a track."""
     min_parallax_px: Annotated[float, Range(0.5, 100)] = 20.0
@@ -109,6 +109,8 @@ class ModernStereoState:
     motion_s: float = 0.0
     """Time between them; 0 before there are two."""
     lost_pairs: int = 0
+    described: sift.Features | None = None
+    """Of the left image, where descriptors were needed to locate it."""
     poses: Chain[tuple[int, int, Pose]] | None = None
     """Time, the key frame's time, left_from_key of every located pair."""
     settled: Chain[tuple[int, Pose]] | None = None
@@ -129,6 +131,8 @@ class Sighting:
     located: Located | None
     took_part: NDArray[np.int64]
     """Which of the points `located` is about."""
+    features: sift.Features | None = None
+    """Of the left image, where they were needed."""
 
     @property
     def inliers(self) -> int:
@@ -147,7 +151,7 @@ class ModernStereo:
         return isinstance(exposure, StereoPair)
 
     def start(self) -> ModernStereoState:
-        return ModernStereoState()
+        return ModernStereoState(left_from_world=self._left_from_rig)
 
     def finish(self, state: ModernStereoState) -> Trajectory:
         keys = dict(in_order(state.settled)) | {k.time_ns: k.left_from_world for k in state.map.keys}
@@ -197,6 +201,7 @@ class ModernStereo:
             pose,
             moved if state.left is not None else Pose(),
             (time_ns - state.time_ns) * 1e-9 if state.left is not None else 0.0,
+            described=sighting.features,
             poses=Chain((time_ns, newest.time_ns, pose @ newest.left_from_world.inverse()), state.poses),
             settled=settled,
         )
@@ -254,10 +259,11 @@ class ModernStereo:
         around = Decision("points found around their last places", sighting.inliers, wanted, sighting.inliers >= wanted)
         if around.passed:
             return sighting, (guided, around)
-        described = self._relocated(state, left)
+        features = sift.detect_and_describe(left, 2000)
+        described = self._relocated(state, features)
         if described is not None:
             again = self._follow(state, left, right, described, described, time_ns)
-            sighting = max(sighting, again, key=lambda s: s.inliers)
+            sighting = max(sighting, replace(again, features=features), key=lambda s: s.inliers)
         least = self.config.min_inliers
         last = Decision("points found by descriptors", sighting.inliers, least, sighting.inliers >= least)
         return sighting, (guided, around, last)
@@ -329,10 +335,10 @@ class ModernStereo:
                     found = again
         return found
 
-    def _relocated(self, state: ModernStereoState, left: Image) -> Pose | None:
+    def _relocated(self, state: ModernStereoState, now: sift.Features) -> Pose | None:
         """left_from_world by descriptors shared with the last located pair."""
         assert state.left is not None and state.right is not None
-        before, now = (sift.detect_and_describe(i, 2000) for i in (state.left, left))
+        before = state.described or sift.detect_and_describe(state.left, 2000)
         pairs = sift.match(before, now)
         uv = before.uv[pairs[:, 0]]
         disparity = PointSearch().search(state.left, state.right, uv)
