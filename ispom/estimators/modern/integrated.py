@@ -1,0 +1,340 @@
+"""Integrated, modern: one windowed problem over the raw observations of both cameras, each at its own time.
+
+A cumulative cubic B-spline through the last few stereo pairs is adjusted to all that the video and the stereo camera
+saw in that time. They need not see the same points: pairs make the spline metric, the video shapes it between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.chain import Chain, in_order
+from ispom.estimator import Estimator
+from ispom.estimators.modern.joint_window import JointWindow, Noise, View
+from ispom.geometry import Array, Pose
+from ispom.settings import Range
+from ispom.solvers.anchoring import anchored
+from ispom.solvers.continuous import RigModel, Solution
+from ispom.solvers.resection import Resection, refine_pose, resect
+from ispom.stopwatch import Stopwatch
+from ispom.types import (
+    Decision,
+    Exposure,
+    Landmarks,
+    Rig,
+    Status,
+    Step,
+    StereoPair,
+    Tracks,
+    TrackStatus,
+    Trajectory,
+    VideoFrame,
+    colours_at,
+)
+
+MIN_POINTS = 8
+"""Fewer known points than this, and an exposure is placed by the motion before it."""
+
+MAX_VIEWS = 240
+"""More exposures than this are never adjusted together, however rare the pairs are."""
+
+
+@dataclass(frozen=True)
+class ModernIntegratedConfig:
+    """Settings of the modern integration."""
+
+    window_pairs: Annotated[int, Range(2, 12)] = 5
+    """Stereo pairs adjusted together, with all video frames between them."""
+    max_points: Annotated[int, Range(50, 5000)] = 400
+    """Points of the video, and as many of the pairs, in one adjustment: those seen most often."""
+    knot_frames: Annotated[float, Range(0.5, 10)] = 2.0
+    """Video frames from one knot of the spline to the next."""
+    estimate_rig: bool = False
+    """Refine where the video camera sits on the rig."""
+    estimate_clock: bool = False
+    """Estimate how late the video camera's time stamps are."""
+    rig_sigma_deg: Annotated[float, Range(0.001, 30)] = 2.0
+    """How far the video camera may be turned from what the calibration says, before any data."""
+    clock_sigma_s: Annotated[float, Range(1e-5, 1)] = 0.03
+    """How far off the video's clock may be, before any data."""
+    video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.25
+    """Error of a point tracked in the video."""
+    stereo_sigma_px: Annotated[float, Range(0.02, 5)] = 0.5
+    """Error of a point matched in the stereo images."""
+    loss: Annotated[float, Range(0.5, 20)] = 2.0
+    """Scale of the Cauchy loss, in these errors."""
+    iterations: Annotated[int, Range(1, 30)] = 6
+    """Of each adjustment, at most."""
+    follow_stereo: bool = True
+    """Meet the stereo estimator's pose at every pair, so that both share one drift; else the drift is its own."""
+
+    def build(self, rig: Rig, monocular: Any, stereo: Any) -> ModernIntegrated:
+        """With the settings of any monocular and stereo estimator whose Steps have their tracks."""
+        return ModernIntegrated(rig, self, monocular.build(rig), stereo.build(rig))
+
+
+@dataclass(frozen=True, eq=False)
+class ModernIntegratedState:
+    monocular: Any
+    stereo: Any
+    window: JointWindow
+    frame_s: float | None = None
+    """Between two video frames."""
+    last_ns: int | None = None
+    """The last video frame."""
+    metric: tuple[tuple[int, Pose], ...] = ()
+    """The stereo estimator's poses in the window."""
+    settled: Chain[tuple[int, Pose, bool]] | None = None
+    """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModernIntegrated:
+    """Metric at video rate. World: the rig at the first stereo pair."""
+
+    rig: Rig
+    config: ModernIntegratedConfig
+    monocular: Estimator
+    stereo: Estimator
+    method: str = "integrated"
+
+    def uses(self, exposure: Exposure) -> bool:
+        return isinstance(exposure, StereoPair | VideoFrame)
+
+    def start(self) -> ModernIntegratedState:
+        return ModernIntegratedState(self.monocular.start(), self.stereo.start(), JointWindow(self._rig_model()))
+
+    def finish(self, state: ModernIntegratedState) -> Trajectory:
+        """Poses of the video exposures from the first stereo pair to the last."""
+        views = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in state.window.views]
+        return self._video_poses([*in_order(state.settled), *views], self.stereo.finish(state.stereo))
+
+    def finish_parts(self, state: ModernIntegratedState) -> dict[str, Trajectory]:
+        """The trajectories of the two estimators inside."""
+        return {
+            "monocular": self.monocular.finish(state.monocular),
+            "stereo": self.stereo.finish(state.stereo),
+        }
+
+    def step(self, state: ModernIntegratedState, exposure: Exposure) -> tuple[ModernIntegratedState, Step]:
+        """One exposure: see, place, and after a pair adjust the window."""
+        if isinstance(exposure, StereoPair):
+            stereo, part = self.stereo.step(state.stereo, exposure)
+            state = self._with_metric(replace(state, stereo=stereo), part)
+        else:
+            monocular, part = self.monocular.step(state.monocular, exposure)
+            state = self._timed(replace(state, monocular=monocular), exposure)
+        watch = Stopwatch()
+        state, located, status = self._place(state, self._view(part))
+        watch.lap("place")
+        state, decisions, revised = self._adjust(state) if isinstance(exposure, StereoPair) else (state, (), ())
+        watch.lap("adjust")
+        newest = state.window.views[-1] if status == Status.TRACKING else None
+        onto = self._onto_stereo(state)
+        return state, Step(
+            self.method,
+            exposure.time_ns,
+            status,
+            "rig",
+            None if newest is None else onto @ newest.world_from_rig,
+            None if newest is None else newest.covariance,
+            key_frame=bool(revised),
+            landmarks=Landmarks.empty() if newest is None else self._landmarks(state.window, onto, exposure, part),
+            residuals_px=np.zeros(0)
+            if located is None
+            else self._residuals_px(located, isinstance(exposure, VideoFrame)),
+            revised=self._video_poses(revised, Trajectory.of(list(state.metric))),
+            seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
+            decisions=decisions,
+            parts=(part,),
+        )
+
+    def _place(
+        self, state: ModernIntegratedState, view: View
+    ) -> tuple[ModernIntegratedState, Resection | None, Status]:
+        """The window with one more view, whose pose is that of the points known by now, or that of the view before."""
+        window = state.window
+        if not window.views:
+            if view.video or len(view.ids) < MIN_POINTS:
+                return state, None, Status.INITIALISING
+            return replace(state, window=window.with_view(view, self.rig.baseline_m)), None, Status.TRACKING
+        located = self._locate(window, view)
+        if located is None:
+            guess, covariance = window.views[-1].world_from_rig, None
+        else:
+            rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
+            guess = located.camera_from_world.inverse() @ rig_from_camera.inverse()
+            covariance = self._covariance(window, view, guess, located)
+        view = replace(view, world_from_rig=guess, covariance=covariance)
+        window, left = window.with_view(view, self.rig.baseline_m).limited(MAX_VIEWS)
+        state = replace(state, window=window, settled=_longer(state.settled, left))
+        # The first frames have no points of known depth yet: the pair just before them says where they are.
+        near = located is None and not any(v.covariance is not None for v in window.views)
+        return state, located, Status.TRACKING if located is not None or near else Status.LOST
+
+    def _rig_model(self) -> RigModel:
+        c, r = self.config, self.rig
+        sigma = np.array([np.radians(c.rig_sigma_deg)] * 3 + [0.1 * r.baseline_m] * 3 + [c.clock_sigma_s])
+        free = np.array([c.estimate_rig] * 3 + [False] * 3 + [c.estimate_clock])
+        return RigModel(r.rig_from_video, r.rig_from_left, r.rig_from_right, 0.0, np.diag(1 / sigma**2), free)
+
+    def _timed(self, state: ModernIntegratedState, exposure: VideoFrame) -> ModernIntegratedState:
+        """Keeps the shortest time between two frames: some may be missing."""
+        frame_s = state.frame_s
+        if state.last_ns is not None and exposure.time_ns > state.last_ns:
+            passed_s = (exposure.time_ns - state.last_ns) * 1e-9
+            frame_s = passed_s if frame_s is None else min(frame_s, passed_s)
+        return replace(state, frame_s=frame_s, last_ns=exposure.time_ns)
+
+    def _view(self, part: Step) -> View:
+        """The raw observations of one exposure."""
+        video = part.method == "monocular"
+        name = "video" if video else "left"
+        camera, tracks = self.rig.camera(name), part.tracks.get(name, Tracks.of(np.zeros(0), np.zeros((0, 2))))
+        alive = tracks.status < TrackStatus.LOST
+        if not video:
+            alive &= tracks.disparity_px > 0
+        order = np.flatnonzero(alive)[np.argsort(tracks.ids[alive], kind="stable")]
+        uv = tracks.uv[order].astype(float)
+        seen, right = camera.normalise(uv), np.full((len(order), 2), np.nan)
+        if not video:
+            right[:, 0] = seen[:, 0] - tracks.disparity_px[order] / camera.fx
+            right[:, 1] = seen[:, 1]
+        return View(part.time_ns, video, 2 * tracks.ids[order] + (0 if video else 1), seen, right)
+
+    def _locate(self, window: JointWindow, view: View) -> Resection | None:
+        """camera_from_world by resection from the points known by now."""
+        place = window.table.places(view.ids)
+        known = place >= 0
+        if known.sum() < MIN_POINTS:
+            return None
+        xyz = window.table.select(place[known]).points.xyz_in_world
+        threshold = 4 * (self._sigma(view.video))
+        guess = replace(view, world_from_rig=window.predicted(view.time_ns))
+        found = refine_pose(xyz, view.seen[known], window.camera_pose(guess).inverse(), threshold)
+        if found is None or found.inliers.mean() < 0.5:
+            again = resect(xyz, view.seen[known], threshold)
+            if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
+                found = again
+        return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
+
+    def _sigma(self, video: bool) -> float:
+        """Error of an observation in normalised units."""
+        if video:
+            return self.config.video_sigma_px / self.rig.camera("video").fx
+        return self.config.stereo_sigma_px / self.rig.camera("left").fx
+
+    def _covariance(self, window: JointWindow, view: View, pose: Pose, located: Resection) -> Array | None:
+        """(6, 6) of a pose by resection: that of the last view that was adjusted, and the resection's own."""
+        last = next((v for v in reversed(window.views) if v.best is not None), None)
+        if last is None or last.covariance is None:
+            return None
+        place = window.table.places(view.ids)
+        xyz = window.table.select(place[place >= 0]).points.xyz_in_world[located.inliers]
+        rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
+        in_rig = pose.inverse().apply(xyz)
+        x = rig_from_camera.inverse().apply(in_rig)
+        rows = np.zeros((len(x), 2, 3))
+        rows[:, 0, 0] = rows[:, 1, 1] = 1 / x[:, 2]
+        rows[:, :, 2] = -x[:, :2] / x[:, 2:] ** 2
+        rows = rows @ rig_from_camera.rotation.T
+        jacobian = np.concatenate([-rows, np.cross(rows, in_rig[:, None])], axis=2).reshape(-1, 6) / self._sigma(
+            view.video
+        )
+        own = np.linalg.inv(jacobian.T @ jacobian + 1e-6 * np.eye(6))
+        carry = (pose.inverse() @ last.world_from_rig).adjoint
+        return carry @ last.covariance @ carry.T + own
+
+    def _adjust(
+        self, state: ModernIntegratedState
+    ) -> tuple[ModernIntegratedState, tuple[Decision, ...], Sequence[tuple[int, Pose, bool]]]:
+        """The window with its oldest pair gone, adjusted; why; and the poses in it."""
+        window, left = state.window.shortened(self.config.window_pairs)
+        since = window.views[0].time_ns if window.views else 0
+        metric = tuple(item for item in state.metric if item[0] >= since)
+        state = replace(state, window=window, settled=_longer(state.settled, left), metric=metric)
+        if len(window.pairs) < 2:
+            return state, (), ()
+        config, noise = self.config, Noise(self._sigma(True), self._sigma(False), self.config.loss)
+        spacing_s = config.knot_frames * (state.frame_s or 0.1)
+        found = window.adjusted(noise, spacing_s, config.max_points, config.iterations)
+        if found is None:
+            return state, (Decision("points for an adjustment", 0, 1, False),), ()
+        window, solution = found
+        poses = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in window.views]
+        return replace(state, window=window), _told(solution), poses
+
+    def _with_metric(self, state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
+        known = dict(state.metric)
+        known |= {t: pose for t, pose in part.revised.items() if t in known}
+        if part.world_from_frame is not None:
+            known[part.time_ns] = part.world_from_frame
+        return replace(state, metric=tuple(sorted(known.items(), key=lambda item: item[0])))
+
+    def _onto_stereo(self, state: ModernIntegratedState) -> Pose:
+        """What carries the window's world onto that of the stereo estimator, at the last pair of both."""
+        metric = dict(state.metric)
+        pairs = [v for v in state.window.views if v.time_ns in metric and not v.video]
+        if not self.config.follow_stereo or not pairs:
+            return Pose()
+        return metric[pairs[-1].time_ns] @ pairs[-1].world_from_rig.inverse()
+
+    def _video_poses(self, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory) -> Trajectory:
+        """Those of the video, up to the last pair, in the world of the stereo estimator's poses."""
+        last = max((t for t, _, video in poses if not video), default=0)
+        inside = [(t, pose) for t, pose, video in poses if not video or t <= last]
+        own = Trajectory.of(inside)
+        if self.config.follow_stereo:
+            own = anchored(own, metric)
+        return own.select(np.isin(own.times_ns, [t for t, _, video in poses if video]))
+
+    def _residuals_px(self, located: Resection, video: bool) -> Array:
+        return located.residuals[located.inliers] * self.rig.camera("video" if video else "left").fx
+
+    def _landmarks(self, window: JointWindow, onto: Pose, exposure: Exposure, part: Step) -> Landmarks:
+        """The points seen in this exposure, with their names of the estimator inside."""
+        view = window.views[-1]
+        place = window.table.places(view.ids)
+        known = place >= 0
+        image = exposure.image if isinstance(exposure, VideoFrame) else exposure.left
+        tracks = part.tracks["video" if view.video else "left"]
+        uv = tracks.uv[_places(tracks.ids, view.ids[known] // 2)]
+        points = window.table.select(place[known]).points
+        return Landmarks(view.ids[known], onto.apply(points.xyz_in_world), colours_at(image, uv))
+
+
+def _places(ids: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
+    order = np.argsort(ids, kind="stable")
+    return order[np.searchsorted(ids[order], wanted)]
+
+
+def _longer(
+    chain: Chain[tuple[int, Pose, bool]] | None, views: tuple[View, ...]
+) -> Chain[tuple[int, Pose, bool]] | None:
+    for view in views:
+        chain = Chain((view.time_ns, view.best or view.world_from_rig, view.video), chain)
+    return chain
+
+
+def _told(solution: Solution) -> tuple[Decision, ...]:
+    problem = solution.problem
+    ratio = solution.cost_after / max(solution.cost_before, 1e-12)
+    size = f"{len(problem.times_s)} exposures, {len(problem.points)} points, {len(solution.errors)} observations"
+    cost = Decision(
+        "joint cost after / before",
+        ratio,
+        1.0,
+        ratio <= 1,
+        relation="<=",
+        because=f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations",
+    )
+    found = [cost]
+    if problem.rig.free[6]:
+        offset = 1e3 * problem.rig.clock_offset_s
+        found.append(Decision("clock offset of the video", offset, 1e3, True, "ms", "<="))
+    return tuple(found)

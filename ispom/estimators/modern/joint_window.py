@@ -1,0 +1,258 @@
+"""The last stereo pairs and all video frames between them, as one problem over what the cameras saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation, Slerp
+
+from ispom.geometry import Array, Pose, so3_exp
+from ispom.solvers.continuous import (
+    LEFT,
+    RIGHT,
+    VIDEO,
+    Observations,
+    Points,
+    PosePrior,
+    Problem,
+    RigModel,
+    Solution,
+    solve,
+)
+from ispom.solvers.spline import Spline
+
+MIN_VIEWS = {True: 3, False: 2}
+"""Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
+NEIGHBOURS = 5
+"""Points whose median depth a new point of the video is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What was seen at one exposure."""
+
+    time_ns: int
+    video: bool
+    ids: NDArray[np.int64]
+    """(N,) ascending; even in the video, odd in stereo pairs."""
+    seen: Array
+    """(N, 2) normalised coordinates in the video or the left camera."""
+    right: Array
+    """(N, 2) in the right camera; NaN where unknown, and for the video."""
+    world_from_rig: Pose = field(default_factory=Pose)
+    covariance: Array | None = None
+    """(6, 6) of the twist (rho, phi) on the pose's right; None before the first adjustment."""
+    best: Pose | None = None
+    """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The points known by now."""
+
+    ids: NDArray[np.int64]
+    """(M,) ascending."""
+    points: Points
+
+    @staticmethod
+    def empty() -> Table:
+        return Table(np.zeros(0, np.int64), Points(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))))
+
+    def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N,) index of each id, -1 where unknown."""
+        if not len(self.ids):
+            return np.full(len(ids), -1)
+        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
+        return np.where(self.ids[at] == ids, at, -1)
+
+    def select(self, index: NDArray) -> Table:
+        p = self.points
+        return Table(self.ids[index], Points(p.anchors_r[index], p.anchors_t[index], p.values[index]))
+
+    def with_new(self, ids: NDArray[np.int64], anchor: Pose, values: Array) -> Table:
+        """With points that are anchored in a camera's pose."""
+        n, p = len(ids), self.points
+        all_ids = np.concatenate([self.ids, ids])
+        rotations = np.concatenate([p.anchors_r, np.repeat(anchor.rotation[None], n, 0)])
+        positions = np.concatenate([p.anchors_t, np.repeat(anchor.translation[None], n, 0)])
+        found = Table(all_ids, Points(rotations, positions, np.concatenate([p.values, values])))
+        return found.select(np.argsort(all_ids, kind="stable"))
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviations of what is seen, in normalised units, and the loss beyond them."""
+
+    video: float
+    stereo: float
+    loss: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointWindow:
+    rig: RigModel
+    views: tuple[View, ...] = ()
+    """Oldest first; the first is a stereo pair."""
+    table: Table = field(default_factory=Table.empty)
+    slid: bool = False
+    """Whether views have left it."""
+
+    @property
+    def pairs(self) -> list[int]:
+        """Places of the stereo pairs among the views."""
+        return [i for i, v in enumerate(self.views) if not v.video]
+
+    def camera_pose(self, view: View) -> Pose:
+        """world_from_camera of the video or the left camera."""
+        return view.world_from_rig @ (self.rig.rig_from_video if view.video else self.rig.rig_from_left)
+
+    def predicted(self, time_ns: int) -> Pose:
+        """world_from_rig if the motion of the last two views goes on; identity before any view."""
+        if not self.views:
+            return Pose()
+        last = self.views[-1]
+        before = [v for v in self.views[:-1] if v.video == last.video]
+        if not before or last.time_ns <= before[-1].time_ns:
+            return last.world_from_rig
+        share = (time_ns - last.time_ns) / (last.time_ns - before[-1].time_ns)
+        if share > 3:
+            return last.world_from_rig
+        return last.world_from_rig @ Pose.exp(share * (before[-1].world_from_rig.inverse() @ last.world_from_rig).log())
+
+    def with_view(self, view: View, baseline_m: float) -> JointWindow:
+        """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""
+        new = self.table.places(view.ids) < 0
+        anchor = self.camera_pose(view)
+        depth = (view.seen[new, 0] - view.right[new, 0]) / baseline_m
+        unknown = ~(depth > 1e-4)
+        if unknown.any():
+            depth[unknown] = self._neighbours(anchor, view.seen[new][unknown])
+        values = np.column_stack([view.seen[new], depth])
+        return replace(self, views=(*self.views, view), table=self.table.with_new(view.ids[new], anchor, values))
+
+    def _neighbours(self, anchor: Pose, seen: Array) -> Array:
+        """Inverse depths (N,) of the known points that appear nearest to (N, 2)."""
+        xyz = anchor.inverse().apply(self.table.points.xyz_in_world)
+        xyz = xyz[xyz[:, 2] > 0.1]
+        if not len(xyz):
+            return np.full(len(seen), 0.1)
+        k = min(NEIGHBOURS, len(xyz))
+        _, near = KDTree(xyz[:, :2] / xyz[:, 2:]).query(seen, k=k)
+        return np.median(1 / xyz[np.reshape(near, (len(seen), k)), 2], axis=1)
+
+    def adjusted(
+        self, noise: Noise, spacing_s: float, most: int, iterations: int
+    ) -> tuple[JointWindow, Solution] | None:
+        """All poses, points and what is free of the rig, made better; None where too little was seen."""
+        problem, used = self._problem(noise, spacing_s, most)
+        if problem is None:
+            return None
+        solution = solve(problem, iterations)
+        covariances, _ = solution.covariances()
+        s = solution.sampled
+        poses = [Pose(r, p) for r, p in zip(s.rotations, s.positions, strict=True)]
+        edge = self.pairs[1]
+        views = tuple(
+            replace(
+                v,
+                world_from_rig=poses[i],
+                covariance=v.covariance if v.best is not None and i < edge and self.slid else covariances[i],
+                best=v.best if v.best is not None and i < edge and self.slid else poses[i],
+            )
+            for i, v in enumerate(self.views)
+        )
+        values = self.table.points.values.copy()
+        values[used] = solution.problem.points.values
+        table = replace(self.table, points=replace(self.table.points, values=values))
+        return replace(self, rig=solution.problem.rig, views=views, table=table), solution
+
+    def shortened(self, pairs: int) -> tuple[JointWindow, tuple[View, ...]]:
+        """With this many stereo pairs, and the views that left."""
+        places = self.pairs
+        if len(places) <= pairs:
+            return self, ()
+        cut = places[-pairs]
+        views = self.views[cut:]
+        seen = np.unique(np.concatenate([v.ids for v in views]))
+        table = self.table.select(np.isin(self.table.ids, seen))
+        return replace(self, views=views, table=table, slid=True), self.views[:cut]
+
+    def limited(self, most: int) -> tuple[JointWindow, tuple[View, ...]]:
+        """With at most so many views, and those that left."""
+        if len(self.views) <= most:
+            return self, ()
+        return replace(self, views=self.views[-most:], slid=True), self.views[:-most]
+
+    def _problem(self, noise: Noise, spacing_s: float, most: int) -> tuple[Problem | None, NDArray[np.int64]]:
+        """The problem, and which points of the table take part."""
+        views = self.views
+        place = np.concatenate([self.table.places(v.ids) for v in views])
+        exposure = np.repeat(np.arange(len(views)), [len(v.ids) for v in views])
+        video = np.array([v.video for v in views])
+        count = np.bincount(place, minlength=len(self.table.ids))
+        least = np.where(self.table.ids % 2 == 0, MIN_VIEWS[True], MIN_VIEWS[False])
+        used = _longest(count, least, self.table.ids % 2 == 0, most)
+        if len(used) < 12:
+            return None, used
+        number = np.full(len(self.table.ids), -1)
+        number[used] = np.arange(len(used))
+        owner = number[place]
+        seen, right = (np.concatenate([getattr(v, n) for v in views]) for n in ("seen", "right"))
+        first = np.flatnonzero(owner >= 0)
+        second = np.flatnonzero((owner >= 0) & ~np.isnan(right[:, 0]))
+        index = np.concatenate([first, second])
+        camera = np.concatenate([np.where(video[exposure[first]], VIDEO, LEFT), np.full(len(second), RIGHT)])
+        places = np.concatenate([seen[first], right[second]])
+        sigma = np.where(camera == VIDEO, noise.video, noise.stereo)
+        inverse = np.repeat(1 / sigma[:, None], 2, 1)
+        order = np.lexsort((camera, exposure[index], owner[index]))
+        observations = Observations(
+            exposure[index][order], camera[order], owner[index][order], places[order], inverse[order]
+        )
+        points = self.table.select(used).points
+        times_s = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
+        first_pose = views[0].world_from_rig
+        prior = PosePrior(0, first_pose, _information(views[0].covariance, first_pose))
+        depth_prior = np.column_stack([points.values[:, 2], np.full(len(points), 1.0)])
+        spline = _spline(views, times_s + np.where(video, self.rig.clock_offset_s, 0.0), spacing_s)
+        return Problem(
+            spline, times_s, video, points, observations, self.rig, prior, depth_prior, loss=noise.loss
+        ), used
+
+
+def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArray[np.int64]:
+    """Of the points seen often enough, those seen most often: up to `most` of the video and as many of the pairs."""
+    enough = np.flatnonzero(count >= least)
+    order = enough[np.argsort(-count[enough], kind="stable")]
+    return np.sort(np.concatenate([order[video[order]][:most], order[~video[order]][:most]]))
+
+
+def _information(covariance: Array | None, pose: Pose) -> Array:
+    """(6, 6) of the rotation in the rig and the position in the world, of that of a twist (rho, phi)."""
+    if covariance is None:
+        return np.eye(6) * 1e8
+    turn = np.zeros((6, 6))
+    turn[:3, 3:], turn[3:, :3] = np.eye(3), pose.rotation
+    return np.linalg.inv(turn @ covariance @ turn.T + 1e-12 * np.eye(6))
+
+
+def _spline(views: tuple[View, ...], times_s: Array, spacing_s: float) -> Spline:
+    """Knots on the way through the poses of the views."""
+    order = np.argsort(times_s, kind="stable")
+    order = order[np.concatenate([[True], np.diff(times_s[order]) > 1e-6])]
+    times = times_s[order]
+    start = times[0] - 0.25 * spacing_s
+    count = int(np.floor((times[-1] - start) / spacing_s)) + 4
+    at = np.clip(start + spacing_s * (np.arange(count) - 1), times[0], times[-1])
+    rotations = np.stack([views[i].world_from_rig.rotation for i in order])
+    positions = np.stack([views[i].world_from_rig.translation for i in order])
+    turned = Slerp(times, Rotation.from_matrix(rotations))(at).as_matrix()
+    moved = np.column_stack([np.interp(at, times, positions[:, k]) for k in range(3)])
+    # A knot's spline passes beside it by a sixth of the bend there.
+    steps = Rotation.from_matrix(np.swapaxes(turned[:-1], 1, 2) @ turned[1:]).as_rotvec()
+    turned[1:-1] = turned[1:-1] @ so3_exp(-np.diff(steps, axis=0) / 6)
+    moved[1:-1] -= np.diff(moved, 2, axis=0) / 6
+    return Spline(float(start), spacing_s, np.ascontiguousarray(turned), moved)

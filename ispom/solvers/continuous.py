@@ -1,0 +1,263 @@
+"""One trajectory as a spline through the raw observations of all cameras of a rig, each at its own time.
+
+Bundle adjustment in continuous time (Furgale et al. 2012): a metric stereo pair and a video camera whose exposures need
+not coincide share one spline. Points are inverse depths (Civera et al. 2008) in a frame that stays where it was put, so
+that far points, and those whose depth is not known yet, are as well-behaved as near ones. The pose of the video camera
+in the rig and the offset of its clock can be unknowns too. Levenberg-Marquardt, Cauchy loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose, so3_exp, so3_log
+from ispom.solvers.normal_equations import RIG, point_steps, reduce, squared_errors
+from ispom.solvers.spline import Sampled, Spline, add_smoothness
+
+VIDEO, LEFT, RIGHT = 0, 1, 2
+"""Camera numbers of the observations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of the scene, each in its anchor: a frame at rest in the world."""
+
+    anchors_r: Array
+    """(M, 3, 3) world_from_anchor."""
+    anchors_t: Array
+    """(M, 3) [m]."""
+    values: Array
+    """(M, 3): x / z, y / z and 1 / z in the anchor; 1 / z in 1/m."""
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def xyz_in_world(self) -> Array:
+        """(M, 3) [m]; a point at or beyond infinity is put 1 km away."""
+        ray = np.column_stack([self.values[:, :2], np.ones(len(self))])
+        depth = 1 / np.maximum(self.values[:, 2], 1e-3)
+        return np.einsum("mij,mj->mi", self.anchors_r, depth[:, None] * ray) + self.anchors_t
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Where the cameras saw the points; sorted by point."""
+
+    exposure: NDArray[np.int64]
+    """(O,) index of the time."""
+    camera: NDArray[np.int64]
+    """(O,) VIDEO, LEFT or RIGHT."""
+    owner: NDArray[np.int64]
+    """(O,) index of the point."""
+    seen: Array
+    """(O, 2) normalised, undistorted coordinates."""
+    inverse_sigma: Array
+    """(O, 2) one over the standard deviation of each coordinate; 0 where it is unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigModel:
+    """What is believed about the rig: the pose of the video camera in it, and its clock."""
+
+    rig_from_video: Pose
+    rig_from_left: Pose
+    rig_from_right: Pose
+    clock_offset_s: float
+    """Video exposes this much later than its time stamps say, on the stereo clock."""
+    information: Array
+    """(7, 7) of rotation [rad], position [m] and offset [s], about the values here."""
+    free: NDArray[np.bool_]
+    """(7,) which of them are unknowns."""
+
+    def moved(self, step: Array) -> RigModel:
+        """With the video camera turned by step[:3], moved by step[3:6], and the offset changed by step[6]."""
+        video = self.rig_from_video
+        video = Pose(video.rotation @ so3_exp(step[:3]), video.translation + step[3:6])
+        return replace(self, rig_from_video=video, clock_offset_s=self.clock_offset_s + float(step[6]))
+
+    def minus(self, other: RigModel) -> Array:
+        """(7,) the step that leads from the other to this one."""
+        a, b = self.rig_from_video, other.rig_from_video
+        turn, shift = so3_log(b.rotation.T @ a.rotation), a.translation - b.translation
+        return np.concatenate([turn, shift, [self.clock_offset_s - other.clock_offset_s]])
+
+    def arrays(self) -> tuple[Array, Array]:
+        """Rotations (3, 3, 3) and positions (3, 3) of video, left and right camera in the rig."""
+        poses = (self.rig_from_video, self.rig_from_left, self.rig_from_right)
+        return np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
+
+
+@dataclass(frozen=True, eq=False)
+class PosePrior:
+    """What is believed about the pose at one exposure: it holds the world in place."""
+
+    exposure: int
+    world_from_rig: Pose
+    information: Array
+    """(6, 6) of the rotation in the rig [rad] and the position in the world [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All that is known; `solve` gives the same with better values."""
+
+    spline: Spline
+    times_s: Array
+    """(E,) of the exposures, as stamped."""
+    video: NDArray[np.bool_]
+    """(E,) which of them are the video camera's."""
+    points: Points
+    observations: Observations
+    rig: RigModel
+    prior: PosePrior
+    depth_prior: Array
+    """(M, 2) expected inverse depth [1/m] and its inverse variance."""
+    smoothness: tuple[float, float] = (100.0, 50.0)
+    """Standard deviations of angular [rad/s^2] and linear [m/s^2] acceleration."""
+    loss: float = 2.0
+    """Scale of the Cauchy loss, in standard deviations of an observation."""
+
+    def sampled(self) -> Sampled:
+        """The poses at the exposures, by the clock of the stereo pair."""
+        return self.spline.at(self.times_s + np.where(self.video, self.rig.clock_offset_s, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    problem: Problem
+    sampled: Sampled
+    hessian: Array
+    """(n, n) of knots and rig at the end, points and undamped."""
+    errors: Array
+    """(O,) reprojection errors [standard deviations]."""
+    cost_before: float
+    cost_after: float
+    iterations: int
+
+    def covariances(self) -> tuple[Array, Array]:
+        """(E, 6, 6) of the poses as twists (rho, phi) on their right, and (7, 7) of the rig."""
+        n = len(self.hessian)
+        free = _free(self.problem)
+        full = np.zeros((n, n))
+        full[np.ix_(free, free)] = np.linalg.inv(self.hessian[np.ix_(free, free)])
+        s, knots = self.sampled, len(self.problem.spline)
+        out = np.empty((len(s.first), 6, 6))
+        for e in range(len(out)):
+            k = 6 * int(s.first[e])
+            j = s.jacobian(e, knots)[:, k : k + 24]
+            turn = np.zeros((6, 24))
+            turn[:3], turn[3:] = s.rotations[e].T @ j[3:], j[:3]
+            out[e] = turn @ full[k : k + 24, k : k + 24] @ turn.T
+        return out, full[-RIG:, -RIG:]
+
+
+def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
+    """Minimises the robust reprojection errors.
+
+    Ends early when a step lowers the cost by less than the share `tolerance`.
+    """
+    damping, reference = 1e-4, problem.rig
+    sampled = problem.sampled()
+    cost = before = _cost(problem, sampled, reference)
+    done = 0
+    for done in range(1, iterations + 1):  # noqa: B007
+        step, point_step = _step(problem, sampled, reference, damping)
+        trial = replace(
+            problem,
+            spline=problem.spline.moved(step[:-RIG]),
+            rig=problem.rig.moved(step[-RIG:]),
+            points=replace(problem.points, values=problem.points.values + point_step),
+        )
+        trial_sampled = trial.sampled()
+        trial_cost = _cost(trial, trial_sampled, reference)
+        if trial_cost < cost:
+            gain = (cost - trial_cost) / cost
+            problem, sampled, cost, damping = trial, trial_sampled, trial_cost, max(damping / 10, 1e-9)
+            if gain < tolerance:
+                break
+        else:
+            damping *= 30
+            if damping > 1e4:
+                break
+    hessian, _, _ = _normal_equations(problem, sampled, reference, 0.0)
+    return Solution(problem, sampled, hessian, np.sqrt(_squares(problem, sampled)), before, cost, done)
+
+
+def _free(problem: Problem) -> NDArray[np.int64]:
+    """Unknowns that may change."""
+    return np.flatnonzero(np.concatenate([np.ones(6 * len(problem.spline), bool), problem.rig.free]))
+
+
+def _observed(problem: Problem) -> tuple:
+    o, p = problem.observations, problem.points
+    return o.exposure, o.camera, o.owner, o.seen, o.inverse_sigma, p.anchors_r, p.anchors_t, p.values
+
+
+def _squares(problem: Problem, sampled: Sampled) -> Array:
+    return squared_errors(sampled.rotations, sampled.positions, *problem.rig.arrays(), *_observed(problem))
+
+
+def _prior_residual(problem: Problem, sampled: Sampled) -> Array:
+    """(6,) of the pose that holds the world: rotation in the rig, position."""
+    e, pose = problem.prior.exposure, problem.prior.world_from_rig
+    turn = so3_log(pose.rotation.T @ sampled.rotations[e])
+    return np.concatenate([turn, sampled.positions[e] - pose.translation])
+
+
+def _cost(problem: Problem, sampled: Sampled, reference: RigModel) -> float:
+    squares, c2 = _squares(problem, sampled), problem.loss**2
+    cost = 0.5 * c2 * float(np.log1p(squares / c2).sum())
+    depth = problem.points.values[:, 2] - problem.depth_prior[:, 0]
+    cost += 0.5 * float((problem.depth_prior[:, 1] * depth**2).sum())
+    n = 6 * len(problem.spline) + RIG
+    spline = problem.spline
+    cost += add_smoothness(
+        spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, np.zeros((n, n)), np.zeros(n)
+    )
+    r, g = _prior_residual(problem, sampled), problem.rig.minus(reference)
+    return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ reference.information @ g)
+
+
+def _normal_equations(
+    problem: Problem, sampled: Sampled, reference: RigModel, damping: float
+) -> tuple[Array, Array, tuple]:
+    """Reduced Hessian and right side, with all priors; and what finds the points' step."""
+    s, spline = sampled, problem.spline
+    arguments: tuple[Any, ...] = (
+        s.rotations,
+        s.positions,
+        s.first,
+        s.rotation_jacobians,
+        s.weights,
+        s.rates,
+        len(spline),
+    )
+    arguments += (len(spline), *problem.rig.arrays(), *_observed(problem), problem.depth_prior, problem.loss, damping)
+    arguments += (bool(problem.rig.free.any()),)
+    hessian, right, *points = reduce(*arguments)
+    add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, hessian, right)
+    j, r = s.jacobian(problem.prior.exposure, len(spline)), _prior_residual(problem, sampled)
+    knots = slice(0, 6 * len(spline))
+    hessian[knots, knots] += j.T @ problem.prior.information @ j
+    right[knots] -= j.T @ (problem.prior.information @ r)
+    hessian[-RIG:, -RIG:] += reference.information
+    right[-RIG:] -= reference.information @ problem.rig.minus(reference)
+    return hessian, right, tuple(points)
+
+
+def _step(problem: Problem, sampled: Sampled, reference: RigModel, damping: float) -> tuple[Array, Array]:
+    """One damped step: (n,) of knots and rig, (M, 3) of the points."""
+    hessian, right, points = _normal_equations(problem, sampled, reference, damping)
+    free, step = _free(problem), np.zeros(len(right))
+    reduced = hessian[np.ix_(free, free)]
+    reduced[np.diag_indices_from(reduced)] *= 1 + damping
+    step[free] = np.linalg.solve(reduced, right[free])
+    o, s = problem.observations, sampled
+    return step, point_steps(
+        step, s.first, s.rotation_jacobians, s.weights, len(problem.spline), o.exposure, o.owner, *points
+    )

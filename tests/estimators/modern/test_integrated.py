@@ -1,0 +1,120 @@
+"""The modern integration on the simulator, whose truth it never sees; bounds with some room above what was measured."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.integrated import ModernIntegrated, ModernIntegratedConfig
+from ispom.estimators.modern.stereo import ModernStereoConfig
+from ispom.estimators.monocular import MonocularConfig
+from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
+
+
+def estimator_of(flight: Sequence, **changes: object) -> ModernIntegrated:
+    config = ModernIntegratedConfig(**changes)  # type: ignore[arg-type]
+    return config.build(flight.rig, MonocularConfig(), ModernStereoConfig())
+
+
+def walk(estimator: ModernIntegrated, exposures: list[Exposure]) -> tuple[list, list[Step]]:
+    states, steps = [estimator.start()], []
+    for exposure in exposures:
+        state, step = estimator.step(states[-1], exposure)
+        states.append(state)
+        steps.append(step)
+    return states, steps
+
+
+@pytest.fixture(scope="module")
+def estimator(flight: Sequence) -> ModernIntegrated:
+    return estimator_of(flight)
+
+
+@pytest.fixture(scope="module")
+def walked(estimator: ModernIntegrated, exposures: list[Exposure]) -> tuple[list, list[Step]]:
+    return walk(estimator, exposures)
+
+
+def video_times(flight: Sequence) -> list[int]:
+    pairs = [int(t) for t, kind in zip(flight.times_ns, flight.kinds, strict=True) if kind == "stereo"]
+    stamps = zip(flight.times_ns, flight.kinds, strict=True)
+    return [int(t) for t, kind in stamps if kind == "video" and pairs[0] <= t <= pairs[-1]]
+
+
+def test_every_video_frame_between_the_pairs_is_placed_far_better_than_by_interpolation(
+    estimator: ModernIntegrated, walked: tuple[list, list[Step]], flight: Sequence
+) -> None:
+    states, _ = walked
+    found, stereo = estimator.finish(states[-1]), estimator.finish_parts(states[-1])["stereo"]
+    assert found.times_ns.tolist() == video_times(flight)
+    assert flight.truth is not None
+    between = between_stereo_rmse_m(found, stereo, flight.truth)
+    spline = spline_between_stereo_rmse_m(found, stereo, flight.truth)
+    assert between is not None and spline is not None and between < 0.25 * spline
+
+
+def test_poses_come_at_once_and_are_revised_within_one_stereo_interval(
+    walked: tuple[list, list[Step]], flight: Sequence
+) -> None:
+    _, steps = walked
+    after = next(i for i, s in enumerate(steps) if s.status is Status.TRACKING)
+    assert all(s.status is Status.TRACKING and s.world_from_frame is not None for s in steps[after:])
+    revised = {t for s in steps for t in s.revised.times_ns.tolist()}
+    assert revised == set(video_times(flight))
+    for step in steps[after + 14 :]:
+        assert step.covariance is not None and np.linalg.eigvalsh(step.covariance)[0] > 0
+
+
+def same(a: Trajectory, b: Trajectory) -> bool:
+    return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("times_ns", "rotations", "translations"))
+
+
+def test_threads_change_nothing_and_an_earlier_state_can_be_stepped_on_from(
+    estimator: ModernIntegrated, walked: tuple[list, list[Step]], exposures: list[Exposure]
+) -> None:
+    states, before = walked[0], cv2.getNumThreads()
+    middle = len(exposures) // 2
+    try:
+        cv2.setNumThreads(1 if before != 1 else 2)
+        state = states[middle]
+        estimator.finish(state)
+        for exposure in exposures[middle:]:
+            state, _ = estimator.step(state, exposure)
+    finally:
+        cv2.setNumThreads(before)
+    assert same(estimator.finish(state), estimator.finish(states[-1]))
+
+
+def test_a_dark_video_is_lost_and_the_pairs_go_on(flight: Sequence, exposures: list[Exposure]) -> None:
+    estimator = estimator_of(flight)
+    dark = [i for i in range(30, 42) if isinstance(exposures[i], VideoFrame)]
+    broken = [
+        VideoFrame(e.time_ns, np.full_like(e.image, 128)) if i in dark and isinstance(e, VideoFrame) else e
+        for i, e in enumerate(exposures)
+    ]
+    states, steps = walk(estimator, broken)
+    assert {s.status for i, s in enumerate(steps) if i in dark} == {Status.LOST}
+    pairs = [s for s, e in zip(steps, broken, strict=True) if isinstance(e, StereoPair)]
+    assert all(s.status is Status.TRACKING for s in pairs)
+    found = estimator.finish(states[-1])
+    assert flight.truth is not None and found.times_ns.tolist() == video_times(flight)
+    error = found.moved(left=flight.truth.at(int(steps[1].time_ns))).translations
+    truth = np.stack([flight.truth.at(int(t)).translation for t in found.times_ns])  # type: ignore[union-attr]
+    assert np.linalg.norm(error - truth, axis=1).max() < 0.15
+
+
+def test_standing_still_needs_no_special_case(flight: Sequence, exposures: list[Exposure]) -> None:
+    pair = next(e for e in exposures if isinstance(e, StereoPair))
+    frame = next(e for e in exposures if isinstance(e, VideoFrame))
+    still: list[Exposure] = []
+    for i in range(25):
+        if i % 6 == 0:
+            still.append(StereoPair(i * 33_000_000, pair.left, pair.right))
+        still.append(VideoFrame(i * 33_000_000 + 5_000_000, frame.image))
+    estimator = estimator_of(flight)
+    states, steps = walk(estimator, still)
+    found = estimator.finish(states[-1])
+    assert len(found) == 24 and steps[-1].status is Status.TRACKING
+    assert np.linalg.norm(found.translations, axis=1).max() < 0.01

@@ -1,0 +1,118 @@
+"""A made flight: exact observations of random points by the simulated rig, for the spline solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Array, Pose, so3_exp
+from ispom.simulation.cameras import simulated_rig
+from ispom.simulation.path import Path
+from ispom.solvers.continuous import LEFT, RIGHT, VIDEO, Observations, Points, PosePrior, Problem, RigModel
+from ispom.solvers.spline import Spline
+
+RIG = simulated_rig()
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    path: Path
+    start_s: float
+    times_s: Array
+    """(E,) as stamped: the video's clock may be off."""
+    video: Array
+    xyz: Array
+    """(M, 3)."""
+    clock_offset_s: float
+
+    def true_time_s(self, e: int) -> float:
+        return self.start_s + self.times_s[e] + (self.clock_offset_s if self.video[e] else 0.0)
+
+    def truth(self, e: int) -> Pose:
+        """start_from_rig at an exposure."""
+        return self.origin.inverse() @ self.path.pose_at(round(1e9 * self.true_time_s(e)))
+
+    @property
+    def origin(self) -> Pose:
+        return self.path.pose_at(round(1e9 * (self.start_s + self.times_s[0])))
+
+
+def made_flight(duration_s: float = 1.0, points: int = 120, clock_offset_s: float = 0.0, seed: int = 0) -> Flight:
+    """Stereo at 3 Hz from 0 on and video at 30 Hz, 11 ms before; points 3-40 m ahead."""
+    stereo, video = np.arange(0, duration_s + 0.01, 1 / 3), np.arange(-0.0113 + 1 / 30, duration_s, 1 / 30)
+    times = np.concatenate([stereo, video])
+    order = np.argsort(times, kind="stable")
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(3, 40, points)
+    xyz = np.column_stack([rng.uniform(-0.6, 0.6, points) * depth, rng.uniform(-0.45, 0.45, points) * depth, depth])
+    is_video = np.concatenate([np.zeros(len(stereo), bool), np.ones(len(video), bool)])[order]
+    return Flight(Path.seeded(seed), 2.0, times[order], is_video, xyz, clock_offset_s)
+
+
+def problem_of(
+    flight: Flight,
+    noise_px: float = 0.0,
+    spacing_s: float = 1 / 15,
+    turn_rig: Array | None = None,
+    estimate_clock: bool = False,
+    seed: int = 1,
+) -> Problem:
+    """The problem with a poor start: the spline interpolates the stereo poses, and all points are at one depth.
+
+    Even point numbers are seen by the video camera, odd ones by the pair: they share no points, only the spline.
+    """
+    rng = np.random.default_rng(seed)
+    rows, anchors, values, priors = [], [], [], []
+    stereo = np.flatnonzero(~flight.video)
+    for m, point in enumerate(flight.xyz):
+        cameras = ((VIDEO, "video"),) if m % 2 == 0 else ((LEFT, "left"), (RIGHT, "right"))
+        first = None
+        for e in range(len(flight.times_s)):
+            if flight.video[e] != (m % 2 == 0):
+                continue
+            for number, name in cameras:
+                camera = RIG.camera(name)  # type: ignore[arg-type]
+                camera_from_world = (flight.truth(e) @ RIG.rig_from(name)).inverse()  # type: ignore[arg-type]
+                x = camera_from_world.apply(point)
+                uv = camera.project(x[None])[0] + noise_px * rng.standard_normal(2)
+                if x[2] < 0.5 or not ((uv >= 0) & (uv < (camera.width, camera.height))).all():
+                    continue
+                seen = camera.normalise(uv[None])[0]
+                if first is None:
+                    first = len(anchors)
+                    near = stereo[np.argmin(np.abs(flight.times_s[stereo] - flight.times_s[e]))]
+                    anchors.append(flight.truth(near) @ RIG.rig_from(name))  # type: ignore[arg-type]
+                    values.append([*seen, 1 / 10.0])
+                    priors.append([0.1, 1.0])
+                sigma = max(noise_px, 0.3) / camera.fx
+                rows.append((e, number, first, *seen, 1 / sigma, 1 / sigma))
+    table = np.array(rows)
+    points = Points(
+        np.stack([a.rotation for a in anchors]), np.stack([a.translation for a in anchors]), np.array(values)
+    )
+    observations = Observations(
+        table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].astype(int), table[:, 3:5], table[:, 5:7]
+    )
+    video = RIG.rig_from_video
+    if turn_rig is not None:
+        video = Pose(video.rotation @ so3_exp(turn_rig), video.translation)
+    free = np.zeros(7, bool)
+    free[:3], free[6] = turn_rig is not None, estimate_clock
+    information = np.diag(1 / np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.05]) ** 2)
+    rig = RigModel(video, RIG.rig_from_left, RIG.rig_from_right, 0.0, information, free)
+    start = -spacing_s
+    count = int(np.ceil((flight.times_s[-1] + 0.04 - start) / spacing_s)) + 3
+    at = np.clip(start + spacing_s * (np.arange(count) - 1), flight.times_s[stereo[0]], flight.times_s[stereo[-1]])
+    ends = [flight.truth(e) for e in stereo]
+    guess = [_between(flight.times_s[stereo], ends, t) for t in at]
+    spline = Spline(start, spacing_s, np.stack([g.rotation for g in guess]), np.stack([g.translation for g in guess]))
+    prior = PosePrior(0, Pose(), np.eye(6) * 1e8)
+    return Problem(spline, flight.times_s, flight.video, points, observations, rig, prior, np.array(priors))
+
+
+def _between(times_s: Array, poses: list[Pose], time_s: float) -> Pose:
+    i = min(max(int(np.searchsorted(times_s, time_s, side="right")) - 1, 0), len(poses) - 2)
+    a, b, f = poses[i], poses[i + 1], (time_s - times_s[i]) / (times_s[i + 1] - times_s[i])
+    step = a.inverse() @ b
+    return a @ Pose(so3_exp(f * step.rotvec), f * step.translation)
