@@ -14,6 +14,7 @@ METHOD: dict[str, Rgb] = {
     "monocular": (213, 94, 0),  # vermillion
     "stereo": (0, 114, 178),  # blue
     "integrated": (0, 158, 115),  # bluish green
+    "integrated_paper": (179, 96, 146),  # reddish purple, a little darker
 }
 TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)

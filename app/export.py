@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS
+from ispom.estimators import ALL_METHODS
 from ispom.io.colmap import colmap_model
 from ispom.io.euroc import euroc_text
 from ispom.io.kitti import poses_text
@@ -60,7 +60,7 @@ def _frame(run: Path) -> Frame:
 
 
 def _methods(options: Export) -> list[str]:
-    present = [m for m in METHODS if (options.run / f"{m}.tum").exists()]
+    present = [m for m in ALL_METHODS if (options.run / f"{m}.tum").exists()]
     missing = [m for m in options.methods if m not in present]
     if missing or not present:
         raise InputError(f"{options.run} has no trajectory of {missing[0] if missing else 'any method'}: run it first")

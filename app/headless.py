@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS, Method, possible_methods
+from ispom.estimators import ALL_METHODS, Method, default_methods
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
@@ -37,7 +37,7 @@ OUTPUTS = [
     "run.yaml",
     "rig.yaml",
     "truth.tum",
-    *(f"{m}.tum" for m in METHODS),
+    *(f"{m}.tum" for m in ALL_METHODS),
     "metrics.json",
     LANDMARKS,
     STEPS,
@@ -82,7 +82,7 @@ def run(options: Run) -> int:
 
 def _asked(options: Run, sequence: Sequence) -> tuple[Method, ...]:
     """The methods to run; InputError where the rig lacks the camera of the asked frame."""
-    methods: tuple[Method, ...] = options.methods or possible_methods(sequence.rig)
+    methods: tuple[Method, ...] = options.methods or default_methods(sequence.rig, options.variant)
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
         raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
     return methods

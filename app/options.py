@@ -8,7 +8,16 @@ from typing import Literal
 
 import tyro
 
-from ispom.estimators import Config, IntegratedConfig, Method, MonocularConfig, StereoConfig, Variant
+from ispom.estimators import (
+    DEFAULT_VARIANT,
+    Config,
+    IntegratedConfig,
+    Method,
+    ModernConfig,
+    MonocularConfig,
+    StereoConfig,
+    Variant,
+)
 from ispom.evaluation.ate import Alignment
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
@@ -19,8 +28,9 @@ class Options:
     """What every command takes."""
 
     methods: tuple[Method, ...] = ()
-    """Methods to run; none given means all that the source has the cameras for."""
-    variant: Variant = "paper"
+    """Methods to run; none given means all that the source has the cameras for. `integrated_paper` is the paper's
+    integration beside the modern one."""
+    variant: Variant = DEFAULT_VARIANT
     """Which implementation of the methods: `paper` is as printed."""
     stereo_every: int = 1
     """Of a stereo recording, every K-th pair is stereo; every left image is video."""
@@ -35,10 +45,11 @@ class Options:
     monocular: MonocularConfig = field(default_factory=MonocularConfig)
     stereo: StereoConfig = field(default_factory=StereoConfig)
     integrated: IntegratedConfig = field(default_factory=IntegratedConfig)
+    modern: ModernConfig = field(default_factory=ModernConfig)
 
     @property
     def config(self) -> Config:
-        return Config(self.monocular, self.stereo, self.integrated)
+        return Config(self.monocular, self.stereo, self.integrated, self.modern, self.variant)
 
     def open(self, source: str) -> Sequence:
         """The sequence of a source, shaped by these options; InputError where that cannot be."""

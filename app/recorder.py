@@ -33,6 +33,7 @@ from .playback import Finished, Opened, Stepped
 
 Event = Stepped | Finished
 SCALES = {"monocular": "unit carried on", "stereo": "unit", "integrated": "m per monocular unit"}
+SCALES["integrated_paper"] = SCALES["integrated"]
 """What Step.scale means."""
 TINT = 0.3
 """How much of a cloud's colour is its method's, the rest being what the camera saw."""

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from ispom.estimators import METHODS
+from ispom.estimators import ALL_METHODS
 from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Frame, Rig, Step, Trajectory
 
@@ -64,8 +64,8 @@ class Scene:
         self._api.set_up_direction("-y")
         self._rig, self._taken = rig, 0
         self._shown: tuple[int, int, frozenset[str]] | None = None
-        self._tracks: dict[str, Track] = {m: Track() for m in METHODS}
-        self._layers = {name: self._api.add_frame(f"/{name}", show_axes=False) for name in ("truth", *METHODS)}
+        self._tracks: dict[str, Track] = {m: Track() for m in ALL_METHODS}
+        self._layers = {name: self._api.add_frame(f"/{name}", show_axes=False) for name in ("truth", *ALL_METHODS)}
         self._size = 0.3
         if truth is not None and len(truth) > 1:
             extent = float(np.linalg.norm(np.ptp(truth.translations, axis=0)))

@@ -11,7 +11,7 @@ from threading import Thread
 from typing import Any, Protocol
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS, Config, Method, possible_methods
+from ispom.estimators import ALL_METHODS, Config, Method, Variant, default_methods, possible_methods
 from ispom.types import Sequence
 
 from . import commands as do
@@ -163,7 +163,7 @@ class Session:
         self._busy(f"opening {source}")
         try:
             sequence = self._opener(source)
-            playback = Playback(sequence, self._methods_for(source, sequence), before.config)
+            playback = Playback(sequence, self._methods_for(source, sequence, before.config.variant), before.config)
         except InputError as mistake:
             self._opening_failed(before, str(mistake))
         except Exception as fault:
@@ -172,13 +172,13 @@ class Session:
         else:
             self._begin(playback)
 
-    def _methods_for(self, source: str, sequence: Sequence) -> tuple[Method, ...]:
-        """Those asked for; of a later source those of them that it has the cameras for, or else all that it has."""
-        possible = possible_methods(sequence.rig)
+    def _methods_for(self, source: str, sequence: Sequence, variant: Variant) -> tuple[Method, ...]:
+        """Those asked for; of a later source those of them that it has the cameras for, or else the usual ones."""
+        possible, usual = possible_methods(sequence.rig, variant), default_methods(sequence.rig, variant)
         if not possible:
             raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
-        wanted = self._wanted or possible
-        return wanted if self._playback is None else tuple(m for m in wanted if m in possible) or possible
+        wanted = self._wanted or usual
+        return wanted if self._playback is None else tuple(m for m in wanted if m in possible) or usual
 
     def _opening_failed(self, before: State, reason: str) -> None:
         if before.phase == "ready":
@@ -192,7 +192,7 @@ class Session:
             raise InputError("there is nothing to run yet: open a source first")
         if not methods:
             raise InputError("no method is chosen: switch on at least one")
-        playback = Playback(self._playback.sequence, tuple(m for m in METHODS if m in methods), config)
+        playback = Playback(self._playback.sequence, tuple(m for m in ALL_METHODS if m in methods), config)
         self._wanted = playback.methods
         self._emit(Opening(self.state.source))
         self._begin(playback)

@@ -205,7 +205,7 @@ def reduce(state: State, event: Event) -> State:
                 phase="ready",
                 name=sequence.name,
                 notes=sequence.notes,
-                possible=possible_methods(sequence.rig),
+                possible=possible_methods(sequence.rig, config.variant),
                 methods=methods,
                 config=config,
                 run=state.run + 1,

@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ispom.estimators import Method
+from ispom.estimators import Method, Variant
 from ispom.evaluation.consistency import PARTS, Errors, consistency, errors
 from ispom.sequences.simulated import open_simulated
 from ispom.types import Sequence, Step
@@ -31,7 +31,7 @@ METRIC: tuple[Method, ...] = ("stereo", "integrated")
 """The methods whose poses can be compared without an alignment, which would take part of the error away."""
 
 
-def measured(method: Method, variant: str, seeds: int, folder: Path) -> dict[str, Any]:
+def measured(method: Method, variant: Variant, seeds: int, folder: Path) -> dict[str, Any]:
     """By part of the pose: NEES over the seeds; empty where the method gives no covariances."""
     cv2.setNumThreads(1)
     runs: list[Errors] = []
@@ -44,7 +44,7 @@ def measured(method: Method, variant: str, seeds: int, folder: Path) -> dict[str
     return told | {"per_axis": _per_axis(runs)} if told else {}
 
 
-def _errors(sequence: Sequence, method: Method, variant: str) -> Errors:
+def _errors(sequence: Sequence, method: Method, variant: Variant) -> Errors:
     ensemble = ensemble_of(method, variant, sequence.rig)
     state, given = ensemble.start(), list[Step]()
     for i, kind in enumerate(sequence.kinds):

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.estimators import Config, Ensemble, Method, build
+from ispom.estimators import Config, Ensemble, Method, Variant, build
 from ispom.evaluation import metrics
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import aligned
@@ -40,7 +40,7 @@ class Times:
     """Wall time, as the steps tell it."""
 
 
-def measured(case: Case, method: Method, variant: str, runs: int, pair: tuple[Path, ...]) -> dict[str, Any]:
+def measured(case: Case, method: Method, variant: Variant, runs: int, pair: tuple[Path, ...]) -> dict[str, Any]:
     """Times (medians of the runs), memory and accuracy. InputError where the case cannot be opened or run."""
     cv2.setNumThreads(1)
     sequence, unit = case.open(), Unit(pair)
@@ -72,9 +72,9 @@ def measured(case: Case, method: Method, variant: str, runs: int, pair: tuple[Pa
     }
 
 
-def ensemble_of(method: Method, variant: str, rig: Rig) -> Ensemble:
+def ensemble_of(method: Method, variant: Variant, rig: Rig) -> Ensemble:
     """One method with the default settings of a variant."""
-    return build(Config(), (method,), rig)
+    return build(Config(variant=variant), (method,), rig)
 
 
 def _asked(sequence: Sequence, method: Method) -> list[int]:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import viser
 
-from ispom.estimators import METHODS
+from ispom.estimators import ALL_METHODS
 from ispom.types import TrackStatus
 
 from .. import colours
+from ..controls import label_of
 from ..state import State
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ class ViewPanel:
 
     def __init__(self, gui: viser.GuiApi, session: Session, changed: Callable[[frozenset[str]], None]) -> None:
         self._changed = changed
-        self._boxes = {method: gui.add_checkbox(method, True) for method in METHODS}
+        self._boxes = {method: gui.add_checkbox(label_of(method), True) for method in ALL_METHODS}
         self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: self._changed(self.hidden))
@@ -45,14 +46,14 @@ class ViewPanel:
         return frozenset(name for name, box in self._boxes.items() if not box.value)
 
     def show(self, state: State) -> None:
-        for method in METHODS:
+        for method in ALL_METHODS:
             if self._boxes[method].disabled != (method not in state.methods):
                 self._boxes[method].disabled = method not in state.methods
 
 
 def legend() -> str:
     """What the colours mean, as HTML."""
-    methods = [(colours.METHOD[m], m) for m in METHODS] + [(colours.TRUTH, "truth")]
+    methods = [(colours.METHOD[m], label_of(m)) for m in ALL_METHODS] + [(colours.TRUTH, "truth")]
     by_colour: dict[colours.Rgb, list[str]] = {}
     for status, colour in colours.TRACK.items():
         by_colour.setdefault(colour, []).append(TrackStatus(status).reason)

@@ -11,6 +11,7 @@ import viser
 from ispom.types import Decision, Step, TrackStatus
 
 from .. import colours
+from ..controls import label_of
 from ..state import Moment, State
 
 ROW = "display:flex;gap:6px;font-variant-numeric:tabular-nums"
@@ -45,7 +46,7 @@ def _step(step: Step) -> str:
     flags = " · key frame" if step.key_frame else ""
     title = (
         f'<div style="margin-top:10px;padding-bottom:2px;border-bottom:2px solid {colour};display:flex">'
-        f'<b style="flex:1">{step.method}</b><span>{step.status}{flags}</span></div>'
+        f'<b style="flex:1">{label_of(step.method)}</b><span>{step.status}{flags}</span></div>'
     )
     rows = [_decision(decision) for decision in step.decisions]
     return title + "".join(rows) + "".join(_fact(name, text) for name, text in _facts(step))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS
+from ispom.estimators import ALL_METHODS
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import read_rig
 from ispom.io.rows import read_text
@@ -37,7 +37,7 @@ class Run:
     told: Mapping[str, Any]
     """run.yaml: plain values, lists of them, and mappings of those."""
     metrics: Mapping[str, Mapping[str, Any]]
-    """metrics.json, by method, in the order of METHODS."""
+    """metrics.json, by method, in the order of ALL_METHODS."""
     path_length_m: float | None
     rig: Rig
     trajectories: Mapping[str, Trajectory]
@@ -105,7 +105,7 @@ def _told(path: Path) -> dict[str, Any]:
 def _plain(path: Path, value: Any, depth: int) -> None:
     """Refuses nests: YAML's aliases can make a small file a huge page."""
     inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
-    if depth > 3 or len(inner) > 500:
+    if depth > 4 or len(inner) > 500:
         raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")
     for item in inner:
         _plain(path, item, depth + 1)
@@ -120,10 +120,12 @@ def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:
     methods = told.get("methods") if isinstance(told, dict) else None
     if not isinstance(methods, dict) or not all(isinstance(entry, dict) for entry in methods.values()):
         raise InputError(f"{path} has no methods as `ispom run` writes them: restore the file, or run again")
-    if unknown := sorted(methods.keys() - set(METHODS)):
-        raise InputError(f"{path}: {unknown[0][:40]!r} is none of {', '.join(METHODS)}: restore the file, or run again")
+    if unknown := sorted(methods.keys() - set(ALL_METHODS)):
+        raise InputError(
+            f"{path}: {unknown[0][:40]!r} is none of {', '.join(ALL_METHODS)}: restore the file, or run again"
+        )
     length = told.get("path_length_m")
-    return {m: methods[m] for m in METHODS if m in methods}, length if isinstance(length, int | float) else None
+    return {m: methods[m] for m in ALL_METHODS if m in methods}, length if isinstance(length, int | float) else None
 
 
 def _sha256(path: Path) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
-from ispom.estimators import METHODS
+from ispom.estimators import ALL_METHODS
 
 
 def text(value: Any) -> str:
@@ -39,7 +39,7 @@ def _td(value: Any, n: int) -> str:
 
 def _cell(value: Any) -> str:
     """A method's name with its colour beside it."""
-    if isinstance(value, str) and value in METHODS:
+    if isinstance(value, str) and value in ALL_METHODS:
         return f'<i class="dot {value}"></i>{value}'
     return text(value)
 

@@ -9,7 +9,7 @@ from importlib.resources import files
 
 from plotly.offline import get_plotlyjs
 
-from ispom.estimators import METHODS
+from ispom.estimators import ALL_METHODS
 
 from .. import colours
 from . import plots, tables
@@ -130,7 +130,7 @@ def _moments(run: Run, runs: int) -> str:
 def _document(header: str, sections: str, figures: Figures) -> str:
     own = files(__name__.rpartition(".")[0])
     links = "".join(f'<a href="#{identity}">{text(title)}</a>' for identity, title in PARTS.items())
-    dots = "".join(f".{method} {{ background: {colours.css(colours.METHOD[method])}; }}\n" for method in METHODS)
+    dots = "".join(f".{method} {{ background: {colours.css(colours.METHOD[method])}; }}\n" for method in ALL_METHODS)
     script = base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
     made = (
         f"Made by ispom {version('ispom')} with Plotly {version('plotly')} (MIT licence, inlined). Nothing is loaded."

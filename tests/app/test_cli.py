@@ -10,6 +10,7 @@ from ispom_app import server
 from ispom_app.cli import main
 
 from ispom.errors import InputError
+from ispom.estimators import Config
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -53,6 +54,16 @@ def test_a_mistake_of_the_app_is_told_in_one_sentence(
     monkeypatch.setattr(server, "serve", serve)
     assert main(["demo"]) == 2
     assert capsys.readouterr().err == "ispom: ports 1 to 20 are all taken: give another --port\n"
+
+
+def test_a_variants_settings_are_flags_of_their_own(served: list, tmp_path: Path) -> None:
+    flags = ["--variant", "modern", "--modern.stereo.no-self-calibration", "--modern.monocular.max-tracks", "300"]
+    assert main(["app", str(make_drive(tmp_path)), *flags, "--methods", "stereo", "integrated_paper"]) == 0
+    ((_, _, options),) = served
+    config = options["config"]
+    assert config.variant == "modern" and options["methods"] == ("stereo", "integrated_paper")
+    assert not config.of("stereo").self_calibration and config.of("monocular").max_tracks == 300
+    assert config.stereo == Config().stereo
 
 
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["app"], ["run"]])

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Annotated, Any, Literal
 
 import pytest
 import viser
+from ispom_app import commands as do
 from ispom_app.controls import ConfigForm, label_of
+from ispom_app.panels.methods import FRESH, PENDING, MethodsPanel
+from ispom_app.state import State
 
-from ispom.estimators import Config
+from ispom.estimators import COMPARED, METHODS, Config
 from ispom.settings import Range
+from tests import doubles
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,8 @@ def test_values_go_both_ways(server: viser.ViserServer):
 
 
 def test_the_real_settings_survive_the_round_trip(server: viser.ViserServer):
-    for config in (Config().monocular, Config().stereo, Config().integrated):
+    modern = Config().modern
+    for config in (Config().monocular, Config().stereo, Config().integrated, modern.monocular, modern.stereo):
         assert ConfigForm(server.gui, config).value == config
 
 
@@ -71,3 +77,28 @@ def test_the_real_settings_survive_the_round_trip(server: viser.ViserServer):
 )
 def test_labels_carry_units(name: str, label: str):
     assert label_of(name) == label
+
+
+def test_the_methods_panel_switches_the_variant(server: viser.ViserServer):
+    asked: list[do.Command] = []
+    opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
+    state = State("double:20", methods=METHODS, config=Config(variant="paper"), run=1)
+    session: Any = SimpleNamespace(state=state, opened=opened, post=asked.append)
+    panel = MethodsPanel(server.gui, session)
+    panel.show(state)
+    assert panel._text.content == FRESH and not panel._on[COMPARED].visible
+    panel._variant.value = "modern"
+    panel._on[COMPARED].value = True
+    panel._forms["modern", "stereo"]._inputs["max_tracks"].value = 321
+    assert panel._text.content == PENDING and panel._on[COMPARED].visible
+    assert {key for key, folder in panel._folders.items() if folder.visible} == {
+        key for key in panel._folders if key[0] == "modern"
+    }
+    for press in panel._apply._impl.update_cb:
+        press(SimpleNamespace())
+    restart = asked[-1]
+    assert isinstance(restart, do.Restart) and COMPARED in restart.methods
+    assert restart.config.variant == "modern" and restart.config.of("stereo").max_tracks == 321
+    panel._forms["paper", "stereo"]._inputs["min_inliers"].value = 77
+    panel.show(replace(state, config=restart.config, methods=restart.methods, run=2))
+    assert panel._variant.value == "modern" and panel._on[COMPARED].value

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pyarrow
 import pytest
 import rerun as rr
 from ispom_app import colours, entities, playback
@@ -18,7 +19,7 @@ from ispom_app.streams import FileRecording
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
-from ispom.estimators import METHODS, Ensemble
+from ispom.estimators import ALL_METHODS, METHODS, Ensemble
 from ispom.geometry import Pose, Similarity
 from ispom.types import Camera, Landmarks, StereoPair, Tracks, TrackStatus, Trajectory, VideoFrame
 from tests import doubles
@@ -43,9 +44,9 @@ def read(path: Path) -> dict[str, list[dict]]:
     for chunk in RrdReader(path).stream().to_chunks():
         batch = chunk.to_record_batch()
         entity = batch.schema.metadata[b"rerun:entity_path"].decode()
-        if "time" in batch.schema.names:  # Python's timedelta has no nanoseconds
-            at = batch.schema.get_field_index("time")
-            batch = batch.set_column(at, "time", batch.column("time").cast("int64"))
+        for at, name in enumerate(batch.schema.names):  # Python's times have no nanoseconds
+            if pyarrow.types.is_temporal(batch.schema.field(at).type):
+                batch = batch.set_column(at, name, batch.column(at).cast("int64"))
         rows[entity.lstrip("/")] += batch.to_pylist()
     return rows
 
@@ -194,7 +195,7 @@ def test_what_is_logged_per_exposure_does_not_grow(run):
 
 
 def test_every_status_has_a_colour_and_methods_read_in_both_themes():
-    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(METHODS)
+    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL_METHODS)
     for colour in [*colours.METHOD.values(), colours.TRUTH]:
         assert _contrast(colour, (255, 255, 255)) >= 3 and _contrast(colour, (13, 16, 17)) >= 3
 
