@@ -228,16 +228,9 @@ def _normal_equations(
 ) -> tuple[Array, Array, tuple]:
     """Reduced Hessian and right side, with all priors; and what finds the points' step."""
     s, spline = sampled, problem.spline
-    arguments: tuple[Any, ...] = (
-        s.rotations,
-        s.positions,
-        s.first,
-        s.rotation_jacobians,
-        s.weights,
-        s.rates,
-        len(spline),
-    )
-    arguments += (len(spline), *problem.rig.arrays(), *_observed(problem), problem.depth_prior, problem.loss, damping)
+    arguments: tuple[Any, ...] = (s.rotations, s.positions, s.first, s.rotation_jacobians, s.weights, s.rates)
+    arguments += (len(spline), *problem.rig.arrays(), *_observed(problem))
+    arguments += (problem.depth_prior, problem.loss, damping)
     arguments += (bool(problem.rig.free.any()),)
     hessian, right, *points = reduce(*arguments)
     add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, hessian, right)
