@@ -101,7 +101,7 @@ def rendering() -> Block:
     return Block("rendering video frames", rate, "frames/s", ">= 8", rate >= 8, note=f"640x480, {threads} thread(s)")
 
 
-def logging(folder: Path) -> Block:
+def logging(unit: Unit, folder: Path) -> Block:
     """What the worker spends on each exposure besides estimating: recording, tables, the map, the app's history."""
     from ..map_memory import MapMemories
     from ..playback import Playback
@@ -117,6 +117,7 @@ def logging(folder: Path) -> Block:
         log = stack.enter_context(StepLog(RunFolder(folder / "run")))
         for _ in range(LOGGED):
             event = playback.step()
+            unit.measure(1)
             start = time.thread_time()
             memories.add(event.steps)
             log.add(event)
@@ -125,7 +126,8 @@ def logging(folder: Path) -> Block:
             ms.append(1e3 * (time.thread_time() - start))
     median, p95 = np.percentile(ms, [50, 95]).tolist()
     note = f"p95 {p95:.1f} ms; sim:city, three methods, CPU time of the worker's thread"
-    return Block("logging and history, per exposure", median, "ms", "<= 5 ms", median <= 5, note=note)
+    wanted, ratio, most = f"<= 5 ms where U is {PEERS_UNIT_MS} ms", median / unit.ms, 5 / PEERS_UNIT_MS
+    return Block("logging and history, per exposure", median, "ms", wanted, ratio <= most, ratio, note)
 
 
 def opening(folder: Path) -> Block:
@@ -167,7 +169,13 @@ def main(argument: str) -> int:
     cv2.setNumThreads(1)
     pair = tuple(Path(p) for p in json.loads(argument)["pair"])
     with tempfile.TemporaryDirectory() as folder:
-        found = [bundle(Unit(pair)), rendering(), logging(Path(folder)), opening(Path(folder)), simulation_opening()]
+        found = [
+            bundle(Unit(pair)),
+            rendering(),
+            logging(Unit(pair), Path(folder)),
+            opening(Path(folder)),
+            simulation_opening(),
+        ]
     sys.stdout.write(json.dumps([asdict(block) for block in found]) + "\n")
     return 0
 

@@ -62,7 +62,7 @@ def _notes(found: dict[str, Any]) -> list[str]:
     notes = []
     if found["lost"]:
         notes.append(f"lost at {found['lost']} exposures")
-    if found.get("largest_drift_m") is not None:
+    if found.get("largest_drift_m") is not None and found.get("t_err_percent") is None:
         notes.append(f"largest distance from the truth, first pose given: {1e3 * found['largest_drift_m']:.1f} mm")
     if found.get("between_stereo_rmse_m") is not None:
         own, spline = found["between_stereo_rmse_m"], found["spline_between_stereo_rmse_m"]

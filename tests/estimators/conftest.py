@@ -11,10 +11,15 @@ from ispom.types import Exposure, Sequence
 
 
 @pytest.fixture(scope="session")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the flight's images are kept."""
+    return tmp_path_factory.mktemp("rendered")
+
+
+@pytest.fixture(scope="session")
+def flight(rendered: Path) -> Sequence:
     """2.4 s of sim:tiny."""
-    cache: Path = tmp_path_factory.mktemp("rendered")
-    return open_simulated("tiny", seed=0, cache_dir=cache, duration_s=2.4)
+    return open_simulated("tiny", seed=0, cache_dir=rendered, duration_s=2.4)
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,98 @@
+"""Compiles what numba must, by a short flight through a made-up cloud of balls: all methods, no files.
+
+Numba keeps machine code beside the sources (or in the user's cache folder). Compiling takes many seconds once; with the
+code kept, this takes one or two.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from ispom.estimators import Config, Method, Variant, build, default_methods
+from ispom.estimators.monocular import MonocularConfig
+from ispom.geometry import Array, Pose
+from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
+
+BALLS, BALL_M = 700, 0.12
+VIDEO_FRAMES, STEREO_EVERY = 40, 3
+SPEED_M_PER_FRAME = 0.13
+
+
+def warm_up() -> None:
+    """Runs every method that has compiled parts, so that each of them is there for the types it is used with."""
+    rig = _rig()
+    exposures = flight(rig)
+    wanted: dict[Variant, tuple[Method, ...]] = {"modern": default_methods(rig, "modern"), "paper": ("monocular",)}
+    for variant, methods in wanted.items():
+        config = Config(variant=variant, monocular=MonocularConfig(local_bundle=True))
+        ensemble = build(config, methods, rig)
+        state = ensemble.start()
+        for exposure in exposures:
+            state, _ = ensemble.step(state, exposure)
+        ensemble.finish(state)
+
+
+def kernels() -> list[Dispatcher]:
+    """The compiled functions of all methods."""
+    modules = [module for name, module in sorted(sys.modules.items()) if name.startswith("ispom.")]
+    found = [value for module in modules for value in vars(module).values() if isinstance(value, Dispatcher)]
+    return list(dict.fromkeys(found))
+
+
+def compiled_before() -> bool:
+    """Whether machine code of every kernel's present source was kept."""
+    return all(_kept(kernel) for kernel in kernels())
+
+
+def _kept(kernel: Dispatcher) -> bool:
+    source = Path(kernel.py_func.__code__.co_filename)
+    name = f"{source.stem}.{kernel.py_func.__qualname__}-{kernel.py_func.__code__.co_firstlineno}.py*.nbi"
+    changed = source.stat().st_mtime
+    folder = Path(str(kernel.stats.cache_path))
+    return any(index.stat().st_mtime >= changed for index in folder.glob(name))
+
+
+def flight(rig: Rig) -> list[Exposure]:
+    """Video and, a little later than every few of its frames, stereo: forward past balls at 2 to 20 m, in a bend."""
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform((-8, -6, 2), (8, 6, 20 + SPEED_M_PER_FRAME * VIDEO_FRAMES), (BALLS, 3))
+    grey, found = rng.integers(40, 255, BALLS), list[Exposure]()
+
+    def seen(name: Frame, frame: float) -> Image:
+        world_from_rig = Pose.from_rotvec(
+            np.array([0.0, 0.003 * frame, 0.0]), np.array([0.001 * frame**2, 0.0, SPEED_M_PER_FRAME * frame])
+        )
+        image = _image(rig.camera(name), (world_from_rig @ rig.rig_from(name)).inverse().apply(xyz), grey)
+        return np.clip(image + rng.normal(0, 1.5, image.shape), 0, 255).astype(np.uint8)
+
+    for i in range(VIDEO_FRAMES):
+        time_ns = i * 33_000_000
+        found.append(VideoFrame(time_ns, seen("video", i)))
+        if i % STEREO_EVERY == 0:
+            found.append(StereoPair(time_ns + 11_000_000, seen("left", i + 1 / 3), seen("right", i + 1 / 3)))
+    return found
+
+
+def _rig() -> Rig:
+    pair = Rig.stereo(Camera(320, 240, 230.0, 230.0, 159.5, 119.5), 0.3)
+    video = Camera(320, 240, 226.0, 227.0, 161.0, 118.5, (-0.05, 0.01, 0.0, 0.0))
+    offset = Pose.from_rotvec(np.array([0.01, -0.02, 0.01]), np.array([0.02, -0.04, 0.03]))
+    return Rig(video, pair.left, pair.right, offset, pair.rig_from_left, pair.rig_from_right)
+
+
+def _image(camera: Camera, xyz_in_camera: Array, grey: NDArray) -> Image:
+    """(H, W): balls as discs, the near ones in front."""
+    image = np.full((camera.height, camera.width), 20, np.uint8)
+    ahead = (xyz_in_camera[:, 2] > 1) & (np.abs(xyz_in_camera[:, :2]) < xyz_in_camera[:, 2:]).all(axis=1)
+    uv = camera.project(xyz_in_camera)
+    for i in sorted(np.flatnonzero(ahead), key=lambda i: -xyz_in_camera[i, 2]):
+        centre = (round(16 * uv[i, 0]), round(16 * uv[i, 1]))
+        radius = round(16 * camera.fx * BALL_M / xyz_in_camera[i, 2])
+        cv2.circle(image, centre, radius, int(grey[i]), -1, cv2.LINE_AA, 4)
+    return image
