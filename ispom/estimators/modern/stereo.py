@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ispom.chain import Chain, in_order
+from ispom.estimators.modern.stereo_tracks import Last, PairTracker, Points, Sighting
 from ispom.estimators.modern.stereo_window import (
     KeyFrame,
     StereoMap,
@@ -17,13 +17,10 @@ from ispom.estimators.modern.stereo_window import (
     with_key,
     without_oldest,
 )
-from ispom.frontends import corners, sift
-from ispom.frontends.klt import Klt
+from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
-from ispom.solvers.resection import resect
-from ispom.solvers.stereo_pose import Located, locate
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Decision,
@@ -76,67 +73,15 @@ class ModernStereoConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
-    """The points alive in the previous left image."""
-
-    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(N,) ascending."""
-    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    disparity_px: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
-    """(N,) NaN where unknown."""
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    def select(self, keep: NDArray[np.bool_]) -> Points:
-        return Points(self.ids[keep], self.uv[keep], self.disparity_px[keep])
-
-
-@dataclass(frozen=True, eq=False)
 class ModernStereoState:
-    left: Image | None = None
-    """The last located pair."""
-    right: Image | None = None
-    key_left: Image | None = None
-    """Of the newest key frame."""
-    points: Points = Points()
-    next_id: int = 0
+    last: Last
     map: StereoMap = StereoMap()
-    time_ns: int = 0
-    left_from_world: Pose = field(default_factory=Pose)
-    motion: Pose = field(default_factory=Pose)
-    """curr_left_from_prev_left of the last two located pairs."""
-    motion_s: float = 0.0
-    """Time between them; 0 before there are two."""
+    next_id: int = 0
     lost_pairs: int = 0
-    described: sift.Features | None = None
-    """Of the left image, where descriptors were needed to locate it."""
     poses: Chain[tuple[int, int, Pose]] | None = None
     """Time, the key frame's time, left_from_key of every located pair."""
     settled: Chain[tuple[int, Pose]] | None = None
     """left_from_world of the key frames that have left the window."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sighting:
-    """Where the points of the last pair are in this one."""
-
-    uv: NDArray[np.float32]
-    """(N, 2) [px] in the left image."""
-    disparity_px: NDArray[np.float32]
-    """(N,) NaN where not found in the right image."""
-    status: NDArray[np.uint8]
-    place: NDArray[np.int64]
-    """(N,) in the map, or -1."""
-    located: Located | None
-    took_part: NDArray[np.int64]
-    """Which of the points `located` is about."""
-    features: sift.Features | None = None
-    """Of the left image, where they were needed."""
-
-    @property
-    def inliers(self) -> int:
-        return 0 if self.located is None else int(self.located.inliers.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +96,7 @@ class ModernStereo:
         return isinstance(exposure, StereoPair)
 
     def start(self) -> ModernStereoState:
-        return ModernStereoState(left_from_world=self._left_from_rig)
+        return ModernStereoState(Last(left_from_world=self._left_from_rig))
 
     def finish(self, state: ModernStereoState) -> Trajectory:
         keys = dict(in_order(state.settled)) | {k.time_ns: k.left_from_world for k in state.map.keys}
@@ -163,7 +108,7 @@ class ModernStereo:
         assert isinstance(exposure, StereoPair)
         watch = Stopwatch()
         left, right = as_grey(exposure.left), as_grey(exposure.right)
-        sighting, decisions = self._sight(state, left, right, exposure.time_ns)
+        sighting, decisions = self._tracker.sight(state.last, state.map, left, right, exposure.time_ns)
         watch.lap("track")
         if state.map.keys and sighting.inliers < self.config.min_inliers:
             state, sighting, restart = self._lost(state, sighting)
@@ -171,8 +116,8 @@ class ModernStereo:
             if not restart:
                 return state, self._step(exposure, Status.LOST, None, state, sighting, decisions, watch)
         time_ns, located = exposure.time_ns, sighting.located
-        pose = self._predicted(state, time_ns) if located is None else located.camera_from_world
-        points = _alive(state.points, sighting)
+        pose = state.last.predicted(time_ns) if located is None else located.camera_from_world
+        points = sighting.alive(state.last.points)
         is_key, why = self._choose_key_frame(state.map, points)
         decisions += why
         world, settled, next_id, fresh = state.map, state.settled, state.next_id, 0
@@ -180,8 +125,14 @@ class ModernStereo:
             found = self._new_points(world, points, left, right, pose, next_id)
             fresh, next_id = len(found[0]), next_id + len(found[0])
             watch.lap("new points")
-            points, world = _joined(points, found[0]), world.with_points(found[0].ids, found[1])
-            key = KeyFrame(time_ns, pose, points.ids, self._seen(points), self._turn_rate(state, pose, time_ns))
+            points, world = Points.joined(points, found[0]), world.with_points(found[0].ids, found[1])
+            key = KeyFrame(
+                time_ns,
+                pose,
+                points.ids,
+                points.seen_by(self.rig.camera("left")),
+                self._turn_rate(state, pose, time_ns),
+            )
             world, settled, bundled = self._adjusted(with_key(world, key, self._extra_sigma), settled)
             decisions += bundled
             pose = world.keys[-1].left_from_world
@@ -189,22 +140,19 @@ class ModernStereo:
             world = world.only(points.ids)
             watch.lap("adjust")
         newest = world.keys[-1]
-        moved = pose @ state.left_from_world.inverse()
-        after = ModernStereoState(
+        last = Last(
             left,
             right,
-            left if is_key else state.key_left,
+            left if is_key else state.last.key_left,
             points,
-            next_id,
-            world,
             time_ns,
             pose,
-            moved if state.left is not None else Pose(),
-            (time_ns - state.time_ns) * 1e-9 if state.left is not None else 0.0,
-            described=sighting.features,
-            poses=Chain((time_ns, newest.time_ns, pose @ newest.left_from_world.inverse()), state.poses),
-            settled=settled,
+            Pose() if state.last.left is None else pose @ state.last.left_from_world.inverse(),
+            0.0 if state.last.left is None else (time_ns - state.last.time_ns) * 1e-9,
+            sighting.features,
         )
+        way = (time_ns, newest.time_ns, pose @ newest.left_from_world.inverse())
+        after = ModernStereoState(last, world, next_id, poses=Chain(way, state.poses), settled=settled)
         status = Status.TRACKING if located is not None else Status.INITIALISING
         step = self._step(exposure, status, pose, after, sighting, decisions, watch, state, fresh, is_key)
         return after, step
@@ -221,6 +169,11 @@ class ModernStereo:
         return np.array([self.config.offset_sigma_px / self.rig.camera("left").fx, self.config.lag_sigma_s])
 
     @property
+    def _tracker(self) -> PairTracker:
+        camera, config = self.rig.camera("left"), self.config
+        return PairTracker(camera, self.rig.baseline_m, self._loss, self._limit, config.min_inliers)
+
+    @property
     def _loss(self) -> float:
         return self.config.loss_px / self.rig.camera("left").fx
 
@@ -228,125 +181,12 @@ class ModernStereo:
     def _limit(self) -> float:
         return self.config.max_error_px / self.rig.camera("left").fx
 
-    def _predicted(self, state: ModernStereoState, time_ns: int) -> Pose:
-        """left_from_world if the motion goes on as it was."""
-        if state.motion_s <= 0:
-            return state.left_from_world
-        return (
-            Pose.exp(state.motion.log() * ((time_ns - state.time_ns) * 1e-9 / state.motion_s)) @ state.left_from_world
-        )
-
     def _turn_rate(self, state: ModernStereoState, pose: Pose, time_ns: int) -> float:
         """About the left camera's y axis [rad/s], since the last pair."""
-        if state.left is None:
+        if state.last.left is None:
             return 0.0
-        turn = (pose @ state.left_from_world.inverse()).rotvec
-        return float(turn[1] / ((time_ns - state.time_ns) * 1e-9))
-
-    def _sight(
-        self, state: ModernStereoState, left: Image, right: Image, time_ns: int
-    ) -> tuple[Sighting, tuple[Decision, ...]]:
-        """The points of the last pair in this one, and the pose: guided by the motion so far, or by descriptors."""
-        guess = self._predicted(state, time_ns)
-        sighting = self._follow(state, left, right, guess if state.motion_s > 0 else None, guess, time_ns)
-        if state.left is None:
-            return sighting, ()
-        wanted = max(self.config.min_inliers, 0.3 * len(state.points))
-        guided = Decision("points found where the motion leads", sighting.inliers, wanted, sighting.inliers >= wanted)
-        if guided.passed:
-            return sighting, (guided,)
-        sighting = max(sighting, self._follow(state, left, right, None, guess, time_ns), key=lambda s: s.inliers)
-        around = Decision("points found around their last places", sighting.inliers, wanted, sighting.inliers >= wanted)
-        if around.passed:
-            return sighting, (guided, around)
-        features = sift.detect_and_describe(left, 2000)
-        described = self._relocated(state, features)
-        if described is not None:
-            again = self._follow(state, left, right, described, described, time_ns)
-            sighting = max(sighting, replace(again, features=features), key=lambda s: s.inliers)
-        least = self.config.min_inliers
-        last = Decision("points found by descriptors", sighting.inliers, least, sighting.inliers >= least)
-        return sighting, (guided, around, last)
-
-    def _follow(
-        self, state: ModernStereoState, left: Image, right: Image, guide: Pose | None, guess: Pose, time_ns: int
-    ) -> Sighting:
-        """Track into the left image from where `guide` puts the points, else from where they were; then right."""
-        points, camera, place = state.points, self.rig.camera("left"), state.map.places(state.points.ids)
-        if state.left is None or not len(points):
-            nothing = np.zeros(0, np.int64)
-            return Sighting(points.uv, points.disparity_px, nothing.astype(np.uint8), nothing, None, nothing)
-        near = guess.apply(state.map.xyz[place])
-        if guide is None:
-            uv, status = Klt(levels=5).track(state.left, left, points.uv)
-        else:
-            expected = camera.project(near).astype(np.float32)
-            lost = ~np.isfinite(expected).all(1)
-            expected[lost] = points.uv[lost]
-            uv, status = Klt(levels=2).track(state.left, left, points.uv, expected)
-        uv = self._refined(state, left, uv, status)
-        alive = np.flatnonzero(status == TrackStatus.ALIVE)
-        disparity = np.full(len(points), np.nan, np.float32)
-        depth = np.maximum(near[alive, 2], 0.1)
-        disparity[alive] = PointSearch().follow(
-            left, right, uv[alive], (camera.fx * self.rig.baseline_m / depth).astype(np.float32)
-        )
-        seen = self._seen(Points(points.ids[alive], uv[alive], disparity[alive]))
-        located = self._locate(state, place[alive], seen, guess, time_ns)
-        if located is not None:
-            status[alive[~located.inliers]] = TrackStatus.REPROJECTION
-        return Sighting(uv, disparity, status, place, located, alive)
-
-    def _refined(
-        self, state: ModernStereoState, left: Image, uv: NDArray[np.float32], status: NDArray[np.uint8]
-    ) -> NDArray[np.float32]:
-        """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest."""
-        if state.key_left is None or state.key_left is state.left:
-            return uv
-        key, camera = state.map.keys[-1], self.rig.camera("left")
-        _, old, new = np.intersect1d(key.ids, state.points.ids, assume_unique=True, return_indices=True)
-        alive = status[new] == TrackStatus.ALIVE
-        old, new = old[alive], new[alive]
-        start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)
-        again, found = Klt(levels=1).track(state.key_left, left, start, uv[new])
-        good = (found == TrackStatus.ALIVE) & (np.linalg.norm(again - uv[new], axis=1) < 1.5)
-        out = uv.copy()
-        out[new[good]] = again[good]
-        return out
-
-    def _locate(
-        self, state: ModernStereoState, place: NDArray[np.int64], seen: Array, guess: Pose, time_ns: int
-    ) -> Located | None:
-        """left_from_world by reprojection in both images; from three-point samples where the guess is poor."""
-        xyz, baseline = state.map.xyz[place], self.rig.baseline_m
-        moved = guess @ state.left_from_world.inverse()
-        offset = state.map.extra[0] + state.map.extra[1] * moved.rotvec[1] / ((time_ns - state.time_ns) * 1e-9)
-        prior = None
-        if len(xyz) < 3 * self.config.min_inliers:
-            reach = 0.5 * float(np.linalg.norm(moved.translation)) + 0.1 * baseline
-            prior = np.diag([reach**-2] * 3 + [0.05**-2] * 3)
-        arguments = baseline, float(offset), self._loss, self._limit
-        found = locate(xyz, seen, guess, *arguments, prior)
-        if found is None or found.inliers.mean() < 0.6:
-            sampled = resect(xyz, seen[:, :2], self._limit)
-            if sampled is not None:
-                again = locate(xyz, seen, sampled.camera_from_world, *arguments, prior)
-                if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
-                    found = again
-        return found
-
-    def _relocated(self, state: ModernStereoState, now: sift.Features) -> Pose | None:
-        """left_from_world by descriptors shared with the last located pair."""
-        assert state.left is not None and state.right is not None
-        before = state.described or sift.detect_and_describe(state.left, 2000)
-        pairs = sift.match(before, now)
-        uv = before.uv[pairs[:, 0]]
-        disparity = PointSearch().search(state.left, state.right, uv)
-        good = disparity >= 1
-        xyz = self._intersected(state.map, Points(pairs[good, 0], uv[good], disparity[good]))
-        x = self.rig.camera("left").normalise(now.uv[pairs[good, 1]].astype(float))
-        found = resect(xyz, x, 2 * self._limit)
-        return None if found is None else found.camera_from_world @ state.left_from_world
+        turn = (pose @ state.last.left_from_world.inverse()).rotvec
+        return float(turn[1] / ((time_ns - state.last.time_ns) * 1e-9))
 
     def _lost(
         self, state: ModernStereoState, sighting: Sighting
@@ -360,13 +200,12 @@ class ModernStereo:
         settled = state.settled
         for key in keys:
             settled = Chain(key, settled)
-        state = replace(state, map=StereoMap(extra=state.map.extra), points=Points(), settled=settled)
-        empty = np.zeros(0, np.int64)
-        nothing = Sighting(Points().uv, Points().disparity_px, empty.astype(np.uint8), empty, None, empty)
+        fresh = replace(state.last, points=Points())
+        state = replace(state, last=fresh, map=StereoMap(extra=state.map.extra), settled=settled)
         decision = Decision(
             "pairs lost", state.lost_pairs, limit, False, relation="<=", because="a new start from the prediction"
         )
-        return state, nothing, (decision,)
+        return state, Sighting.nothing(), (decision,)
 
     def _choose_key_frame(self, world: StereoMap, points: Points) -> tuple[bool, tuple[Decision, ...]]:
         """Large displacement, or too few of the last key frame's points left."""
@@ -390,19 +229,7 @@ class ModernStereo:
         disparity = PointSearch().search(left, right, uv)
         found = np.flatnonzero(np.isfinite(disparity))
         fresh = Points(next_id + np.arange(len(found)), uv[found], disparity[found])
-        return fresh, pose.inverse().apply(self._intersected(world, fresh))
-
-    def _intersected(self, world: StereoMap, points: Points) -> Array:
-        """(N, 3) in the left camera from disparities, freed of the offset found so far; far ones at 2000 baselines."""
-        seen = self._seen(points)
-        disparity = seen[:, 0] - seen[:, 2] + (1 + seen[:, 2] ** 2) * world.extra[0]
-        depth = self.rig.baseline_m / np.maximum(disparity, 1 / 2000)
-        return np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
-
-    def _seen(self, points: Points) -> Array:
-        camera = self.rig.camera("left")
-        x = camera.normalise(points.uv)
-        return np.column_stack([x, x[:, 0] - points.disparity_px / camera.fx])
+        return fresh, pose.inverse().apply(self._tracker.intersected(world, fresh))
 
     def _adjusted(
         self, world: StereoMap, settled: Chain[tuple[int, Pose]] | None
@@ -450,7 +277,7 @@ class ModernStereo:
             residual[sighting.took_part] = np.minimum(sighting.located.distances * camera.fx, 1e4)
         tracks, landmarks, revised = Tracks.of(np.zeros(0), np.zeros((0, 2))), Landmarks.empty(), Trajectory.empty()
         if before is not None:
-            old, new = before.points, after.points
+            old, new = before.last.points, after.last.points
             count = len(sighting.status)
             ids = np.concatenate([old.ids[:count], new.ids[len(new) - fresh :]])
             ended = (sighting.status != TrackStatus.ALIVE) & (sighting.status < TrackStatus.EPIPOLAR)
@@ -469,8 +296,10 @@ class ModernStereo:
             world_from_rig = pose.inverse() @ self._left_from_rig
             spread = self._covariance(after, sighting, is_key)
         if is_key:
-            place = after.map.places(after.points.ids)
-            landmarks = Landmarks(after.points.ids, after.map.xyz[place], colours_at(exposure.left, after.points.uv))
+            place = after.map.places(after.last.points.ids)
+            landmarks = Landmarks(
+                after.last.points.ids, after.map.xyz[place], colours_at(exposure.left, after.last.points.uv)
+            )
             revised = Trajectory.of(
                 [(k.time_ns, k.left_from_world.inverse() @ self._left_from_rig) for k in after.map.keys[:-1]]
             )
@@ -502,14 +331,3 @@ class ModernStereo:
         # left_from_world grows by exp(d) on the left: world_from_rig by exp(-Ad(rig_from_left) d) on the right
         adjoint = self.rig.rig_from_left.adjoint
         return adjoint @ spread @ adjoint.T
-
-
-def _alive(points: Points, sighting: Sighting) -> Points:
-    keep = sighting.status == TrackStatus.ALIVE
-    return Points(points.ids[: len(keep)][keep], sighting.uv[keep], sighting.disparity_px[keep])
-
-
-def _joined(a: Points, b: Points) -> Points:
-    return Points(
-        np.concatenate([a.ids, b.ids]), np.concatenate([a.uv, b.uv]), np.concatenate([a.disparity_px, b.disparity_px])
-    )

@@ -1,0 +1,226 @@
+"""Following the stereo estimator's points into the next pair, and locating it: guided, around, or by descriptors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.stereo_window import StereoMap
+from ispom.frontends import sift
+from ispom.frontends.klt import Klt
+from ispom.frontends.row_search import PointSearch
+from ispom.geometry import Array, Pose
+from ispom.solvers.resection import resect
+from ispom.solvers.stereo_pose import Located, locate
+from ispom.types import Camera, Decision, Image, TrackStatus
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The points alive in the previous left image."""
+
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) ascending."""
+    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    disparity_px: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    """(N,) NaN where unknown."""
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @staticmethod
+    def joined(a: Points, b: Points) -> Points:
+        uv, disparity = np.concatenate([a.uv, b.uv]), np.concatenate([a.disparity_px, b.disparity_px])
+        return Points(np.concatenate([a.ids, b.ids]), uv, disparity)
+
+    def seen_by(self, camera: Camera) -> Array:
+        """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
+        x = camera.normalise(self.uv)
+        return np.column_stack([x, x[:, 0] - self.disparity_px / camera.fx])
+
+    def select(self, keep: NDArray[np.bool_]) -> Points:
+        return Points(self.ids[keep], self.uv[keep], self.disparity_px[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Last:
+    """The last located pair."""
+
+    left: Image | None = None
+    right: Image | None = None
+    key_left: Image | None = None
+    """Of the newest key frame."""
+    points: Points = Points()
+    time_ns: int = 0
+    left_from_world: Pose = field(default_factory=Pose)
+    motion: Pose = field(default_factory=Pose)
+    """curr_left_from_prev_left of the last two located pairs."""
+    motion_s: float = 0.0
+    """Time between them; 0 before there are two."""
+    described: sift.Features | None = None
+    """Of the left image, where descriptors were needed to locate it."""
+
+    def predicted(self, time_ns: int) -> Pose:
+        """left_from_world if the motion goes on as it was."""
+        if self.motion_s <= 0:
+            return self.left_from_world
+        return Pose.exp(self.motion.log() * ((time_ns - self.time_ns) * 1e-9 / self.motion_s)) @ self.left_from_world
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Where the points of the last pair are in this one."""
+
+    uv: NDArray[np.float32]
+    """(N, 2) [px] in the left image."""
+    disparity_px: NDArray[np.float32]
+    """(N,) NaN where not found in the right image."""
+    status: NDArray[np.uint8]
+    place: NDArray[np.int64]
+    """(N,) in the map, or -1."""
+    located: Located | None
+    took_part: NDArray[np.int64]
+    """Which of the points `located` is about."""
+    features: sift.Features | None = None
+    """Of the left image, where they were needed."""
+
+    @staticmethod
+    def nothing() -> Sighting:
+        empty, none = np.zeros(0, np.int64), Points()
+        return Sighting(none.uv, none.disparity_px, empty.astype(np.uint8), empty, None, empty)
+
+    def alive(self, points: Points) -> Points:
+        """Those of the points followed that are alive, at their places now."""
+        keep = self.status == TrackStatus.ALIVE
+        return Points(points.ids[: len(keep)][keep], self.uv[keep], self.disparity_px[keep])
+
+    @property
+    def inliers(self) -> int:
+        return 0 if self.located is None else int(self.located.inliers.sum())
+
+
+@dataclass(frozen=True)
+class PairTracker:
+    """Follows points and locates pairs."""
+
+    camera: Camera
+    """The left one; the right one is the same."""
+    baseline_m: float
+    loss: float
+    """Scale of the Cauchy loss, normalised."""
+    limit: float
+    """Larger reprojection errors end a track, normalised."""
+    min_inliers: int
+
+    def sight(
+        self, last: Last, world: StereoMap, left: Image, right: Image, time_ns: int
+    ) -> tuple[Sighting, tuple[Decision, ...]]:
+        """The points of the last pair in this one, and the pose: guided by the motion so far, or by descriptors."""
+        guess = last.predicted(time_ns)
+        sighting = self._follow(last, world, left, right, guess if last.motion_s > 0 else None, guess, time_ns)
+        if last.left is None:
+            return sighting, ()
+        wanted = max(self.min_inliers, 0.3 * len(last.points))
+        guided = Decision("points found where the motion leads", sighting.inliers, wanted, sighting.inliers >= wanted)
+        if guided.passed:
+            return sighting, (guided,)
+        sighting = max(sighting, self._follow(last, world, left, right, None, guess, time_ns), key=lambda s: s.inliers)
+        around = Decision("points found around their last places", sighting.inliers, wanted, sighting.inliers >= wanted)
+        if around.passed:
+            return sighting, (guided, around)
+        features = sift.detect_and_describe(left, 2000)
+        described = self._relocated(last, world, features)
+        if described is not None:
+            again = self._follow(last, world, left, right, described, described, time_ns)
+            sighting = max(sighting, replace(again, features=features), key=lambda s: s.inliers)
+        least = self.min_inliers
+        final = Decision("points found by descriptors", sighting.inliers, least, sighting.inliers >= least)
+        return sighting, (guided, around, final)
+
+    def _follow(
+        self, last: Last, world: StereoMap, left: Image, right: Image, guide: Pose | None, guess: Pose, time_ns: int
+    ) -> Sighting:
+        """Track into the left image from where `guide` puts the points, else from where they were; then right."""
+        points, camera, place = last.points, self.camera, world.places(last.points.ids)
+        if last.left is None or not len(points):
+            return Sighting.nothing()
+        near = guess.apply(world.xyz[place])
+        if guide is None:
+            uv, status = Klt(levels=5).track(last.left, left, points.uv)
+        else:
+            expected = camera.project(near).astype(np.float32)
+            lost = ~np.isfinite(expected).all(1)
+            expected[lost] = points.uv[lost]
+            uv, status = Klt(levels=2).track(last.left, left, points.uv, expected)
+        uv = self._refined(last, world, left, uv, status)
+        alive = np.flatnonzero(status == TrackStatus.ALIVE)
+        disparity = np.full(len(points), np.nan, np.float32)
+        depth = np.maximum(near[alive, 2], 0.1)
+        disparity[alive] = PointSearch().follow(
+            left, right, uv[alive], (camera.fx * self.baseline_m / depth).astype(np.float32)
+        )
+        seen = Points(points.ids[alive], uv[alive], disparity[alive]).seen_by(self.camera)
+        located = self._locate(last, world, place[alive], seen, guess, time_ns)
+        if located is not None:
+            status[alive[~located.inliers]] = TrackStatus.REPROJECTION
+        return Sighting(uv, disparity, status, place, located, alive)
+
+    def _refined(
+        self, last: Last, world: StereoMap, left: Image, uv: NDArray[np.float32], status: NDArray[np.uint8]
+    ) -> NDArray[np.float32]:
+        """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest."""
+        if last.key_left is None or last.key_left is last.left:
+            return uv
+        key, camera = world.keys[-1], self.camera
+        _, old, new = np.intersect1d(key.ids, last.points.ids, assume_unique=True, return_indices=True)
+        alive = status[new] == TrackStatus.ALIVE
+        old, new = old[alive], new[alive]
+        start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)
+        again, found = Klt(levels=1).track(last.key_left, left, start, uv[new])
+        good = (found == TrackStatus.ALIVE) & (np.linalg.norm(again - uv[new], axis=1) < 1.5)
+        out = uv.copy()
+        out[new[good]] = again[good]
+        return out
+
+    def _locate(
+        self, last: Last, world: StereoMap, place: NDArray[np.int64], seen: Array, guess: Pose, time_ns: int
+    ) -> Located | None:
+        """left_from_world by reprojection in both images; from three-point samples where the guess is poor."""
+        xyz, baseline = world.xyz[place], self.baseline_m
+        moved = guess @ last.left_from_world.inverse()
+        offset = world.extra[0] + world.extra[1] * moved.rotvec[1] / ((time_ns - last.time_ns) * 1e-9)
+        prior = None
+        if len(xyz) < 3 * self.min_inliers:
+            reach = 0.5 * float(np.linalg.norm(moved.translation)) + 0.1 * baseline
+            prior = np.diag([reach**-2] * 3 + [0.05**-2] * 3)
+        arguments = baseline, float(offset), self.loss, self.limit
+        found = locate(xyz, seen, guess, *arguments, prior)
+        if found is None or found.inliers.mean() < 0.6:
+            sampled = resect(xyz, seen[:, :2], self.limit)
+            if sampled is not None:
+                again = locate(xyz, seen, sampled.camera_from_world, *arguments, prior)
+                if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
+                    found = again
+        return found
+
+    def _relocated(self, last: Last, world: StereoMap, now: sift.Features) -> Pose | None:
+        """left_from_world by descriptors shared with the last located pair."""
+        assert last.left is not None and last.right is not None
+        before = last.described or sift.detect_and_describe(last.left, 2000)
+        pairs = sift.match(before, now)
+        uv = before.uv[pairs[:, 0]]
+        disparity = PointSearch().search(last.left, last.right, uv)
+        good = disparity >= 1
+        xyz = self.intersected(world, Points(pairs[good, 0], uv[good], disparity[good]))
+        x = self.camera.normalise(now.uv[pairs[good, 1]].astype(float))
+        found = resect(xyz, x, 2 * self.limit)
+        return None if found is None else found.camera_from_world @ last.left_from_world
+
+    def intersected(self, world: StereoMap, points: Points) -> Array:
+        """(N, 3) in the left camera from disparities, freed of the offset found so far; far ones at 2000 baselines."""
+        seen = points.seen_by(self.camera)
+        disparity = seen[:, 0] - seen[:, 2] + (1 + seen[:, 2] ** 2) * world.extra[0]
+        depth = self.baseline_m / np.maximum(disparity, 1 / 2000)
+        return np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
