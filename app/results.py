@@ -99,6 +99,7 @@ def run_text(
 def summary(report: Mapping[str, Any]) -> str:
     """The metrics as a few lines for the terminal."""
     lines = [f"left out: {fault}" for fault in report["skipped"]]
+    width = max(map(len, report["methods"]), default=0)
     for method, entry in report["methods"].items():
         parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
         if entry.get("ate_m") is not None:
@@ -112,7 +113,7 @@ def summary(report: Mapping[str, Any]) -> str:
             parts.append(f"step scale at the end {entry['step_scale_end_over_start']:.2f} of that at the start")
         if entry["ms_per_exposure"]["median"] is not None:
             parts.append(f"{entry['ms_per_exposure']['median']:.0f} ms per exposure")
-        lines.append(f"{method:<11} {', '.join(parts)}")
+        lines.append(f"{method:<{width}} {', '.join(parts)}")
     return "\n".join(lines)
 
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from ispom.errors import InputError
 from ispom.estimator import Estimator
 from ispom.estimators.integrated import IntegratedConfig
+from ispom.estimators.modern.integrated import ModernIntegratedConfig
 from ispom.estimators.modern.monocular import ModernMonocularConfig
 from ispom.estimators.modern.stereo import ModernStereoConfig
 from ispom.estimators.monocular import MonocularConfig
@@ -29,15 +30,16 @@ DEFAULT_VARIANT: Variant = "paper"
 
 @dataclass(frozen=True)
 class ModernConfig:
-    """Settings of the modern methods."""
+    """Settings of the modern methods; `integrated` uses those of the other two as well."""
 
     monocular: ModernMonocularConfig = field(default_factory=ModernMonocularConfig)
     stereo: ModernStereoConfig = field(default_factory=ModernStereoConfig)
+    integrated: ModernIntegratedConfig = field(default_factory=ModernIntegratedConfig)
 
 
 @dataclass(frozen=True)
 class Config:
-    """Which variant, and the settings of every method; the paper's `integrated` uses those of its other two as well."""
+    """Which variant, and the settings of every method; `integrated` uses those of the other two as well."""
 
     monocular: MonocularConfig = field(default_factory=MonocularConfig)
     stereo: StereoConfig = field(default_factory=StereoConfig)
@@ -85,6 +87,10 @@ def _paper(config: Config, rig: Rig) -> Estimator:
     return config.integrated.build(rig, config.monocular, config.stereo)
 
 
+def _modern(config: Config, rig: Rig) -> Estimator:
+    return config.modern.integrated.build(rig, config.modern.monocular, config.modern.stereo)
+
+
 _BUILD: Mapping[Variant, Mapping[Method, Callable[[Config, Rig], Estimator]]] = {
     "paper": {
         "monocular": lambda config, rig: config.monocular.build(rig),
@@ -94,10 +100,11 @@ _BUILD: Mapping[Variant, Mapping[Method, Callable[[Config, Rig], Estimator]]] = 
     "modern": {
         "monocular": lambda config, rig: config.modern.monocular.build(rig),
         "stereo": lambda config, rig: config.modern.stereo.build(rig),
+        "integrated": _modern,
         COMPARED: lambda config, rig: Apart(_paper(config, rig), COMPARED),
     },
 }
-_INSIDE: Mapping[Variant, tuple[Method, ...]] = {"paper": ("monocular", "stereo"), "modern": ()}
+_INSIDE: tuple[Method, ...] = ("monocular", "stereo")
 """What `integrated` computes on its way, and gives as parts."""
 
 
@@ -118,7 +125,7 @@ class Ensemble:
 
     methods: tuple[Method, ...]
     estimators: Mapping[str, Estimator]
-    """Those that really run: the paper's `integrated` brings the other two with it."""
+    """Those that really run: `integrated` brings the other two with it."""
 
     def start(self) -> dict[str, Any]:
         return {name: estimator.start() for name, estimator in self.estimators.items()}
@@ -152,7 +159,7 @@ def build(config: Config, methods: tuple[Method, ...], rig: Rig) -> Ensemble:
     if missing:
         need = "a video camera" if missing[0] == "monocular" else "a left and a right camera"
         raise InputError(f"{missing[0]} needs {need}, which this sequence lacks: choose other --methods")
-    inside = _INSIDE[config.variant] if "integrated" in methods else ()
+    inside = _INSIDE if "integrated" in methods else ()
     asked: tuple[Method, ...] = tuple(m for m in ALL_METHODS if m in methods)
     estimators: dict[str, Estimator] = {m: _BUILD[config.variant][m](config, rig) for m in asked if m not in inside}
     return Ensemble(asked, estimators)
