@@ -66,6 +66,7 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
 
         return bench(command)
     source = command.source if isinstance(command, App) else "sim:city"
+    from . import warmup
     from .server import serve
 
     return serve(
@@ -76,6 +77,7 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
         open_browser=command.browser,
         methods=command.methods or None,
         config=command.config,
+        compiling=warmup.start,
     )
 
 

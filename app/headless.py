@@ -24,6 +24,7 @@ from ispom.io.tum import tum_text
 from ispom.sequences.live import without_secrets
 from ispom.types import Sequence
 
+from . import warmup
 from .map_memory import MapMemories
 from .options import Run
 from .playback import Finished, Playback
@@ -53,6 +54,7 @@ def run(options: Run) -> int:
     # The integration is measured between stereo poses; it computes those anyway.
     played: tuple[Method, ...] = (*methods, "stereo") if "integrated" in methods else methods
     playback = Playback(sequence, tuple(dict.fromkeys(played)), options.config)
+    warmup.start(options.config)
     folder = RunFolder(options.out or _default_folder(sequence.name))
     folder.remove(OUTPUTS)
     told = {"methods": list(methods), "variant": options.variant, "frame": options.frame, "seed": options.seed}
@@ -108,6 +110,7 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
             playback.sequence.prepare(0)
         try:
             total = len(playback.sequence) if playback.sequence.grow is None else options.max_exposures
+            _compiled()
             with _terminable(), _ended_by_interrupt(playback.sequence), _progress(total) as advance:
                 while playback.more():
                     event = playback.step()
@@ -197,6 +200,14 @@ def _ended_by_interrupt(sequence: Sequence) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _compiled() -> None:
+    """Waits for numba's first compilation, and says so on a terminal."""
+    if not warmup.finished():
+        with Console(stderr=True).status(warmup.MESSAGE):
+            while not warmup.finished(0.2):
+                pass
 
 
 @contextmanager

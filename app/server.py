@@ -45,15 +45,16 @@ def serve(
     config: Config | None = None,
     recordings_dir: Path = Path("recordings"),
     autoplay: bool = True,
+    compiling: Callable[[Config], None] = lambda _: None,
 ) -> int:
     """Runs the app until SIGINT or SIGTERM, then ends the process with code 0 (in the main thread; else it returns).
 
     `sequence_opener` opens a source that the person names, now `source` and later what is typed in the page; it runs
     in the worker thread and raises InputError for what cannot be opened. `methods` None means all that the source has
-    the cameras for. InputError where `host` cannot be listened on.
+    the cameras for. `compiling` begins to compile what settings need. InputError where `host` cannot be listened on.
     """
     code = asyncio.run(
-        _serve(sequence_opener, source, host, port, open_browser, methods, config, recordings_dir, autoplay)
+        _serve(sequence_opener, source, host, port, open_browser, methods, config, recordings_dir, autoplay, compiling)
     )
     if threading.current_thread() is threading.main_thread():
         # Viewers' and renderers' threads may hang for seconds at exit, and nothing of theirs is worth waiting for.
@@ -73,11 +74,14 @@ async def _serve(
     config: Config | None,
     recordings: Path,
     autoplay: bool,
+    compiling: Callable[[Config], None],
 ) -> int:
     listener = _listener(host, port)
     stopped = asyncio.Event()
     _on_signals(stopped)
-    live, session, screen = await asyncio.to_thread(_start, opener, source, methods, config, recordings, autoplay)
+    live, session, screen = await asyncio.to_thread(
+        _start, opener, source, methods, config, recordings, autoplay, compiling
+    )
     backends = Backends(screen.port, live.port, viewer_assets, screen.show_scene)
     runner = web.AppRunner(
         Gateway(session, backends, recordings, {host, socket.gethostname()}).app, access_log=None, shutdown_timeout=0.3
@@ -99,12 +103,13 @@ async def _serve(
     return 0
 
 
-def _start(opener, source, methods, config, recordings, autoplay):
+def _start(opener, source, methods, config, recordings, autoplay, compiling):
     from .screen import Screen
     from .streams import LiveStream
 
     live = LiveStream()
-    session = Session(opener, source, recordings, methods=methods, config=config, live=live, autoplay=autoplay)
+    options = {"methods": methods, "config": config, "live": live, "autoplay": autoplay, "compiling": compiling}
+    session = Session(opener, source, recordings, **options)
     session.start()
     screen = Screen(session, live)
     screen.start()

@@ -15,6 +15,7 @@ from ispom.estimators import ALL_METHODS, Config, Method, Variant, default_metho
 from ispom.types import Sequence
 
 from . import commands as do
+from . import warmup
 from .playback import Finished, Opened, Playback, Stepped
 from .recordings import Writer, list_recordings, recording_path
 from .state import Activity, Computed, Event, Moment, Opening, OpeningFailed, Shown, State, Told, changed, reduce
@@ -47,15 +48,17 @@ class Session:
         config: Config | None = None,
         live: Live | None = None,
         autoplay: bool = True,
+        compiling: Callable[[Config], None] = lambda _: None,
     ) -> None:
-        """`methods` None means all that the source has the cameras for."""
+        """`methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
+        need, when they are about to run."""
         self.state = State(source, config=config or Config())
         self.history: list[Moment] = []
         """Only ever appended to, and replaced by a new list when a run starts: safe to read from any thread."""
         self.truth: Any = None
         self.opened: Opened | None = None
         self._opener, self._wanted, self._live, self._autoplay = opener, methods, live, autoplay
-        self._folder = recordings_dir
+        self._folder, self._compiling = recordings_dir, compiling
         self._inbox: SimpleQueue[do.Command] = SimpleQueue()
         self._playback: Playback | None = None
         self._writer: Writer | None = None
@@ -200,6 +203,7 @@ class Session:
 
     def _begin(self, playback: Playback) -> None:
         self._stop_recording()
+        self._compiling(playback.config)
         self._playback, self.history, self._due_s = playback, [], 0.0
         opened = self.opened = playback.opened
         if playback.sequence.prepare is not None:
@@ -268,6 +272,10 @@ class Session:
 
     def _compute(self) -> None:
         assert self._playback is not None
+        if not warmup.finished(WATCH_S):
+            if self.state.activity is None or self.state.activity.text != warmup.MESSAGE:
+                self._busy(warmup.MESSAGE)
+            return
         self._busy(f"{self._work} exposure {self._playback.position + 1}")
         event = self._playback.step()
         moment = Moment.of(event, self.history[-1] if self.history else None)

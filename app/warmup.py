@@ -1,8 +1,7 @@
 """Numba's first compilation, in a process of its own: in this one it would hold up the page, and stall the first steps.
 
-start()                     # once, as early as can be; does nothing where the machine code is kept already
-while not finished(0.05):   # before the first exposure is computed
-    ...                     # say MESSAGE
+`start(config)` begins where machine code is still missing; `while not finished(0.05): say(MESSAGE)` comes before the
+first exposure is computed.
 """
 
 from __future__ import annotations
@@ -11,16 +10,19 @@ import subprocess
 import sys
 from contextlib import suppress
 
+from ispom.estimators import Config
+
 MESSAGE = "compiling the estimators, once after installing"
 COMPILE = "from ispom.estimators.warm_up import warm_up; warm_up()"
 _running: list[subprocess.Popen[bytes]] = []
 
 
-def start() -> None:
-    """Begins to compile, where that is still to be done."""
-    from ispom.estimators.warm_up import compiled_before  # brings numba
+def start(config: Config) -> None:
+    """Begins to compile, where these settings need it and it is still to be done."""
+    from ispom.estimators.warm_up import compiled_before
 
-    if not _running and not compiled_before():
+    needed = config.variant == "modern" or config.monocular.local_bundle
+    if needed and not _running and not compiled_before():
         with suppress(OSError):
             nothing = subprocess.DEVNULL
             _running.append(

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import threading
+from pathlib import Path
+
 import pytest
+from ispom_app import commands as do
 from ispom_app import warmup
 
-from ispom.estimators import warm_up
+from ispom.estimators import Config, warm_up
+from tests.app import helpers
+
+MODERN = Config(variant="modern")
 
 
 @pytest.fixture
@@ -18,8 +25,8 @@ def started(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMPILE", "import sys; sys.stdin.read(1)")
     monkeypatch.setattr(warmup.subprocess, "DEVNULL", warmup.subprocess.PIPE)
-    warmup.start()
-    warmup.start()
+    warmup.start(MODERN)
+    warmup.start(MODERN)
     (process,) = warmup._running
     assert not warmup.finished(0.01) and not warmup.finished()
     process.communicate(b"x", timeout=20)
@@ -29,12 +36,39 @@ def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("started")
 def test_one_that_fails_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMPILE", "raise SystemExit(3)")
-    warmup.start()
+    warmup.start(MODERN)
     assert warmup.finished(20)
 
 
 @pytest.mark.usefixtures("started")
 def test_what_is_kept_is_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warm_up, "compiled_before", lambda: True)
-    warmup.start()
+    warmup.start(MODERN)
     assert not warmup._running and warmup.finished()
+
+
+@pytest.mark.usefixtures("started")
+def test_what_is_not_needed_is_not_compiled() -> None:
+    warmup.start(Config(variant="paper"))
+    assert not warmup._running
+
+
+@pytest.mark.usefixtures("started")
+def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("ispom_app.playback.build", helpers.build)
+    over = threading.Event()
+    monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.wait(wait_s))
+    asked: list[Config] = []
+    session = helpers.started(tmp_path, compiling=asked.append)
+    try:
+        helpers.wait_for(
+            lambda: session.state.activity and session.state.activity.text == warmup.MESSAGE, "the message"
+        )
+        assert len(asked) == 1 and not session.history
+        session.post(do.Play(False))
+        helpers.wait_for(lambda: not session.state.playing, "a pause meanwhile")
+        over.set()
+        session.post(do.Play(True))
+        helpers.wait_for(lambda: session.state.head == session.state.total, "the end")
+    finally:
+        session.close(20.0)
