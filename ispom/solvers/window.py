@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, so3_exp
 
 POSE, EXTRA = 6, 2
-"""Unknowns of a pose: left twist (rho, phi) of camera_from_world; and of the pair: offset, lag."""
+"""Unknowns of a pose: left twist (rho, phi) of camera_from_world; and of the camera or the pair: see Window.extra."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +61,10 @@ class Window:
     rates: Array
     """(C,) turn rate about the camera's y axis [rad/s], which a late right shutter turns into disparity."""
     baseline: float = 0.0
+    """Of the pair; 0 for one camera."""
     extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
-    """Offset of the right x (a yaw error of the rectification) [rad], and lag of the right shutter [s]."""
+    """Of a pair: offset of the right x (a yaw error of the rectification) [rad], and lag of the right shutter [s].
+    Of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2)."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
     """(2,) standard deviations before any data; 0 keeps the value as it is."""
     prior: Prior | None = None
@@ -269,6 +271,10 @@ def _residual(rotations, translations, points, c, m, seen, rates, baseline, extr
     x, y = x / z, y / z
     right = x - baseline / z
     r[0], r[1], r[2] = x - seen[0], y - seen[1], 0.0
+    if baseline == 0.0:
+        stretch = extra[0] + extra[1] * (x * x + y * y)
+        r[0] += stretch * x
+        r[1] += stretch * y
     if not np.isnan(seen[2]):
         r[2] = right + (1.0 + right * right) * (extra[0] + extra[1] * rates[c]) - seen[2]
     return z, x, y, right
@@ -306,7 +312,7 @@ def _schur(
     """Adds to the reduced system (upper triangle) and its right side; keeps what back-substitution needs."""
     n_obs, n_points, e0 = len(cameras), len(points), POSE * len(rotations)
     r, jp, jx = np.zeros(3), np.zeros((3, 6)), np.zeros((3, 3))
-    je, ye = np.zeros(EXTRA), np.zeros((EXTRA, 3))
+    je, ye = np.zeros((3, EXTRA)), np.zeros((EXTRA, 3))
     v, inverse, b = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     per = 1.0 / (scale * scale)
     k = 0
@@ -323,8 +329,8 @@ def _schur(
                 rows = 2 if np.isnan(seen[k, 2]) else 3
                 w = per / (1.0 + (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) * per)
                 iz = 1.0 / z
-                jp[0, 0], jp[0, 2] = iz, -x * iz
-                jp[1, 1], jp[1, 2] = iz, -yy * iz
+                jp[0, 0], jp[0, 1], jp[0, 2] = iz, 0.0, -x * iz
+                jp[1, 0], jp[1, 1], jp[1, 2] = 0.0, iz, -yy * iz
                 jp[0, 3], jp[0, 4], jp[0, 5] = -x * yy, 1 + x * x, -yy
                 jp[1, 3], jp[1, 4], jp[1, 5] = -1 - yy * yy, x * yy, x
                 if rows == 3:
@@ -333,8 +339,15 @@ def _schur(
                     # right = x - baseline / z: its derivative by (x, y, z) of the camera is (1, 0, -right) / z
                     jp[2, 0], jp[2, 1], jp[2, 2] = f * iz, 0.0, -f * xr * iz
                     jp[2, 3], jp[2, 4], jp[2, 5] = -f * xr * yy, f * (1 + x * xr), -f * yy
-                    je[0] = 1.0 + xr * xr
-                    je[1] = je[0] * rates[c]
+                    je[2, 0] = 1.0 + xr * xr
+                    je[2, 1] = je[2, 0] * rates[c]
+                if baseline == 0.0:
+                    square = x * x + yy * yy
+                    stretch, bend = 1.0 + extra[0] + extra[1] * square, 2.0 * extra[1]
+                    for a in range(6):
+                        along = bend * (x * jp[0, a] + yy * jp[1, a])
+                        jp[0, a], jp[1, a] = stretch * jp[0, a] + along * x, stretch * jp[1, a] + along * yy
+                    je[0, 0], je[0, 1], je[1, 0], je[1, 1] = x, x * square, yy, yy * square
                 for i in range(rows):
                     for a in range(3):
                         jx[i, a] = (
@@ -356,16 +369,16 @@ def _schur(
                             reduced[o + a, o + d] += wa * jp[i, d]
                         for d in range(3):
                             cross[k, a, d] += wa * jx[i, d]
-                if rows == 3:
+                for i in range(0 if baseline == 0.0 else 2, rows):
                     for a in range(EXTRA):
-                        wa = w * je[a]
-                        right[e0 + a] -= wa * r[2]
+                        wa = w * je[i, a]
+                        right[e0 + a] -= wa * r[i]
                         for d in range(a, EXTRA):
-                            reduced[e0 + a, e0 + d] += wa * je[d]
+                            reduced[e0 + a, e0 + d] += wa * je[i, d]
                         for d in range(6):
-                            reduced[o + d, e0 + a] += wa * jp[2, d]
+                            reduced[o + d, e0 + a] += wa * jp[i, d]
                         for d in range(3):
-                            cross_extra[m, a, d] += wa * jx[2, d]
+                            cross_extra[m, a, d] += wa * jx[i, d]
             k += 1
         for a in range(3):
             v[a, a] += damping * v[a, a] + 1e-9 * per

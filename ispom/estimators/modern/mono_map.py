@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.keyframes import Frame, Points
+from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
 from ispom.solvers.inverse_depth import InverseDepths, intersect
 from ispom.solvers.window import EXTRA, POSE, Adjusted, Prior, Window, adjust, covariance, marginalise
@@ -37,6 +38,10 @@ class Map:
     prior: Prior | None
     """Over the first poses of the window; holds the world and the unit."""
     between: tuple[Between, ...] = ()
+    extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    """Correction of the camera, see lens.py; the key frames' coordinates are without it."""
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    """Its deviations before any data; 0 where it is held."""
 
     @property
     def poses(self) -> tuple[Pose, ...]:
@@ -128,6 +133,8 @@ def problem(state: Map) -> Problem:
             slot[seen.owners[kept]],
             np.column_stack([seen.seen[kept], np.full(int(kept.sum()), np.nan)]),
             np.zeros(len(rotations)),
+            extra=state.extra,
+            extra_sigma=state.extra_sigma,
             prior=state.prior,
         ),
         state.points.ids[use],
@@ -150,14 +157,15 @@ def adjusted(state: Map, sigma: float, iterations: int) -> tuple[Map, Adjusted, 
     )
     kept = np.ones(len(xyz), bool)
     kept[place[worst > 4 * sigma]] = False
-    after = replace(state, keys=keys, points=Points(state.points.ids[kept], xyz[kept]))
+    after = replace(state, extra=window.extra, keys=keys, points=Points(state.points.ids[kept], xyz[kept]))
     return after, found, before
 
 
 def intersected(state: Map, ids: NDArray[np.int64], sigma: float) -> InverseDepths:
     """Points of tracks (M,) ascending, from all key frames that see them."""
     seen = observations(state.keys, ids)
-    return intersect(*views(state.poses), seen.cameras, seen.owners, seen.seen, len(ids), sigma)
+    x = corrected(seen.seen, state.extra)
+    return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), sigma)
 
 
 def key_covariance(state: Map, sigma: float) -> Array:
@@ -255,8 +263,8 @@ def _rested(state: Map) -> tuple[Map, list[tuple[int, Pose]]]:
     return replace(state, between=tuple(order[extra:])), done
 
 
-def anchored_prior(poses: tuple[Pose, ...]) -> Prior:
-    """Makes the first pose the world, and its distance to the last the unit."""
+def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array) -> Prior:
+    """Makes the first pose the world, and its distance to the last the unit; no correction of the camera yet."""
     rotations, translations = views(poses)
     size = POSE * len(poses) + EXTRA
     hessian = np.zeros((size, size))
@@ -266,5 +274,5 @@ def anchored_prior(poses: tuple[Pose, ...]) -> Prior:
     along = -rotations[-1] @ apart / unit  # how a left twist's rho moves the last centre away from the first
     last = slice(POSE * (len(poses) - 1), POSE * len(poses))
     hessian[last, last][:3, :3] += np.outer(along, along) / (1e-6 * unit) ** 2
-    hessian[size - EXTRA :, size - EXTRA :] = np.eye(EXTRA)
+    hessian[size - EXTRA :, size - EXTRA :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
     return Prior(rotations, translations, np.zeros(EXTRA), hessian, np.zeros(size))

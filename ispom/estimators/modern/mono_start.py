@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.keyframes import Frame, Points
+from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.mono_map import Between, Map, adjusted, anchored_prior, intersected
-from ispom.geometry import Pose
+from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import adjust_motion
 from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.solvers.two_view import hypotheses
+from ispom.solvers.window import EXTRA
 from ispom.types import Decision
 
 BUFFER = 40
@@ -32,6 +34,8 @@ class Start:
     base: Pose = Pose()
     unit: float = 1.0
     """Length that the first baseline of the map gets."""
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    """How far the camera's calibration may be corrected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +95,7 @@ def _restarted(start: Start, frame: Frame, sigma: float, why: Decision) -> Begun
         turn = dominant_rotation(last.at(ids), frame.at(ids), 3 * sigma)
         base = Pose(base.rotation @ turn.T, base.translation)
     done = tuple((f.time_ns, f.world_from_camera) for f in start.frames if f.world_from_camera is not None)
-    new = Start((replace(frame, world_from_camera=base),), base, start.unit)
+    new = replace(start, frames=(replace(frame, world_from_camera=base),), base=base)
     return Begun(new, (replace(why, because="begins again from here"),), base, settled=done)
 
 
@@ -128,7 +132,7 @@ def _trial(
     reference = start.frames[0]
     end = start.base @ second_from_first.inverse().scaled(start.unit)
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
-    state = Map(pair, Points(), None)
+    state = Map(pair, Points(), None, extra_sigma=start.extra_sigma)
     points = intersected(state, ids, sigma)
     good = (points.depth > 0) & (points.worst < 6 * sigma) & (points.significance > 2)
     if good.sum() < max(MIN_POINTS, len(ids) / 2):
@@ -142,7 +146,7 @@ def _trial(
         if pose is not None:
             keys.append(replace(frame, world_from_camera=pose))
     state = replace(state, keys=(*keys, pair[1]))
-    state = replace(state, prior=anchored_prior(state.poses))
+    state = replace(state, prior=anchored_prior(state.poses, start.extra_sigma))
     state, found, _ = adjusted(state, sigma, 12)
     if len(state.points.ids) < max(MIN_POINTS, len(ids) / 2):
         return None
@@ -152,7 +156,8 @@ def _trial(
 def _located(state: Map, frame: Frame, guess: Pose, threshold: float) -> Pose | None:
     place = state.points.places(frame.ids)
     known = place >= 0
-    found = adjust_motion(state.points.xyz[place[known]], frame.x[known], guess.inverse(), threshold, 20)
+    x = corrected(frame.x[known], state.extra)
+    found = adjust_motion(state.points.xyz[place[known]], x, guess.inverse(), threshold, 20)
     return None if found is None or found.inliers.mean() < 0.6 else found.camera_from_world.inverse()
 
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.lens import Lens
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose
-from ispom.types import Camera, Image, Tracks, TrackStatus
+from ispom.types import Image, Tracks, TrackStatus
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ def follow(live: Live, grey: Image, predicted: NDArray[np.float32] | None) -> Fo
     return Followed(*klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted))
 
 
-def guessed(camera: Camera, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
+def guessed(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
     """Scene points (N, 3) seen at uv (N, 2) [px]: the known ones, and for NaN at the depth of the nearest known one.
 
     Nearest in the image. All NaN where none is known.
@@ -71,21 +72,21 @@ def guessed(camera: Camera, uv: NDArray[np.float32], xyz_in_world: Array, world_
     if len(unknown):
         distance = ((uv[unknown, None] - uv[None, known]) ** 2).sum(axis=2)
         depth[unknown] = depth[known[np.argmin(distance, axis=1)]]
-    ray = np.column_stack([camera.normalise(uv), np.ones(len(uv))])
+    ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
     return world_from_camera.apply(ray * depth[:, None])
 
 
 def projected(
-    camera: Camera, xyz_in_world: Array, world_from_camera: Pose, otherwise: NDArray[np.float32]
+    lens: Lens, xyz_in_world: Array, world_from_camera: Pose, otherwise: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Places (N, 2) [px] of points (N, 3); `otherwise` where they have none."""
-    uv = camera.project(world_from_camera.inverse().apply(xyz_in_world))
+    uv = lens.project(world_from_camera.inverse().apply(xyz_in_world))
     ok = np.asarray(np.isfinite(uv).all(axis=1) & (np.abs(uv) < 1e5).all(axis=1))
     return np.where(ok[:, None], uv, otherwise).astype(np.float32)
 
 
 def realigned(
-    camera: Camera,
+    lens: Lens,
     live: Live,
     grey: Image,
     followed: Followed,
@@ -109,7 +110,7 @@ def realigned(
         if time_ns not in origins or time_ns not in images:
             continue
         mine = np.flatnonzero((live.origin_ns == time_ns) & inside & (in_camera[:, 2] > 0))
-        warps = warps_of(camera, origins[time_ns].inverse() @ pose, in_camera[mine])
+        warps = warps_of(lens.camera, origins[time_ns].inverse() @ pose, in_camera[mine])
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         usable = (area > MIN_WARP) & (area < MAX_WARP)
         mine, warps = mine[usable], warps[usable]

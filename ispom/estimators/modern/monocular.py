@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ispom.chain import Chain, in_order
 from ispom.estimators.keyframes import Frame, Points, parallax_deg
 from ispom.estimators.modern import mono_start
+from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
 from ispom.estimators.modern.mono_map import Map, adjusted, intersected, key_covariance, shortened
 from ispom.estimators.modern.mono_start import Start
 from ispom.estimators.modern.mono_tracks import (
@@ -59,9 +60,9 @@ class ModernMonocularConfig:
     """Points tracked at a time."""
     key_frames: Annotated[int, Range(4, 20)] = 10
     """Key frames adjusted together; what leaves them goes on as a prior."""
-    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.8
+    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.5
     """Median displacement since the last key frame, its rotation taken away, that makes the next one."""
-    min_share: Annotated[float, Range(0.1, 1)] = 0.75
+    min_share: Annotated[float, Range(0.1, 1)] = 0.4
     """A key frame is taken before a smaller share of the last one's points is left."""
     max_view_angle_deg: Annotated[float, Range(1, 90)] = 10.0
     """A key frame is taken when the camera has turned by this since the last one."""
@@ -74,6 +75,9 @@ class ModernMonocularConfig:
     noise_px: Annotated[float, Range(0.05, 5)] = 0.5
     """Deviation of a tracked place; the loss of the adjustments is as wide, tracks off by several of it are dropped."""
 
+    self_calibration: bool = True
+    """Correct the camera's focal length and radial distortion a little, by what its images say."""
+
     def build(self, rig: Rig) -> ModernMonocular:
         return ModernMonocular(rig, self)
 
@@ -81,7 +85,7 @@ class ModernMonocularConfig:
 @dataclass(frozen=True, eq=False)
 class ModernMonocularState:
     live: Live = Live()
-    start: Start | None = Start()
+    start: Start | None = None
     """While there is no map."""
     map: Map | None = None
     recent: tuple[tuple[int, Pose], ...] = ()
@@ -159,6 +163,10 @@ class ModernMonocular:
         """noise_px in normalised units."""
         return self.config.noise_px / self._camera.fx
 
+    @property
+    def _extra_sigma(self) -> Array:
+        return np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * self.config.self_calibration
+
     def _predicted(self, state: ModernMonocularState, time_ns: int) -> Pose | None:
         """world_from_camera at the velocity of the last two poses."""
         if state.map is None or not state.recent:
@@ -174,8 +182,9 @@ class ModernMonocular:
         live = state.live
         if state.map is None or guess is None:
             return follow(live, grey, None)
-        scene = guessed(self._camera, live.uv, state.map.known(live.ids), state.recent[-1][1])
-        return follow(live, grey, projected(self._camera, scene, guess, live.uv))
+        lens = Lens(self._camera, state.map.extra)
+        scene = guessed(lens, live.uv, state.map.known(live.ids), state.recent[-1][1])
+        return follow(live, grey, projected(lens, scene, guess, live.uv))
 
     def _frame(self, state: ModernMonocularState, time_ns: int, followed: Followed) -> Frame:
         alive = followed.status == TrackStatus.ALIVE
@@ -185,7 +194,9 @@ class ModernMonocular:
         """No map yet."""
         frame = self._frame(state, time_ns, followed)
         angle = np.radians(self.config.start_parallax_deg)
-        begun = mono_start.advance(state.start or Start(), frame, self._sigma, float(angle))
+        begun = mono_start.advance(
+            state.start or Start(extra_sigma=self._extra_sigma), frame, self._sigma, float(angle)
+        )
         if begun.map is None:
             key = len(begun.start.frames) == 1
             return Outcome(
@@ -227,7 +238,7 @@ class ModernMonocular:
         frame = self._frame(state, time_ns, followed)
         xyz = world.known(frame.ids)
         known = np.flatnonzero(np.isfinite(xyz[:, 0]))
-        motion = self._locate(xyz[known], frame.x[known], guess)
+        motion = self._locate(xyz[known], corrected(frame.x[known], world.extra), guess)
         compared = np.zeros(len(followed.status), bool)
         if motion is not None:
             first = motion.camera_from_world.inverse()
@@ -235,7 +246,7 @@ class ModernMonocular:
             frame = self._frame(state, time_ns, followed)
             xyz = world.known(frame.ids)
             known = np.flatnonzero(np.isfinite(xyz[:, 0]))
-            motion = adjust_motion(xyz[known], frame.x[known], first.inverse(), 4 * self._sigma)
+            motion = adjust_motion(xyz[known], corrected(frame.x[known], world.extra), first.inverse(), 4 * self._sigma)
         agreeing = 0 if motion is None else int(motion.inliers.sum())
         watch.lap("locate")
         located = Decision("points that agree with the pose", agreeing, MIN_LOCATED, agreeing >= MIN_LOCATED)
@@ -271,13 +282,14 @@ class ModernMonocular:
     ) -> tuple[Followed, NDArray[np.bool_]]:
         """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""
         known = world.known(state.live.ids)
-        scene = guessed(self._camera, state.live.uv, known, state.recent[-1][1])
-        expected = projected(self._camera, known, pose, followed.uv)
+        lens = Lens(self._camera, world.extra)
+        scene = guessed(lens, state.live.uv, known, state.recent[-1][1])
+        expected = projected(lens, known, pose, followed.uv)
         off = np.linalg.norm(expected - followed.uv, axis=1) > 4 * self.config.noise_px
         lost = followed.status != TrackStatus.ALIVE
         expected = np.where((off | lost)[:, None], expected, followed.uv)
         origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
-        return realigned(self._camera, state.live, grey, followed, expected, scene, pose, origins)
+        return realigned(lens, state.live, grey, followed, expected, scene, pose, origins)
 
     def _locate(self, xyz: Array, x: Array, guess: Pose) -> Motion | None:
         """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC."""
@@ -367,7 +379,7 @@ class ModernMonocular:
         return Outcome(
             followed,
             Status.LOST,
-            start=Start((replace(frame, world_from_camera=base),), base),
+            start=Start((replace(frame, world_from_camera=base),), base, extra_sigma=self._extra_sigma),
             decisions=(why,),
             settled=tuple(world.trajectory()),
         )
