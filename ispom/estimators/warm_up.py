@@ -39,10 +39,10 @@ def warm_up() -> None:
 
 
 def kernels() -> list[Dispatcher]:
-    """The compiled functions of all methods."""
+    """The compiled functions of all methods, but for those that only become part of others."""
     modules = [module for name, module in sorted(sys.modules.items()) if name.startswith("ispom.")]
     found = [value for module in modules for value in vars(module).values() if isinstance(value, Dispatcher)]
-    return list(dict.fromkeys(found))
+    return [k for k in dict.fromkeys(found) if k.targetoptions.get("inline") != "always"]
 
 
 def compiled_before() -> bool:
