@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from . import entities
 from .playback import Opened
 
-LAYERS = ("truth", "cameras", "key_frames", "clouds", "tracks", "trails", "disparity")
+LAYERS = ("truth", "cameras", "spread", "key_frames", "clouds", "tracks", "trails", "disparity")
 """What can be hidden beside the methods."""
 
 
@@ -46,6 +46,7 @@ def _world(opened: Opened, hidden: Collection[str]) -> rrb.Spatial3DView:
     paths = {
         "truth": ["world/truth"],
         "cameras": [f"world/{m}/camera" for m in methods] + ["world/truth/rig"],
+        "spread": [f"world/{m}/spread" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
         **{m: [f"world/{m}"] for m in methods},

@@ -5,6 +5,8 @@ Rerun's pixel coordinates count from the corner of the top-left pixel, ours from
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 import rerun as rr
@@ -14,6 +16,7 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Image, Step, Tracks, TrackStatus
 
 from . import colours
+from .spread import Ellipsoid, told
 
 JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
@@ -142,14 +145,26 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
     return frame_from_camera.apply(np.stack([*strip, top_left]))
 
 
-def summary(steps: dict[str, Step], first_ns: int) -> str:
-    """Markdown: what each method decided in its latest step, and why."""
+def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
+    """In the world of the pose, as a few lines."""
+    return rr.Ellipsoids3D(
+        half_sizes=[found.half_sizes],
+        centers=[found.centre],
+        quaternions=[found.pose.xyzw],
+        colors=colours.packed(colour),
+        line_radii=[-0.75],
+    )
+
+
+def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float]) -> str:
+    """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units, where not 1."""
     parts = []
     for method, step in steps.items():
         facts = [f"**{method}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
         facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
         if len(step.residuals_px):
             facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
+        facts += [text] if (text := told(step, units_m.get(method, 1.0))) else []
         rows = [
             f"| {d.name} | {d.value:.4g} {d.unit} | {d.relation} {d.threshold:.4g} | {'yes' if d.passed else 'no'} | "
             f"{d.because} |"

@@ -6,6 +6,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
     /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it changed
     /world/METHOD/camera                     the pose now
+    /world/METHOD/spread                     what holds its position with 95 %, where the method tells a covariance
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
     /video, /left                            image, tracks, trails, legend; left also disparity
     /plots/{error,scale,inliers,residual,ms}/METHOD...
@@ -27,7 +28,7 @@ import rerun as rr
 from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Frame, Step, StereoPair, Tracks, Trajectory
 
-from . import colours, entities
+from . import colours, entities, spread
 from .memory import Cloud, Path
 from .playback import Finished, Opened, Stepped
 
@@ -80,6 +81,8 @@ class Recorder:
         self._placements: dict[str, Similarity] = {}
         self._recent: dict[str, list[Tracks]] = {}
         self._last: dict[str, Step] = {}
+        self._spreads: set[str] = set()
+        """Methods whose ellipsoid is drawn now."""
         self._now = (0, 0)
         self._stages: dict[str, list[str]] = {m: [] for m in opened.methods}
 
@@ -182,9 +185,18 @@ class Recorder:
         elif path.drawn_frame:  # a camera left standing would look like a pose
             path.drawn_frame = None
             yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
+        yield from self._spread(step)
         cloud.update(step.landmarks)
         if step.key_frame:
             yield from self._cloud_blocks(method, cloud.changed())
+
+    def _spread(self, step: Step) -> Iterator[Entry]:
+        found, place = spread.of_step(step), f"world/{step.method}/spread"
+        if found is not None:
+            yield Entry(place, entities.ellipsoid(found, colours.METHOD[step.method]))
+        elif step.method in self._spreads:
+            yield Entry(place, rr.Clear(recursive=False))
+        (self._spreads.discard if found is None else self._spreads.add)(step.method)
 
     def _camera(self, method: str) -> Iterator[Entry]:
         frame, colour = self._paths[method].frame, colours.METHOD[method]
@@ -238,7 +250,8 @@ class Recorder:
             yield Entry("log", rr.TextLog(f"{step.method}: key frame", level="DEBUG"))
 
     def _summary(self) -> str:
-        return entities.summary({m: self._last[m] for m in self.opened.methods if m in self._last}, self.first_ns)
+        steps = {m: self._last[m] for m in self.opened.methods if m in self._last}
+        return entities.summary(steps, self.first_ns, {m: placed.scale for m, placed in self._placements.items()})
 
     @cached_property
     def _size(self) -> float:

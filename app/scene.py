@@ -15,6 +15,7 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Frame, Rig, Step, Trajectory
 
 from . import colours
+from .spread import ellipsoid
 from .state import Moment
 
 MAX_CLOUD = 20_000
@@ -36,12 +37,16 @@ class Track:
     """(time_ns, index of the exposure)."""
     clouds: list[tuple[int, Array, NDArray[np.uint8]]] = field(default_factory=list)
     """(time_ns, points (M, 3), colours (M, 3)) of key frames."""
+    covariances: dict[int, Array] = field(default_factory=dict)
+    """By time_ns, (6, 6), where the method tells one."""
 
     def take(self, step: Step, index: int) -> None:
         self.frame = step.frame
         self.poses.update(step.revised.items())
         if step.world_from_frame is not None:
             self.poses[step.time_ns] = step.world_from_frame
+            if step.covariance is not None:
+                self.covariances[step.time_ns] = step.covariance
         if step.key_frame:
             self.key_frames.append((step.time_ns, index))
             if len(step.landmarks):
@@ -95,6 +100,7 @@ class Scene:
             return
         self._line(f"/{method}/path", np.stack([pose.translation for _, pose in placed]), colour)
         self._camera(method, placed[-1][1], colour, rig, moment.index, "cameras" not in hidden)
+        self._spread(method, track, placement, placed[-1][0], "spread" not in hidden)
         self._key_frames(method, track, dict(placed), colour, "key_frames" not in hidden)
         self._cloud(method, track, placement, moment.time_ns, "clouds" not in hidden)
 
@@ -118,6 +124,25 @@ class Scene:
             visible=visible,
         )
         handle.on_click(lambda _: self._seek(index))
+
+    def _spread(self, method: str, track: Track, placement: Similarity, time_ns: int, visible: bool) -> None:
+        covariance = track.covariances.get(time_ns) if visible else None
+        found = ellipsoid(track.poses[time_ns], covariance) if covariance is not None else None
+        if found is None:
+            self._api.remove_by_name(f"/{method}/spread")
+            return
+        placed = placement.apply_pose(found.pose)
+        self._api.add_icosphere(
+            f"/{method}/spread",
+            color=colours.METHOD[method],
+            subdivisions=2,
+            opacity=0.4,
+            scale=tuple((placement.scale * found.half_sizes).tolist()),
+            wxyz=placed.xyzw[[3, 0, 1, 2]],
+            position=placed.translation,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
 
     def _key_frames(
         self, method: str, track: Track, placed: dict[int, Pose], colour: colours.Rgb, visible: bool

@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 LAYERS = {
     "truth": "true path",
     "cameras": "camera frusta",
+    "spread": "95 % ellipsoids of the poses",
     "key_frames": "key frames",
     "clouds": "point clouds",
     "tracks": "tracks on images",

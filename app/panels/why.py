@@ -12,6 +12,7 @@ from ispom.types import Decision, Step, TrackStatus
 
 from .. import colours
 from ..controls import label_of
+from ..spread import told
 from ..state import Moment, State
 
 ROW = "display:flex;gap:6px;font-variant-numeric:tabular-nums"
@@ -34,14 +35,21 @@ def report(moment: Moment | None, methods: int) -> str:
     if moment is None:
         return _page(EMPTY)
     head = f"<b>{moment.kind}</b> exposure {moment.index + 1}, {len(moment.steps)} of {methods} methods use it"
-    return _page(f'<div style="opacity:.75">{head}</div>' + "".join(_step(step) for step in moment.steps))
+    return _page(
+        f'<div style="opacity:.75">{head}</div>' + "".join(_step(step, _unit_m(moment, step)) for step in moment.steps)
+    )
 
 
 def _page(content: str) -> str:
     return f'<div style="padding:6px 14px 12px;font-size:12px;line-height:1.45;overflow-wrap:anywhere">{content}</div>'
 
 
-def _step(step: Step) -> str:
+def _unit_m(moment: Moment, step: Step) -> float:
+    placed = moment.placements.get(step.method)
+    return placed.scale if placed else 1.0
+
+
+def _step(step: Step, unit_m: float) -> str:
     colour = colours.css(colours.METHOD[step.method])  # type: ignore[index]
     flags = " · key frame" if step.key_frame else ""
     title = (
@@ -49,7 +57,7 @@ def _step(step: Step) -> str:
         f'<b style="flex:1">{label_of(step.method)}</b><span>{step.status}{flags}</span></div>'
     )
     rows = [_decision(decision) for decision in step.decisions]
-    return title + "".join(rows) + "".join(_fact(name, text) for name, text in _facts(step))
+    return title + "".join(rows) + "".join(_fact(name, text) for name, text in _facts(step, unit_m))
 
 
 def _decision(decision: Decision) -> str:
@@ -68,7 +76,7 @@ def _fact(name: str, text: str) -> str:
     return f'<div style="{ROW}"><span style="opacity:.7;width:78px;flex:none">{name}</span><span>{text}</span></div>'
 
 
-def _facts(step: Step) -> list[tuple[str, str]]:
+def _facts(step: Step, unit_m: float) -> list[tuple[str, str]]:
     facts = []
     for camera, tracks in step.tracks.items():
         counts = Counter(int(s) for s in tracks.status)
@@ -78,6 +86,8 @@ def _facts(step: Step) -> list[tuple[str, str]]:
     if len(step.residuals_px):
         median, p95 = np.median(step.residuals_px), np.percentile(step.residuals_px, 95)
         facts.append(("residual", f"median {median:.2f} px, 95 % below {p95:.2f} px, {len(step.residuals_px)} points"))
+    if text := told(step, unit_m):
+        facts.append(("pose", text))
     if step.scale is not None:
         facts.append(("scale", f"× {step.scale:.4f} carried over"))
     if step.seconds:

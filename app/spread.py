@@ -1,0 +1,64 @@
+"""How far off a pose may be: the region that holds it with 95 %, from the covariance of its Step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Array, Pose
+from ispom.types import Step
+
+CHI2_95_OF_3 = 7.815
+"""What a chi-square variable with 3 degrees of freedom stays below with 95 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """Of positions, in the world and unit of the pose."""
+
+    centre: Array
+    """(3,)."""
+    axes: Array
+    """(3, 3) a rotation: its columns are the axes, the shortest first."""
+    half_sizes: Array
+    """(3,) along them."""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_ellipsoid."""
+        return Pose(self.axes, self.centre)
+
+
+def ellipsoid(world_from_frame: Pose, covariance: Array) -> Ellipsoid | None:
+    """Of the (6, 6) covariance of the twist (rho, phi) on the right of the pose; None where that is not finite.
+
+    To first order the position moves by R rho: the twist is told along the axes of the frame.
+    """
+    if not np.isfinite(covariance).all():
+        return None
+    variances, axes = np.linalg.eigh(covariance[:3, :3])
+    axes = axes * np.sign(np.linalg.det(axes))
+    return Ellipsoid(
+        world_from_frame.translation,
+        world_from_frame.rotation @ axes,
+        np.sqrt(CHI2_95_OF_3 * np.maximum(variances, 0.0)),
+    )
+
+
+def of_step(step: Step) -> Ellipsoid | None:
+    """None where the method gives no pose or no covariance."""
+    if step.world_from_frame is None or step.covariance is None:
+        return None
+    return ellipsoid(step.world_from_frame, step.covariance)
+
+
+def told(step: Step, unit_m: float) -> str:
+    """The largest half size and angle, for people; empty where nothing is known. `unit_m` is the step's unit [m]."""
+    found = of_step(step)
+    if found is None or step.covariance is None:
+        return ""
+    metres = unit_m * float(found.half_sizes.max())
+    variance = max(float(np.linalg.eigvalsh(step.covariance[3:, 3:]).max()), 0.0)
+    length = f"{1000 * metres:.3g} mm" if metres < 0.1 else f"{metres:.3g} m"
+    return f"95 % within {length} and {np.degrees(np.sqrt(CHI2_95_OF_3 * variance)):.2g}°"
