@@ -168,11 +168,11 @@ def intersected(state: Map, ids: NDArray[np.int64], sigma: float) -> InverseDept
     return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), sigma)
 
 
-def key_covariance(state: Map, sigma: float) -> Array:
+def key_covariance(window: Window, sigma: float) -> Array:
     """(6, 6) of the last key frame's pose, twist (rho, phi) on the right of world_from_camera."""
-    c = POSE * (len(state.keys) - 1)
+    c = POSE * (len(window.rotations) - 1)
     # A left twist of camera_from_world is, but for its sign, the right one of its inverse.
-    return covariance(problem(state).window, sigma)[c : c + POSE, c : c + POSE]
+    return covariance(window, sigma)[c : c + POSE, c : c + POSE]
 
 
 def shortened(state: Map, alive: NDArray[np.int64], count: int, sigma: float) -> tuple[Map, list[tuple[int, Pose]]]:

@@ -43,7 +43,7 @@ class Followed:
     """(N,) TrackStatus."""
 
 
-GUIDED, UNGUIDED = Klt(levels=3), Klt(levels=5)
+GUIDED, UNGUIDED, BACK = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5), Klt(levels=1)
 MIN_CORRELATION = 0.8
 """A patch that is found again looks at least so much like its origin."""
 MAX_SHIFT_PX = 3.0
@@ -53,7 +53,10 @@ MIN_WARP, MAX_WARP = 0.35, 1.8
 
 
 def follow(live: Live, grey: Image, predicted: NDArray[np.float32] | None) -> Followed:
-    """Pyramidal KLT, from where each point is expected: `predicted` (N, 2) [px], else its last motion continued."""
+    """Pyramidal KLT, from where each point is expected: `predicted` (N, 2) [px], else its last motion continued.
+
+    Without a prediction checked forward and backward; with one the check follows, in `realigned`.
+    """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8))
     klt = UNGUIDED if predicted is None else GUIDED
@@ -98,7 +101,7 @@ def realigned(
     """Each point where its patch of origin, warped as the scene (N, 3) says, fits best; which ones (N,) were compared.
 
     Looked for around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time: world_from_camera. What does
-    not look like its origin is lost.
+    not look like its origin is lost; what cannot be compared is checked forward and backward.
     """
     uv, status = followed.uv.copy(), followed.status.copy()
     compared = np.zeros(len(uv), bool)
@@ -124,6 +127,9 @@ def realigned(
         alive_before = status[mine] == TrackStatus.ALIVE
         status[mine[~good & alive_before]] = TrackStatus.LOST
         compared[mine] = True
+    other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
+    if len(other) and live.grey is not None:
+        uv[other], status[other] = BACK.track(live.grey, grey, live.uv[other], uv[other])
     return Followed(uv, status), compared
 
 

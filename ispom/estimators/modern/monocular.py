@@ -12,7 +12,7 @@ from ispom.chain import Chain, in_order
 from ispom.estimators.keyframes import Frame, Points, parallax_deg
 from ispom.estimators.modern import mono_start
 from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
-from ispom.estimators.modern.mono_map import Map, adjusted, intersected, key_covariance, shortened
+from ispom.estimators.modern.mono_map import Map, adjusted, intersected, key_covariance, problem, shortened
 from ispom.estimators.modern.mono_start import Start
 from ispom.estimators.modern.mono_tracks import (
     Followed,
@@ -60,9 +60,9 @@ class ModernMonocularConfig:
     """Points tracked at a time."""
     key_frames: Annotated[int, Range(4, 20)] = 10
     """Key frames adjusted together; what leaves them goes on as a prior."""
-    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 1.5
+    min_parallax_deg: Annotated[float, Range(0.05, 20)] = 2.5
     """Median displacement since the last key frame, its rotation taken away, that makes the next one."""
-    min_share: Annotated[float, Range(0.1, 1)] = 0.4
+    min_share: Annotated[float, Range(0.1, 1)] = 0.3
     """A key frame is taken before a smaller share of the last one's points is left."""
     max_view_angle_deg: Annotated[float, Range(1, 90)] = 10.0
     """A key frame is taken when the camera has turned by this since the last one."""
@@ -145,13 +145,13 @@ class ModernMonocular:
         assert isinstance(exposure, VideoFrame)
         watch, grey = Stopwatch(), as_grey(exposure.image)
         guess = self._predicted(state, exposure.time_ns)
-        followed = self._follow(state, grey, guess)
+        followed, scene = self._follow(state, grey, guess)
         watch.lap("track")
         if state.map is None or guess is None:
             outcome = self._begin(state, exposure.time_ns, followed)
             watch.lap("start")
         else:
-            outcome = self._advance(state, state.map, exposure.time_ns, grey, followed, guess, watch)
+            outcome = self._advance(state, state.map, exposure.time_ns, grey, followed, scene, guess, watch)
         return self._conclude(state, exposure, grey, outcome, watch)
 
     @property
@@ -178,13 +178,14 @@ class ModernMonocular:
         twist = (before.inverse() @ last).log() * ((time_ns - last_ns) / (last_ns - before_ns))
         return last @ Pose.exp(twist)
 
-    def _follow(self, state: ModernMonocularState, grey: Image, guess: Pose | None) -> Followed:
+    def _follow(self, state: ModernMonocularState, grey: Image, guess: Pose | None) -> tuple[Followed, Array]:
+        """The tracks in the new image, and their scene points (N, 3), those without a place at a guessed depth."""
         live = state.live
         if state.map is None or guess is None:
-            return follow(live, grey, None)
+            return follow(live, grey, None), np.full((len(live.ids), 3), np.nan)
         lens = Lens(self._camera, state.map.extra)
         scene = guessed(lens, live.uv, state.map.known(live.ids), state.recent[-1][1])
-        return follow(live, grey, projected(lens, scene, guess, live.uv))
+        return follow(live, grey, projected(lens, scene, guess, live.uv)), scene
 
     def _frame(self, state: ModernMonocularState, time_ns: int, followed: Followed) -> Frame:
         alive = followed.status == TrackStatus.ALIVE
@@ -209,7 +210,7 @@ class ModernMonocular:
                 begun.decisions,
                 settled=begun.settled,
             )
-        covariance = key_covariance(begun.map, self._sigma)
+        covariance = key_covariance(problem(begun.map).window, self._sigma)
         return Outcome(
             followed,
             Status.TRACKING,
@@ -231,6 +232,7 @@ class ModernMonocular:
         time_ns: int,
         grey: Image,
         followed: Followed,
+        scene: Array,
         guess: Pose,
         watch: Stopwatch,
     ) -> Outcome:
@@ -242,7 +244,7 @@ class ModernMonocular:
         compared = np.zeros(len(followed.status), bool)
         if motion is not None:
             first = motion.camera_from_world.inverse()
-            followed, compared = self._realign(state, world, grey, followed, first)
+            followed, compared = self._realign(state, world, grey, followed, scene, first)
             frame = self._frame(state, time_ns, followed)
             xyz = world.known(frame.ids)
             known = np.flatnonzero(np.isfinite(xyz[:, 0]))
@@ -278,12 +280,11 @@ class ModernMonocular:
         return outcome
 
     def _realign(
-        self, state: ModernMonocularState, world: Map, grey: Image, followed: Followed, pose: Pose
+        self, state: ModernMonocularState, world: Map, grey: Image, followed: Followed, scene: Array, pose: Pose
     ) -> tuple[Followed, NDArray[np.bool_]]:
         """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""
         known = world.known(state.live.ids)
         lens = Lens(self._camera, world.extra)
-        scene = guessed(lens, state.live.uv, known, state.recent[-1][1])
         expected = projected(lens, known, pose, followed.uv)
         off = np.linalg.norm(expected - followed.uv, axis=1) > 4 * self.config.noise_px
         lost = followed.status != TrackStatus.ALIVE
@@ -334,14 +335,15 @@ class ModernMonocular:
         wide = (new.parallax_rad > np.radians(self.config.point_parallax_deg)) & (new.significance > 5)
         good = wide & (new.depth > 0) & (new.worst < 4 * sigma)
         drop = open_ids[wide & (new.worst > 8 * sigma)]
+        known = world.points.ids
         points = world.points.merged(Points(open_ids[good], new.xyz_in_world[good]))
         world, bundle, before = adjusted(replace(world, points=points), sigma, 5)
         drop = np.concatenate([drop, np.setdiff1d(before.ids, world.points.ids)])
         dropped = np.isin(all_ids, drop) & (followed.status == TrackStatus.ALIVE)
         followed.status[dropped] = TrackStatus.REPROJECTION
         alive = all_ids[followed.status == TrackStatus.ALIVE]
-        covariance = key_covariance(world, sigma)
-        scale, drift = _scale(world, sigma)
+        covariance = key_covariance(bundle.window, sigma)
+        scale, drift = _scale(world, known, sigma)
         world, settled = shortened(world, alive, self.config.key_frames, sigma)
         size = (
             f"{len(bundle.window.rotations)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
@@ -461,10 +463,11 @@ def _moved(covariance: Array, key_from_camera: Pose) -> Array:
     return adjoint @ covariance @ adjoint.T
 
 
-def _scale(world: Map, sigma: float) -> tuple[float | None, tuple[Decision, ...]]:
-    """The unit in the last step against the map's: median ratio of depths from the last two key frames alone."""
+def _scale(world: Map, known: NDArray[np.int64], sigma: float) -> tuple[float | None, tuple[Decision, ...]]:
+    """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
+    last two key frames alone give."""
     pair = replace(world, keys=world.keys[-2:])
-    ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), world.points.ids)
+    ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
     found = intersected(pair, ids, sigma)
     sure = (found.depth > 0) & (found.significance > 10)
     if sure.sum() < 8:

@@ -1,0 +1,206 @@
+"""The modern monocular estimator: its contract, what it survives, and how well it does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ispom.estimator import run
+from ispom.estimators.keyframes import Frame
+from ispom.estimators.modern.mono_start import Start, advance
+from ispom.estimators.modern.monocular import ModernMonocular, ModernMonocularConfig
+from ispom.geometry import Pose, so3_log
+from ispom.sequences import open_sequence
+from ispom.solvers.alignment import umeyama
+from ispom.types import Exposure, Rig, Sequence, Status, Step, TrackStatus, Trajectory, VideoFrame
+from tests.estimators.test_contract import check_step, same
+
+DATA = Path(__file__).parents[4] / "shared" / "data"
+
+
+@pytest.fixture(scope="module")
+def frames(exposures: list[Exposure]) -> list[VideoFrame]:
+    return [e for e in exposures if isinstance(e, VideoFrame)]
+
+
+@pytest.fixture(scope="module")
+def estimator(flight: Sequence) -> ModernMonocular:
+    return ModernMonocularConfig().build(flight.rig)
+
+
+def finish(estimator: ModernMonocular, frames: list[VideoFrame]) -> tuple[Trajectory, list[Step]]:
+    state, steps = estimator.start(), []
+    for frame in frames:
+        state, step = estimator.step(state, frame)
+        steps.append(step)
+    return estimator.finish(state), steps
+
+
+@pytest.fixture(scope="module")
+def walked(estimator: ModernMonocular, frames: list[VideoFrame]) -> tuple[Trajectory, list[Step]]:
+    return finish(estimator, frames)
+
+
+def ate(found: Trajectory, truth: Trajectory) -> tuple[float, float]:
+    """Root mean square distance [m] from the truth after alignment in Sim(3), and the scale of that."""
+    target = np.array([p.translation for t in found.times_ns if (p := truth.at(int(t))) is not None])
+    sim3 = umeyama(found.translations, target, with_scale=True)
+    return float(np.sqrt(((sim3.apply(found.translations) - target) ** 2).sum(1).mean())), sim3.scale
+
+
+def video_truth(sequence: Sequence) -> Trajectory:
+    assert sequence.truth is not None
+    return sequence.truth.moved(right=sequence.rig.rig_from_video)
+
+
+def test_steps_keep_the_contract(walked: tuple[Trajectory, list[Step]], flight: Sequence) -> None:
+    for step in walked[1]:
+        check_step(step, flight)
+    assert all(s.status is Status.TRACKING for s in walked[1][-20:])
+    assert {s.frame for s in walked[1]} == {"video"}
+
+
+def test_every_frame_gets_a_good_pose(walked: tuple[Trajectory, list[Step]], flight: Sequence) -> None:
+    found, _ = walked
+    assert len(found) == flight.kinds.count("video")
+    error, _ = ate(found, video_truth(flight))
+    assert error < 0.015
+
+
+def test_the_covariance_is_that_of_the_right_twist(walked: tuple[Trajectory, list[Step]], flight: Sequence) -> None:
+    covariances = [s.covariance for s in walked[1] if s.status is Status.TRACKING]
+    for covariance in covariances:
+        assert covariance is not None and covariance.shape == (6, 6)
+        assert np.linalg.eigvalsh((covariance + covariance.T) / 2).min() > -1e-12
+    assert any("scale drift" in d.name for s in walked[1] for d in s.decisions)
+
+
+def test_an_earlier_state_can_be_stepped_on_from(estimator: ModernMonocular, frames: list[VideoFrame]) -> None:
+    state, states = estimator.start(), []
+    for frame in frames[:40]:
+        states.append(state)
+        state, _ = estimator.step(state, frame)
+    again = states[15]
+    for frame in frames[15:40]:
+        again, _ = estimator.step(again, frame)
+    assert same(estimator.finish(state), estimator.finish(again))
+
+
+def test_threads_change_nothing(
+    estimator: ModernMonocular, frames: list[VideoFrame], walked: tuple[Trajectory, list[Step]]
+) -> None:
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(1)
+        assert same(finish(estimator, frames)[0], walked[0])
+    finally:
+        cv2.setNumThreads(before)
+
+
+def turned(frame: VideoFrame, rig: Rig, turn: np.ndarray, time_ns: int) -> VideoFrame:
+    """The image after a rotation second_from_first of the camera."""
+    camera = rig.camera("video")
+    homography = camera.matrix @ turn @ np.linalg.inv(camera.matrix)
+    return VideoFrame(time_ns, cv2.warpPerspective(frame.image, homography, (camera.width, camera.height)))  # type: ignore[arg-type]
+
+
+def test_a_turn_on_the_spot_keeps_the_place(flight: Sequence, frames: list[VideoFrame]) -> None:
+    rig = replace(flight.rig, video=replace(flight.rig.camera("video"), distortion=()))
+    turns = [Pose.from_rotvec(np.array([0.002 * i, 0.006 * i, 0.0]), np.zeros(3)).rotation for i in range(12)]
+    steps = list(
+        run(
+            ModernMonocularConfig().build(rig),
+            [turned(frames[0], rig, t, i * 33_000_000) for i, t in enumerate(turns)],
+        )
+    )
+    assert {s.status for s in steps} == {Status.INITIALISING}
+    for step, turn in zip(steps, turns, strict=True):
+        assert step.world_from_frame is not None and not step.world_from_frame.translation.any()
+        assert np.linalg.norm(so3_log(step.world_from_frame.rotation @ turn)) < 2e-3
+    assert any("waiting for parallax" in d.because for d in steps[-1].decisions)
+
+
+def test_a_plane_starts_a_map(flight: Sequence) -> None:
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack([rng.uniform((-1.5, -1), (1.5, 1), (200, 2)), np.zeros(200)])
+    xyz[:, 2] = 3 + 0.3 * xyz[:, 0]
+    truth = [
+        Pose.from_rotvec(np.array([0.0, 0.03 * i, 0.01 * i]), np.array([-0.12 * i, 0.02 * i, 0.05 * i]))
+        for i in range(12)
+    ]
+    start, begun = Start(), None
+    for i, pose in enumerate(truth):
+        p = pose.inverse().apply(xyz)
+        x = p[:, :2] / p[:, 2:] + rng.normal(0, 2e-4, (200, 2))
+        begun = advance(start, Frame(i, np.arange(200), x), 1e-3, np.radians(2.0))
+        start = begun.start
+        if begun.map is not None:
+            break
+    assert begun is not None and begun.map is not None
+    assert any(d.name == "points that a plane explains" and d.passed for d in begun.decisions)
+    found = Trajectory.of(begun.map.trajectory())
+    assert len(found) == i + 1
+    target = np.array([truth[int(t)].translation for t in found.times_ns])
+    sim3 = umeyama(found.translations, target, with_scale=True)
+    assert np.abs(sim3.apply(found.translations) - target).max() < 0.03 * np.linalg.norm(target[-1])
+    turn = found.pose(-1).rotation.T @ found.pose(0).rotation @ truth[0].rotation.T @ truth[i].rotation
+    assert np.linalg.norm(so3_log(turn)) < 0.01
+
+
+def blanked(frames: list[VideoFrame], first: int, count: int) -> list[VideoFrame]:
+    dark = np.zeros_like(frames[0].image)
+    return [replace(f, image=dark) if first <= i < first + count else f for i, f in enumerate(frames)]
+
+
+def test_a_few_dark_frames_are_bridged(estimator: ModernMonocular, frames: list[VideoFrame], flight: Sequence) -> None:
+    found, steps = finish(estimator, blanked(frames, 30, 3))
+    assert [s.status for s in steps[30:33]] == [Status.LOST] * 3
+    assert all(s.status is Status.TRACKING for s in steps[33:])
+    assert len(found) == len(frames) - 3 and ate(found, video_truth(flight))[0] < 0.02
+
+
+def test_a_long_loss_starts_a_new_map_in_the_old_world(
+    estimator: ModernMonocular, frames: list[VideoFrame], flight: Sequence
+) -> None:
+    found, steps = finish(estimator, blanked(frames, 25, 10))
+    assert steps[-1].status is Status.TRACKING
+    assert any("a new map" in d.because for s in steps for d in s.decisions)
+    part = found.select(found.times_ns > frames[36].time_ns)
+    before = found.select(found.times_ns < frames[25].time_ns)
+    truth = video_truth(flight)
+    error, scale = ate(part, truth)
+    assert error < 0.02
+    assert scale / ate(before, truth)[1] == pytest.approx(1, abs=0.35), "the unit goes on, as far as the speed does"
+
+
+def golden(folder: str, count: int) -> tuple[Trajectory, Sequence]:
+    if not (DATA / folder).exists():
+        pytest.skip(f"no ../shared/data/{folder} here")
+    sequence = open_sequence(str(DATA / folder)).truncated(count)
+    estimator = ModernMonocularConfig().build(sequence.rig)
+    frames = [e for i in range(len(sequence)) if isinstance(e := sequence[i], VideoFrame)]
+    return finish(estimator, frames)[0], sequence
+
+
+def test_a_drive_from_its_left_camera() -> None:
+    folder = DATA / "kitti" / "sequences" / "06"
+    if not folder.exists():
+        pytest.skip("no ../shared/data/kitti here")
+    found, sequence = golden("kitti/sequences/06", 51)
+    assert len(found) >= sequence.kinds.count("video") - 1
+    assert ate(found, video_truth(sequence))[0] < 0.08
+
+
+def test_a_handheld_camera_over_a_board() -> None:
+    found, sequence = golden("handheld_board", 100)
+    assert len(found) >= 99
+    assert ate(found, video_truth(sequence))[0] < 0.005
+
+
+def test_tracks_that_end_say_why(walked: tuple[Trajectory, list[Step]]) -> None:
+    reasons = {int(code) for s in walked[1] for code in s.tracks["video"].status}
+    assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.OUT_OF_IMAGE, TrackStatus.LOST} <= reasons
