@@ -114,6 +114,8 @@ class Problem:
     points: Points
     observations: Observations
     rig: RigModel
+    belief: RigModel
+    """What was known about the rig before these observations."""
     prior: PosePrior
     depth_prior: Array
     """(M, 2) expected inverse depth [1/m] and its inverse variance."""
@@ -155,18 +157,25 @@ class Solution:
             out[e] = turn @ full[k : k + 24, k : k + 24] @ turn.T
         return out, full[-RIG:, -RIG:]
 
+    def believed(self, covariance: Array) -> RigModel:
+        """The rig with the (7, 7) covariance of `covariances` as its information."""
+        free, rig = np.flatnonzero(self.problem.rig.free), self.problem.rig
+        information = rig.information.copy()
+        information[np.ix_(free, free)] = np.linalg.inv(covariance[np.ix_(free, free)])
+        return replace(rig, information=information)
+
 
 def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
     """Minimises the robust reprojection errors.
 
     Ends early when a step lowers the cost by less than the share `tolerance`.
     """
-    damping, reference = 1e-4, problem.rig
+    damping = 1e-4
     sampled = problem.sampled()
-    cost = before = _cost(problem, sampled, reference)
+    cost = before = _cost(problem, sampled)
     done = 0
     for done in range(1, iterations + 1):  # noqa: B007
-        step, point_step = _step(problem, sampled, reference, damping)
+        step, point_step = _step(problem, sampled, damping)
         trial = replace(
             problem,
             spline=problem.spline.moved(step[:-RIG]),
@@ -174,7 +183,7 @@ def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Sol
             points=replace(problem.points, values=problem.points.values + point_step),
         )
         trial_sampled = trial.sampled()
-        trial_cost = _cost(trial, trial_sampled, reference)
+        trial_cost = _cost(trial, trial_sampled)
         if trial_cost < cost:
             gain = (cost - trial_cost) / cost
             problem, sampled, cost, damping = trial, trial_sampled, trial_cost, max(damping / 10, 1e-9)
@@ -184,7 +193,7 @@ def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Sol
             damping *= 30
             if damping > 1e4:
                 break
-    hessian, _, _ = _normal_equations(problem, sampled, reference, 0.0)
+    hessian, _, _ = _normal_equations(problem, sampled, 0.0)
     return Solution(problem, sampled, hessian, np.sqrt(_squares(problem, sampled)), before, cost, done)
 
 
@@ -209,7 +218,7 @@ def _prior_residual(problem: Problem, sampled: Sampled) -> Array:
     return np.concatenate([turn, sampled.positions[e] - pose.translation])
 
 
-def _cost(problem: Problem, sampled: Sampled, reference: RigModel) -> float:
+def _cost(problem: Problem, sampled: Sampled) -> float:
     squares, c2 = _squares(problem, sampled), problem.loss**2
     cost = 0.5 * c2 * float(np.log1p(squares / c2).sum())
     depth = problem.points.values[:, 2] - problem.depth_prior[:, 0]
@@ -219,13 +228,11 @@ def _cost(problem: Problem, sampled: Sampled, reference: RigModel) -> float:
     cost += add_smoothness(
         spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, np.zeros((n, n)), np.zeros(n)
     )
-    r, g = _prior_residual(problem, sampled), problem.rig.minus(reference)
-    return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ reference.information @ g)
+    r, g = _prior_residual(problem, sampled), problem.rig.minus(problem.belief)
+    return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ problem.belief.information @ g)
 
 
-def _normal_equations(
-    problem: Problem, sampled: Sampled, reference: RigModel, damping: float
-) -> tuple[Array, Array, tuple]:
+def _normal_equations(problem: Problem, sampled: Sampled, damping: float) -> tuple[Array, Array, tuple]:
     """Reduced Hessian and right side, with all priors; and what finds the points' step."""
     s, spline = sampled, problem.spline
     arguments: tuple[Any, ...] = (s.rotations, s.positions, s.first, s.rotation_jacobians, s.weights, s.rates)
@@ -238,14 +245,14 @@ def _normal_equations(
     knots = slice(0, 6 * len(spline))
     hessian[knots, knots] += j.T @ problem.prior.information @ j
     right[knots] -= j.T @ (problem.prior.information @ r)
-    hessian[-RIG:, -RIG:] += reference.information
-    right[-RIG:] -= reference.information @ problem.rig.minus(reference)
+    hessian[-RIG:, -RIG:] += problem.belief.information
+    right[-RIG:] -= problem.belief.information @ problem.rig.minus(problem.belief)
     return hessian, right, tuple(points)
 
 
-def _step(problem: Problem, sampled: Sampled, reference: RigModel, damping: float) -> tuple[Array, Array]:
+def _step(problem: Problem, sampled: Sampled, damping: float) -> tuple[Array, Array]:
     """One damped step: (n,) of knots and rig, (M, 3) of the points."""
-    hessian, right, points = _normal_equations(problem, sampled, reference, damping)
+    hessian, right, points = _normal_equations(problem, sampled, damping)
     free, step = _free(problem), np.zeros(len(right))
     reduced = hessian[np.ix_(free, free)]
     reduced[np.diag_indices_from(reduced)] *= 1 + damping

@@ -108,7 +108,7 @@ def problem_of(
     guess = [_between(flight.times_s[stereo], ends, t) for t in at]
     spline = Spline(start, spacing_s, np.stack([g.rotation for g in guess]), np.stack([g.translation for g in guess]))
     prior = PosePrior(0, Pose(), np.eye(6) * 1e8)
-    return Problem(spline, flight.times_s, flight.video, points, observations, rig, prior, np.array(priors))
+    return Problem(spline, flight.times_s, flight.video, points, observations, rig, rig, prior, np.array(priors))
 
 
 def _between(times_s: Array, poses: list[Pose], time_s: float) -> Pose:

@@ -107,7 +107,9 @@ class ModernIntegrated:
         return isinstance(exposure, StereoPair | VideoFrame)
 
     def start(self) -> ModernIntegratedState:
-        return ModernIntegratedState(self.monocular.start(), self.stereo.start(), JointWindow(self._rig_model()))
+        return ModernIntegratedState(
+            self.monocular.start(), self.stereo.start(), JointWindow(self._rig_model(), self._rig_model())
+        )
 
     def finish(self, state: ModernIntegratedState) -> Trajectory:
         """Poses of the video exposures from the first stereo pair to the last."""

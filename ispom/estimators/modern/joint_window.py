@@ -94,9 +94,13 @@ class Noise:
 @dataclass(frozen=True, eq=False)
 class JointWindow:
     rig: RigModel
+    initial: RigModel
+    """The rig as calibrated."""
     views: tuple[View, ...] = ()
     """Oldest first; the first is a stereo pair."""
     table: Table = field(default_factory=Table.empty)
+    beliefs: tuple[RigModel, ...] = ()
+    """What was known of the rig after each of the last adjustments."""
     slid: bool = False
     """Whether views have left it."""
 
@@ -151,7 +155,7 @@ class JointWindow:
         if problem is None:
             return None
         solution = solve(problem, iterations)
-        covariances, _ = solution.covariances()
+        covariances, of_rig = solution.covariances()
         s = solution.sampled
         poses = [Pose(r, p) for r, p in zip(s.rotations, s.positions, strict=True)]
         edge = self.pairs[1]
@@ -167,7 +171,8 @@ class JointWindow:
         values = self.table.points.values.copy()
         values[used] = solution.problem.points.values
         table = replace(self.table, points=replace(self.table.points, values=values))
-        return replace(self, rig=solution.problem.rig, views=views, table=table), solution
+        beliefs = (*self.beliefs, solution.believed(of_rig))[-len(self.pairs) :]
+        return replace(self, rig=solution.problem.rig, views=views, table=table, beliefs=beliefs), solution
 
     def shortened(self, pairs: int) -> tuple[JointWindow, tuple[View, ...]]:
         """With this many stereo pairs, and the views that left."""
@@ -185,6 +190,10 @@ class JointWindow:
         if len(self.views) <= most:
             return self, ()
         return replace(self, views=self.views[-most:], slid=True), self.views[:-most]
+
+    def _belief(self) -> RigModel:
+        """What was known of the rig from observations that are no longer in the window: none counts twice."""
+        return self.beliefs[0] if self.slid and len(self.beliefs) >= len(self.pairs) - 1 else self.initial
 
     def _problem(self, noise: Noise, spacing_s: float, most: int) -> tuple[Problem | None, NDArray[np.int64]]:
         """The problem, and which points of the table take part."""
@@ -219,7 +228,7 @@ class JointWindow:
         depth_prior = np.column_stack([points.values[:, 2], np.full(len(points), 1.0)])
         spline = _spline(views, times_s + np.where(video, self.rig.clock_offset_s, 0.0), spacing_s)
         return Problem(
-            spline, times_s, video, points, observations, self.rig, prior, depth_prior, loss=noise.loss
+            spline, times_s, video, points, observations, self.rig, self._belief(), prior, depth_prior, loss=noise.loss
         ), used
 
 

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.integrated import ModernIntegrated, ModernIntegratedConfig
+from ispom.estimators.modern.monocular import ModernMonocularConfig
 from ispom.estimators.modern.stereo import ModernStereoConfig
-from ispom.estimators.monocular import MonocularConfig
 from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.geometry import so3_log
+from ispom.simulation.faults import with_late_video, with_turned_video
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
 
 
 def estimator_of(flight: Sequence, **changes: object) -> ModernIntegrated:
     config = ModernIntegratedConfig(**changes)  # type: ignore[arg-type]
-    return config.build(flight.rig, MonocularConfig(), ModernStereoConfig())
+    return config.build(flight.rig, ModernMonocularConfig(), ModernStereoConfig())
 
 
 def walk(estimator: ModernIntegrated, exposures: list[Exposure]) -> tuple[list, list[Step]]:
@@ -118,3 +120,14 @@ def test_standing_still_needs_no_special_case(flight: Sequence, exposures: list[
     found = estimator.finish(states[-1])
     assert len(found) == 24 and steps[-1].status is Status.TRACKING
     assert np.linalg.norm(found.translations, axis=1).max() < 0.01
+
+
+def test_a_late_clock_and_a_turned_camera_are_found_in_images(flight: Sequence) -> None:
+    faulty = with_turned_video(with_late_video(flight, 0.02), np.array([0.6, -0.6, 0.53]))
+    estimator = estimator_of(faulty, estimate_clock=True, estimate_rig=True)
+    states, steps = walk(estimator, [faulty[i] for i in range(len(faulty))])
+    found = states[-1].window.rig
+    turned = so3_log(flight.rig.rig_from_video.rotation.T @ found.rig_from_video.rotation)
+    assert found.clock_offset_s == pytest.approx(0.02, abs=1e-3)
+    assert np.degrees(np.linalg.norm(turned)) < 0.25  # half the resolution and an eighth of the time of sim:city
+    assert any("clock offset" in str(d) for s in steps for d in s.decisions)

@@ -1,0 +1,47 @@
+"""Faults put into a sequence on purpose: what an estimator that refines the rig must find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.geometry import Array, Pose
+from ispom.types import Exposure, Sequence, Trajectory, VideoFrame
+
+
+def with_late_video(sequence: Sequence, late_s: float) -> Sequence:
+    """The video camera exposes `late_s` [s] after what its time stamps say; negative: before.
+
+    Stamps, and with them the order of the exposures, change; the truth is stamped like what it is the truth of.
+    """
+    shift_ns = round(late_s * 1e9)
+    video = np.array([kind == "video" for kind in sequence.kinds])
+    times_ns = sequence.times_ns - np.where(video, shift_ns, 0)
+    # A stereo pair comes before the video frame of the same time.
+    order = np.lexsort((video, times_ns))
+
+    def load(i: int) -> Exposure:
+        exposure = sequence.load(int(order[i]))
+        return replace(exposure, time_ns=exposure.time_ns - shift_ns) if isinstance(exposure, VideoFrame) else exposure
+
+    truth = sequence.truth
+    if truth is not None:
+        stamps = zip(times_ns, sequence.times_ns, strict=True)
+        truth = Trajectory.of([(int(t), pose) for t, was in stamps if (pose := truth.at(int(was))) is not None])
+    return replace(
+        sequence,
+        name=f"{sequence.name}, video {1e3 * late_s:g} ms late",
+        times_ns=times_ns[order],
+        kinds=tuple(sequence.kinds[i] for i in order),
+        load=load,
+        truth=truth,
+        prepare=None,
+    )
+
+
+def with_turned_video(sequence: Sequence, turn_deg: Array) -> Sequence:
+    """The rig is told with its video camera turned by a rotation vector (3,) [deg] about the camera's axes."""
+    rig = sequence.rig
+    turned = rig.rig_from_video @ Pose.from_rotvec(np.radians(turn_deg), np.zeros(3))
+    return replace(sequence, name=f"{sequence.name}, rig turned", rig=replace(rig, rig_from_video=turned))
