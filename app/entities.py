@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import cv2
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
@@ -57,6 +58,15 @@ def shown_uv(uv: NDArray, camera: Camera) -> NDArray[np.float32]:
     return ((np.asarray(uv) + 0.5) * shown_scale(camera.width, camera.height)).astype(np.float32)
 
 
+def strips(places: NDArray[np.float32]) -> pa.Array:
+    """Polylines (N, K, 2 or 3) as Rerun stores them; given as numbers, Rerun goes through them one by one."""
+    count, length, dimension = places.shape
+    kind = _STRIPS[dimension]
+    flat = pa.array(np.ascontiguousarray(places, np.float32).reshape(-1))
+    inner = pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type)
+    return pa.ListArray.from_arrays(pa.array(np.arange(count + 1, dtype=np.int32) * length), inner, type=kind)
+
+
 def statuses() -> rr.AnnotationContext:
     """What the class ids of `points` mean: shown on hovering."""
     return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])
@@ -85,15 +95,16 @@ def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
         places.append(np.where(found[:, None], earlier.uv[rows], places[-1]))
     if len(places) == 1:
         places.append(now.uv_prev[kept])
-    return rr.LineStrips2D(shown_uv(np.stack(places, 1), camera), colors=colours.packed(colours.TRAIL), radii=[-0.75])
+    drawn = strips(shown_uv(np.stack(places, 1), camera))
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.TRAIL), radii=[-0.75])
 
 
 def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     """From each point to where the right image has it: longer is nearer."""
     known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
     right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
-    strips = shown_uv(np.stack([tracks.uv[known], right], 1), camera)
-    return rr.LineStrips2D(strips, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
+    drawn = strips(shown_uv(np.stack([tracks.uv[known], right], 1), camera))
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
 
 
 def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
@@ -127,6 +138,10 @@ def _legend_below(camera: Camera) -> bool:
     return camera.width > 1.7 * camera.height
 
 
+_STRIPS = {
+    2: rr.components.LineStrip2DBatch(np.zeros((1, 2, 2), np.float32)).as_arrow_array().type,
+    3: rr.components.LineStrip3DBatch(np.zeros((1, 2, 3), np.float32)).as_arrow_array().type,
+}
 _SHORT = {
     TrackStatus.LOST: "not found",
     TrackStatus.FORWARD_BACKWARD: "fwd-bwd",

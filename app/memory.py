@@ -89,11 +89,12 @@ class Cloud:
 
     def update(self, found: Landmarks) -> None:
         finite = np.isfinite(found.xyz_in_world).all(1)
-        new = [i for i in np.flatnonzero(finite).tolist() if int(found.ids[i]) not in self._row]
+        ids, known = found.ids.tolist(), self._row
+        new = [ids[i] for i in np.flatnonzero(finite).tolist() if ids[i] not in known]
         for i in new[:: max(1, -(-len(new) // NEW_POINTS_PER_STEP))]:
-            self._row[int(found.ids[i])] = len(self._row)
-        self._grow(len(self._row))
-        rows = np.array([self._row.get(int(i), -1) for i in found.ids], np.int64)
+            known[i] = len(known)
+        self._grow(len(known))
+        rows = np.fromiter((known.get(i, -1) for i in ids), np.int64, len(ids))
         shown = finite & (rows >= 0)
         self._xyz[rows[shown]], self._rgb[rows[shown]] = found.xyz_in_world[shown], found.rgb[shown]
         self._changed |= {int(b) for b in np.unique(rows[shown] // POINTS_PER_BLOCK)}

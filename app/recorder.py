@@ -302,8 +302,8 @@ def _single(time_ns: int, pose: Pose, frame: Frame) -> Trajectory:
 
 def _lines(strips: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:
     """Negative radii are screen units in Rerun."""
-    strips32 = np.asarray(strips, np.float32)
-    return rr.LineStrips3D(strips32, colors=colours.packed(colour), radii=[-width_px])
+    drawn = entities.strips(np.asarray(strips, np.float32))
+    return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 
 def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
