@@ -67,6 +67,9 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
         return bench(command)
     source = command.source if isinstance(command, App) else "sim:city"
     from . import warmup
+    from .lean import spare_pandas
+
+    spare_pandas()
     from .server import serve
 
     return serve(

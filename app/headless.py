@@ -101,6 +101,9 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
     with ExitStack() as stack:
         record = None
         if options.recording:
+            from .lean import spare_pandas
+
+            spare_pandas()
             from .streams import FileRecording  # brings Rerun
 
             stack.callback(folder.keep, RECORDING)

@@ -23,7 +23,10 @@ class _Absent:
 
 
 def spare_pandas() -> None:
-    """Has pyarrow ask now, and find none; for others pandas stays what it is. Nothing, where it is there already."""
+    """Has pyarrow ask now, and find none; for others pandas stays what it is. Nothing, where it is there already.
+
+    Comes before Rerun's entities are imported: those make arrays at once.
+    """
     if "pandas" in sys.modules:
         return
     finder: Any = _Absent()

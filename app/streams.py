@@ -33,7 +33,6 @@ from ispom.errors import InputError
 from ispom.types import StereoPair, VideoFrame
 
 from . import blueprint
-from .lean import spare_pandas
 from .playback import Opened, Stepped
 from .recorder import Batch, Columns, Event, Recorder
 
@@ -55,7 +54,6 @@ class FileRecording:
 
     def __init__(self, path: Path, opened: Opened) -> None:
         """InputError where the file cannot be written."""
-        spare_pandas()
         self.path = Path(path)
         self.failure: str | None = None
         """Why the recording stopped on its own, one sentence; None while all is well."""
@@ -163,7 +161,6 @@ class LiveStream:
     """What browsers see. Its own thread turns events into entities and sends them; `write` only hands over."""
 
     def __init__(self) -> None:
-        spare_pandas()
         self.port = free_port()
         self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
         self._mailbox: Mailbox | None = None

@@ -13,6 +13,7 @@ finders = list(sys.meta_path)
 spare_pandas()
 assert sys.meta_path == finders
 assert pyarrow.array(np.arange(3.0)).to_pylist() == [0, 1, 2]
+import ispom_app.streams
 import rerun as rr
 rr.Points3D(np.zeros((3, 3))), rr.Scalars(1.0)
 print("pandas" in sys.modules)
