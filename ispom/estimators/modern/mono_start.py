@@ -21,6 +21,8 @@ BUFFER = 40
 """Frames remembered while waiting; older ones keep the pose held until then."""
 MIN_POINTS = 40
 """Fewer points make no map."""
+MIN_SHARED = 8
+"""Fewer points of an old map say nothing sure about the unit of a new one."""
 CLEARLY_BETTER = 1.25
 """Cost of the second best hypothesis over that of the best: less is ambiguous, and waits for more parallax."""
 
@@ -32,8 +34,10 @@ class Start:
     frames: tuple[Frame, ...] = ()
     """The first is the reference. Each with the pose held for it (its own rotation, the place of the reference)."""
     base: Pose = Pose()
-    unit: float = 1.0
-    """Length that the first baseline of the map gets."""
+    speed: float | None = None
+    """Units per second before a loss, taken for those of the new map's first baseline; None: that is 1 long."""
+    points: Points = Points()
+    """Of the map before a loss: where tracks go on, they carry the unit over."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
     """How far the camera's calibration may be corrected."""
 
@@ -115,7 +119,37 @@ def _first_map(start: Start, last: Frame, sigma: float, impatient: bool) -> tupl
     clear = Decision("cost of the second best pose / best", min(ratio, 99.0), CLEARLY_BETTER, ratio >= CLEARLY_BETTER)
     if not clear.passed and not impatient:
         return None, (planar, clear)
-    return _filled(best, start, sigma), (planar, clear)
+    best, carried = _in_old_unit(best, start)
+    return _filled(best, start, sigma), (planar, clear, *carried)
+
+
+def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
+    """The map in the unit of the one before it, where enough points are in both: median ratio of their depths."""
+    _, here, there = np.intersect1d(state.points.ids, start.points.ids, return_indices=True)
+    back = start.base.inverse()
+    before, now = back.apply(start.points.xyz[there])[:, 2], back.apply(state.points.xyz[here])[:, 2]
+    front = (before > 0) & (now > 0)
+    if not len(start.points.ids):
+        return state, ()
+    count = int(front.sum())
+    shared = Decision("points that carry the unit over", count, MIN_SHARED, count >= MIN_SHARED)
+    if not shared.passed:
+        return state, (replace(shared, because="the speed before the loss is taken instead"),)
+    ratio = np.log(before[front] / now[front])
+    middle = float(np.median(ratio))
+    spread = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(count)
+    factor, centre = float(np.exp(middle)), start.base.translation
+
+    def larger(xyz: Array) -> Array:
+        return centre + factor * (xyz - centre)
+
+    keys = tuple(
+        replace(k, world_from_camera=Pose(p.rotation, larger(p.translation)))
+        for k, p in zip(state.keys, state.poses, strict=True)
+    )
+    state = replace(state, keys=keys, points=Points(state.points.ids, larger(state.points.xyz)))
+    state = replace(state, prior=anchored_prior(state.poses, start.extra_sigma))
+    return state, (replace(shared, because=f"depth ratio {factor:.3f}, known to {spread:.3f}"),)
 
 
 def _same(a: Map, b: Map) -> bool:
@@ -130,7 +164,9 @@ def _trial(
 ) -> tuple[float, Map] | None:
     """Cost per observation and map of one hypothesis, adjusted over a few frames between as well."""
     reference = start.frames[0]
-    end = start.base @ second_from_first.inverse().scaled(start.unit)
+    seconds = (last.time_ns - reference.time_ns) * 1e-9
+    unit = 1.0 if start.speed is None else start.speed * seconds
+    end = start.base @ second_from_first.inverse().scaled(unit)
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
     state = Map(pair, Points(), None, extra_sigma=start.extra_sigma)
     points = intersected(state, ids, sigma)

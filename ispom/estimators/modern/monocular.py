@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.chain import Chain, in_order
-from ispom.estimators.keyframes import Frame, Points, parallax_deg
+from ispom.estimators.keyframes import Frame
 from ispom.estimators.modern import mono_start
 from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
-from ispom.estimators.modern.mono_map import Map, adjusted, intersected, key_covariance, problem, shortened
+from ispom.estimators.modern.mono_keyframe import Limits, extended, key_frame_tests
+from ispom.estimators.modern.mono_map import Map, key_covariance, problem, shortened
 from ispom.estimators.modern.mono_start import Start
 from ispom.estimators.modern.mono_tracks import (
     Followed,
@@ -25,10 +27,11 @@ from ispom.estimators.modern.mono_tracks import (
     renewed,
 )
 from ispom.frontends.buckets import detect_spread
-from ispom.geometry import Array, Pose, rotation_angle_rad
+from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.motion_only import Motion, adjust_motion
 from ispom.solvers.resection import resect
+from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Camera,
@@ -164,6 +167,11 @@ class ModernMonocular:
         return self.config.noise_px / self._camera.fx
 
     @property
+    def _limits(self) -> Limits:
+        c = self.config
+        return Limits(c.min_parallax_deg, c.min_share, c.max_view_angle_deg, c.max_interval_s, self._sigma)
+
+    @property
     def _extra_sigma(self) -> Array:
         return np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * self.config.self_calibration
 
@@ -260,20 +268,19 @@ class ModernMonocular:
         followed.status[alive[known[motion.residuals > 6 * self._sigma]]] = TrackStatus.REPROJECTION
         pose = motion.camera_from_world.inverse()
         frame = replace(self._frame(state, time_ns, followed), world_from_camera=pose)
-        is_key, tests = self._choose_key_frame(world.keys[-1], frame)
-        tests = (located, *tests)
+        tests = key_frame_tests(world.keys[-1], frame, self._limits)
         conditional = np.linalg.pinv(motion.information, hermitian=True) * self._sigma**2
         outcome = Outcome(
             followed,
             Status.TRACKING,
             pose,
             world,
-            decisions=tests,
+            decisions=(located, *tests),
             residual_px=residual,
             compared=compared,
             covariance=_moved(state.covariance, world.poses[-1].inverse() @ pose) + conditional,
         )
-        if not is_key:
+        if not any(test.passed for test in tests):
             return replace(outcome, map=world.with_between(time_ns, pose))
         outcome = self._key_frame(outcome, world, frame, state.live.ids)
         watch.lap("key frame")
@@ -303,88 +310,68 @@ class ModernMonocular:
                 found = other
         return found
 
-    def _choose_key_frame(self, key: Frame, frame: Frame) -> tuple[bool, tuple[Decision, ...]]:
-        config = self.config
-        ids = np.intersect1d(key.ids, frame.ids, assume_unique=True)
-        assert key.world_from_camera is not None and frame.world_from_camera is not None
-        turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
-        parallax = parallax_deg(key, frame, self._sigma)
-        share, angle = len(ids) / max(1, len(key.ids)), float(np.degrees(rotation_angle_rad(turn)))
-        interval = (frame.time_ns - key.time_ns) * 1e-9
-        late = interval >= config.max_interval_s and parallax >= config.min_parallax_deg / 4
-        tests = (
-            Decision("parallax", parallax, config.min_parallax_deg, parallax >= config.min_parallax_deg, "deg"),
-            Decision(
-                "share of the last key frame's points left",
-                share,
-                config.min_share,
-                share < config.min_share,
-                relation="<",
-            ),
-            Decision("view angle", angle, config.max_view_angle_deg, angle >= config.max_view_angle_deg, "deg"),
-            Decision("time since the last key frame", interval, config.max_interval_s, late, "s"),
-        )
-        return any(t.passed for t in tests), tests
-
     def _key_frame(self, outcome: Outcome, world: Map, frame: Frame, all_ids: NDArray[np.int64]) -> Outcome:
         """New points, bundle adjustment, and what leaves the window."""
-        sigma, followed = self._sigma, outcome.followed
-        world = replace(world, keys=(*world.keys, frame))
-        open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
-        new = intersected(world, open_ids, sigma)
-        wide = (new.parallax_rad > np.radians(self.config.point_parallax_deg)) & (new.significance > 5)
-        good = wide & (new.depth > 0) & (new.worst < 4 * sigma)
-        drop = open_ids[wide & (new.worst > 8 * sigma)]
-        known = world.points.ids
-        points = world.points.merged(Points(open_ids[good], new.xyz_in_world[good]))
-        world, bundle, before = adjusted(replace(world, points=points), sigma, 5)
-        drop = np.concatenate([drop, np.setdiff1d(before.ids, world.points.ids)])
-        dropped = np.isin(all_ids, drop) & (followed.status == TrackStatus.ALIVE)
+        config, followed = self.config, outcome.followed
+        done = extended(world, frame, np.radians(config.point_parallax_deg), self._sigma)
+        dropped = np.isin(all_ids, done.dropped) & (followed.status == TrackStatus.ALIVE)
         followed.status[dropped] = TrackStatus.REPROJECTION
         alive = all_ids[followed.status == TrackStatus.ALIVE]
-        covariance = key_covariance(bundle.window, sigma)
-        scale, drift = _scale(world, known, sigma)
-        world, settled = shortened(world, alive, self.config.key_frames, sigma)
-        size = (
-            f"{len(bundle.window.rotations)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
-        )
-        cost = Decision(
-            "bundle cost after / before",
-            bundle.cost_after / max(bundle.cost_before, 1e-12),
-            1.0,
-            bundle.cost_after < bundle.cost_before,
-            relation="<",
-            because=size,
-        )
+        world, settled = shortened(done.map, alive, config.key_frames, self._sigma)
         return replace(
             outcome,
             pose=world.poses[-1],
             map=world,
             key_frame=True,
-            decisions=(*outcome.decisions, cost, *drift),
-            covariance=covariance,
-            key_covariance=covariance,
-            scale=scale,
+            decisions=(*outcome.decisions, *done.decisions),
+            covariance=done.covariance,
+            key_covariance=done.covariance,
+            scale=done.scale,
             settled=tuple(settled),
             revised=True,
         )
 
     def _lost(self, state: ModernMonocularState, frame: Frame, followed: Followed, why: Decision) -> Outcome:
         """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
-        world = state.map
+        world, (_, last) = state.map, state.recent[-1]
         assert world is not None
+        x, x_before = self._both(state, frame)
+        if not state.missed and len(x) >= mono_start.MIN_POINTS:
+            turn = dominant_rotation(x_before, x, 3 * self._sigma)
+            shift = median_displacement(turn, x_before, x)
+            spot = Decision("motion beside a turn", np.degrees(shift), 0.5, shift < np.radians(0.5), "deg", "<")
+            if spot.passed:
+                base = Pose(last.rotation @ turn.T, last.translation)
+                return self._anew(world, base, base, frame, followed, spot)
         if state.missed < PATIENCE:
             why = replace(why, because="lost; the next frame is compared with the last good one")
             return Outcome(followed, Status.LOST, map=world, decisions=(why,), missed=state.missed + 1)
-        base = state.recent[-1][1]
-        why = replace(why, because="lost; a new map from the last pose")
+        return self._anew(world, state.recent[-1][1], None, frame, followed, why)
+
+    def _anew(
+        self, world: Map, base: Pose, held: Pose | None, frame: Frame, followed: Followed, why: Decision
+    ) -> Outcome:
+        """A new start at `base`, in the old world and as far as possible in its unit."""
+        poses = sorted(world.trajectory(), key=lambda item: item[0])
+        speeds = [
+            float(np.linalg.norm(q.translation - p.translation)) / ((v - u) * 1e-9)
+            for (u, p), (v, q) in pairwise(poses[-10:])
+        ]
+        speed = max(float(np.median(speeds)), 1e-6)
+        frame = replace(frame, world_from_camera=base)
         return Outcome(
             followed,
             Status.LOST,
-            start=Start((replace(frame, world_from_camera=base),), base, extra_sigma=self._extra_sigma),
-            decisions=(why,),
-            settled=tuple(world.trajectory()),
+            held,
+            start=Start((frame,), base, speed, world.points, self._extra_sigma),
+            decisions=(replace(why, because="lost; a new map from the last pose"),),
+            settled=tuple(poses),
         )
+
+    def _both(self, state: ModernMonocularState, frame: Frame) -> tuple[Array, Array]:
+        """Normalised coordinates (N, 2) of the frame's tracks, now and in the last image."""
+        _, now, before = np.intersect1d(frame.ids, state.live.ids, assume_unique=True, return_indices=True)
+        return frame.x[now], self._camera.normalise(state.live.uv[before])
 
     def _conclude(
         self, state: ModernMonocularState, exposure: VideoFrame, grey: Image, outcome: Outcome, watch: Stopwatch
@@ -409,6 +396,8 @@ class ModernMonocular:
             compared = np.ones(len(followed.status), bool)
         pose = outcome.pose
         moved = [(exposure.time_ns, pose)] if pose is not None else []
+        if state.map is None and world is not None:
+            moved = sorted(world.trajectory(), key=lambda item: item[0])
         after = ModernMonocularState(
             state.live if waiting else renewed(state.live, followed, grey, fresh, exposure.time_ns, compared),
             start,
@@ -461,30 +450,3 @@ def _moved(covariance: Array, key_from_camera: Pose) -> Array:
     cross = np.array([[0, -t[2], t[1]], [t[2], 0, -t[0]], [-t[1], t[0], 0]])
     adjoint = np.block([[back.rotation, cross @ back.rotation], [np.zeros((3, 3)), back.rotation]])
     return adjoint @ covariance @ adjoint.T
-
-
-def _scale(world: Map, known: NDArray[np.int64], sigma: float) -> tuple[float | None, tuple[Decision, ...]]:
-    """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
-    last two key frames alone give."""
-    pair = replace(world, keys=world.keys[-2:])
-    ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
-    found = intersected(pair, ids, sigma)
-    sure = (found.depth > 0) & (found.significance > 10)
-    if sure.sum() < 8:
-        return None, ()
-    depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
-    ratio = np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure])
-    middle = float(np.median(ratio))
-    spread = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(sure.sum())
-    scale = float(np.exp(middle))
-    limit = max(3 * spread, 0.005)
-    return scale, (
-        Decision(
-            "scale drift of this step",
-            abs(scale - 1),
-            limit,
-            abs(scale - 1) <= limit,
-            relation="<=",
-            because=f"depth ratio {scale:.4f} +- {spread:.4f} of {int(sure.sum())} points",
-        ),
-    )
