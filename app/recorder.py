@@ -133,10 +133,10 @@ class Recorder:
             )
         for method in self.opened.methods:
             for kind in ("error", "inliers", "residual"):
-                yield Entry(f"plots/{kind}/{method}", _series(method, colours.METHOD[method]), static=True)
+                yield Entry(f"plots/{kind}/{method}", _series(_name(method), colours.METHOD[method]), static=True)
             for kind, name, pale in (("transferred", SCALES[method], 0.5), ("of_truth", "step / true step", 0.0)):
                 colour = colours.shade(colours.METHOD[method], (128, 128, 128), pale)
-                yield Entry(f"plots/scale/{method}/{kind}", _series(f"{method}: {name}", colour), static=True)
+                yield Entry(f"plots/scale/{method}/{kind}", _series(f"{_name(method)}: {name}", colour), static=True)
 
     def _place(self, placements: Mapping[str, Similarity]) -> Iterator[Entry]:
         for method, new in placements.items():
@@ -290,6 +290,11 @@ class Recorder:
         return estimated / true if true > 0.05 else None
 
 
+def _name(method: str) -> str:
+    """As people read it."""
+    return method.replace("_", " ")
+
+
 def _with_parts(steps: tuple[Step, ...]) -> Iterator[Step]:
     for step in steps:
         yield step
@@ -310,7 +315,7 @@ def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
     """The total in the method's colour, its stages in paler and paler ones."""
     fractions = [0.0, *(0.3 + 0.5 * i / len(stages) for i in range(len(stages)))]
     return rr.SeriesLines(
-        names=[method, *(f"{method}: {stage}" for stage in stages)],
+        names=[_name(method), *(f"{_name(method)}: {stage}" for stage in stages)],
         colors=[colours.shade(colours.METHOD[method], (160, 160, 160), f) for f in fractions],
         widths=[2.5, *[1.0] * len(stages)],
     )

@@ -47,7 +47,7 @@ function lamp({ name, colour, status, error_m }) {
   item.className = `lamp ${status ?? "waiting"}`;
   item.style.setProperty("--colour", colour);
   item.title = `${name}: ${status ?? "no exposure yet"}${error_m === null ? "" : `, ${metres(error_m)} from the truth`}`;
-  item.append(document.createElement("i"), part("b", name), part("span", status ?? "waiting", "state"));
+  item.append(document.createElement("i"), part("b", name.replaceAll("_", " ")), part("span", status ?? "waiting", "state"));
   item.append(part("span", error_m === null ? "" : metres(error_m), "error"));
   return item;
 }

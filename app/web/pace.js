@@ -1,29 +1,33 @@
 // How often the Rerun viewer draws. It would draw without end, though nothing moves, and where graphics are software a
 // frame takes as long as an exposure's computation. So it draws freely only for a moment after something happened: data
 // came, a hand is on it, our time moved. After that less and less often; and a slow frame leaves others as much time again,
-// unless a hand waits for it.
+// unless a hand waits for it. Rerun takes in only so much of its stream per frame: it goes on drawing until that is done.
 const FREE_MS = 700;
 const SLOW_MS = 40;
 const FIRST_MS = 40;
 const RAREST_MS = 30_000;
+const FRAME_BYTES = 150_000; // that a frame takes in, about
+const MANY = 30; // frames behind the stream, from which on no frame waits
 
 const frame = window.requestAnimationFrame.bind(window);
 let wokenAt = 0;
 let handAt = -FREE_MS;
 let idle = FIRST_MS; // the pause before the next frame while nothing happens
 let took = 0;
+let behind = 0; // frames until all that came is taken in
 let waiting = null;
 
 window.requestAnimationFrame = (callback) => {
   const now = performance.now();
-  const awake = now - wokenAt < FREE_MS;
-  const rest = took > SLOW_MS && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
+  const awake = now - wokenAt < FREE_MS || behind > 0;
+  const rest = took > SLOW_MS && behind < MANY && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
   if (!awake) idle = Math.min(3 * idle, RAREST_MS);
   const go = () => {
     waiting = null;
     const asked = performance.now();
     frame((now) => {
       took = performance.now() - asked;
+      behind = Math.max(0, behind - 1);
       callback(now);
     });
   };
@@ -56,6 +60,7 @@ function tapped(response) {
   const tap = new TransformStream({
     transform(chunk, out) {
       out.enqueue(chunk);
+      behind += chunk.byteLength / FRAME_BYTES;
       wake();
     },
   });
