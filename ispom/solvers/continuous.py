@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp, so3_log
+from ispom.solvers.cholesky import factor, inverse_factored, solve_factored
 from ispom.solvers.normal_equations import RIG, point_steps, reduce, squared_errors
 from ispom.solvers.spline import Sampled, Spline, add_smoothness
 
@@ -146,7 +147,7 @@ class Solution:
         n = len(self.hessian)
         free = _free(self.problem)
         full = np.zeros((n, n))
-        full[np.ix_(free, free)] = np.linalg.inv(self.hessian[np.ix_(free, free)])
+        full[np.ix_(free, free)] = inverse_factored(factor(self.hessian[np.ix_(free, free)]))
         s, knots = self.sampled, len(self.problem.spline)
         out = np.empty((len(s.first), 6, 6))
         for e in range(len(out)):
@@ -256,7 +257,7 @@ def _step(problem: Problem, sampled: Sampled, damping: float) -> tuple[Array, Ar
     free, step = _free(problem), np.zeros(len(right))
     reduced = hessian[np.ix_(free, free)]
     reduced[np.diag_indices_from(reduced)] *= 1 + damping
-    step[free] = np.linalg.solve(reduced, right[free])
+    step[free] = solve_factored(factor(reduced), right[free])
     o, s = problem.observations, sampled
     return step, point_steps(
         step, s.first, s.rotation_jacobians, s.weights, len(problem.spline), o.exposure, o.owner, *points

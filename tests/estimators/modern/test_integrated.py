@@ -89,7 +89,9 @@ def test_threads_change_nothing_and_an_earlier_state_can_be_stepped_on_from(
     assert same(estimator.finish(state), estimator.finish(states[-1]))
 
 
-def test_a_dark_video_is_lost_and_the_pairs_go_on(flight: Sequence, exposures: list[Exposure]) -> None:
+def test_a_dark_video_is_lost_and_found_again_while_the_pairs_go_on(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
     estimator = estimator_of(flight)
     dark = [i for i in range(30, 42) if isinstance(exposures[i], VideoFrame)]
     broken = [
@@ -99,7 +101,7 @@ def test_a_dark_video_is_lost_and_the_pairs_go_on(flight: Sequence, exposures: l
     states, steps = walk(estimator, broken)
     assert {s.status for i, s in enumerate(steps) if i in dark} == {Status.LOST}
     pairs = [s for s, e in zip(steps, broken, strict=True) if isinstance(e, StereoPair)]
-    assert all(s.status is Status.TRACKING for s in pairs)
+    assert all(s.status is Status.TRACKING for s in pairs) and steps[-1].status is Status.TRACKING
     found = estimator.finish(states[-1])
     assert flight.truth is not None and found.times_ns.tolist() == video_times(flight)
     error = found.moved(left=flight.truth.at(int(steps[1].time_ns))).translations

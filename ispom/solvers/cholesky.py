@@ -1,0 +1,70 @@
+"""Symmetric systems of some hundred unknowns on one thread, where a library's threads cost more than they give."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_SMALLEST = 1e-13
+"""Of a pivot, as a share of its diagonal entry: what is below is rounding, and counts as this."""
+
+
+@njit(cache=True)
+def factor(a):
+    """Lower triangular (n, n) L with L L' = a; of a only the lower triangle is read."""
+    n = len(a)
+    work, column = a.copy(), np.empty(n)
+    for k in range(n):
+        pivot = np.sqrt(max(work[k, k], _SMALLEST * abs(a[k, k]), 1e-300))
+        work[k, k] = pivot
+        for i in range(k + 1, n):
+            work[i, k] /= pivot
+            column[i] = work[i, k]
+        for i in range(k + 1, n):
+            row, f = work[i], column[i]
+            for j in range(k + 1, i + 1):
+                row[j] -= f * column[j]
+    for k in range(n):
+        work[k, k + 1 :] = 0.0
+    return work
+
+
+@njit(cache=True)
+def solve_factored(lower, b):
+    """x (n,) with L L' x = b."""
+    n, x = len(b), b.copy()
+    for i in range(n):
+        for k in range(i):
+            x[i] -= lower[i, k] * x[k]
+        x[i] /= lower[i, i]
+    for i in range(n - 1, -1, -1):
+        x[i] /= lower[i, i]
+        for k in range(i):
+            x[k] -= lower[i, k] * x[i]
+    return x
+
+
+@njit(cache=True)
+def inverse_factored(lower):
+    """The inverse (n, n) of L L'."""
+    n = len(lower)
+    x, out = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        row = x[i]
+        row[i] = 1.0
+        for k in range(i):
+            f, above = lower[i, k], x[k]
+            for j in range(k + 1):
+                row[j] -= f * above[j]
+        for j in range(i + 1):
+            row[j] /= lower[i, i]
+    for k in range(n):
+        row = x[k]
+        for i in range(k + 1):
+            f, line = row[i], out[i]
+            for j in range(i + 1):
+                line[j] += f * row[j]
+    for i in range(n):
+        for j in range(i):
+            out[j, i] = out[i, j]
+    return out
