@@ -7,7 +7,7 @@ const SLOW_MS = 40;
 const FIRST_MS = 40;
 const RAREST_MS = 30_000;
 const FRAME_BYTES = 60_000; // that a frame takes in, about: an exposure
-const MANY = 30; // frames behind the stream, from which on no frame waits
+const MANY = 5; // frames behind the stream, from which on no frame waits
 
 const frame = window.requestAnimationFrame.bind(window);
 let wokenAt = 0;
