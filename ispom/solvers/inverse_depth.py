@@ -35,7 +35,9 @@ def intersect(
     owners[k] in view cameras[k], sorted by point; `sigma` is the deviation of a coordinate. Weighted linear
     equations in the one unknown, repeated with the depths of the last round and Cauchy weights.
     """
-    return InverseDepths(*_intersect(rotations, translations, cameras, owners, seen, count, sigma))
+    return InverseDepths(
+        *_intersect(np.ascontiguousarray(rotations), translations, cameras, owners, seen, count, sigma)
+    )
 
 
 @njit(cache=True)
@@ -48,12 +50,13 @@ def _intersect(rotations, translations, cameras, owners, seen, count, sigma):
         while k < len(owners) and owners[k] == m:
             k += 1
         a = cameras[begin]
+        back = np.ascontiguousarray(rotations[a].T)
         ray = np.array([seen[begin, 0], seen[begin, 1], 1.0])
         rho, information = 0.0, 0.0
         for _ in range(6):
             information, side = 1e-12, 0.0
             for i in range(begin + 1, k):
-                turn = rotations[cameras[i]] @ rotations[a].T
+                turn = rotations[cameras[i]] @ back
                 t = translations[cameras[i]] - turn @ translations[a]
                 q = turn @ ray
                 z = q[2] + rho * t[2]
@@ -72,7 +75,7 @@ def _intersect(rotations, translations, cameras, owners, seen, count, sigma):
         p = ray / rho
         worst[m] = 0.0
         for i in range(begin + 1, k):
-            turn = rotations[cameras[i]] @ rotations[a].T
+            turn = rotations[cameras[i]] @ back
             q = turn @ ray
             y = turn @ p + translations[cameras[i]] - turn @ translations[a]
             if y[2] <= 1e-6:
@@ -82,7 +85,7 @@ def _intersect(rotations, translations, cameras, owners, seen, count, sigma):
             worst[m] = max(worst[m], error)
             cosine = (q @ y) / np.sqrt((q @ q) * (y @ y))
             parallax[m] = max(parallax[m], np.arccos(min(1.0, cosine)))
-        xyz[m] = rotations[a].T @ (p - translations[a])
+        xyz[m] = back @ (p - translations[a])
         depth[m] = p[2]
         significance[m] = rho * np.sqrt(information) / sigma
     return xyz, depth, significance, worst, parallax

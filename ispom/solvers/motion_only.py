@@ -35,7 +35,7 @@ def adjust_motion(
     rotation, translation, residuals, information = _adjust(
         np.ascontiguousarray(xyz, np.float64),
         np.ascontiguousarray(x, np.float64),
-        np.array(camera_from_world.rotation),
+        np.array(camera_from_world.rotation, order="C"),
         np.array(camera_from_world.translation),
         threshold,
         iterations,

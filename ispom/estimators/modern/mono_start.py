@@ -41,6 +41,12 @@ class Start:
     extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
     """How far the camera's calibration may be corrected."""
 
+    def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
+        """Adds tracks first seen in the reference, while that is the only frame."""
+        frame = self.frames[0]
+        frame = replace(frame, ids=np.concatenate([frame.ids, ids]), x=np.concatenate([frame.x, x]))
+        return replace(self, frames=(frame,))
+
 
 @dataclass(frozen=True, eq=False)
 class Begun:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -14,6 +13,7 @@ from ispom.estimators.keyframes import Frame
 from ispom.estimators.modern import mono_start
 from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
 from ispom.estimators.modern.mono_keyframe import Limits, extended, key_frame_tests
+from ispom.estimators.modern.mono_locate import carried, locate, speed_of, turned
 from ispom.estimators.modern.mono_map import Map, key_covariance, problem, shortened
 from ispom.estimators.modern.mono_start import Start
 from ispom.estimators.modern.mono_tracks import (
@@ -29,9 +29,7 @@ from ispom.estimators.modern.mono_tracks import (
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
-from ispom.solvers.motion_only import Motion, adjust_motion
-from ispom.solvers.resection import resect
-from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.solvers.motion_only import adjust_motion
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Camera,
@@ -118,7 +116,6 @@ class Outcome:
     scale: float | None = None
     settled: tuple[tuple[int, Pose], ...] = ()
     missed: int = 0
-    revised: bool = False
     compared: NDArray[np.bool_] | None = None
     """Which tracks were found by the patch of their origin."""
 
@@ -230,7 +227,6 @@ class ModernMonocular:
             covariance=covariance,
             key_covariance=covariance,
             settled=begun.settled,
-            revised=True,
         )
 
     def _advance(
@@ -248,7 +244,7 @@ class ModernMonocular:
         frame = self._frame(state, time_ns, followed)
         xyz = world.known(frame.ids)
         known = np.flatnonzero(np.isfinite(xyz[:, 0]))
-        motion = self._locate(xyz[known], corrected(frame.x[known], world.extra), guess)
+        motion = locate(xyz[known], corrected(frame.x[known], world.extra), guess, 4 * self._sigma)
         compared = np.zeros(len(followed.status), bool)
         if motion is not None:
             first = motion.camera_from_world.inverse()
@@ -278,7 +274,7 @@ class ModernMonocular:
             decisions=(located, *tests),
             residual_px=residual,
             compared=compared,
-            covariance=_moved(state.covariance, world.poses[-1].inverse() @ pose) + conditional,
+            covariance=carried(state.covariance, world.poses[-1].inverse() @ pose) + conditional,
         )
         if not any(test.passed for test in tests):
             return replace(outcome, map=world.with_between(time_ns, pose))
@@ -299,17 +295,6 @@ class ModernMonocular:
         origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
         return realigned(lens, state.live, grey, followed, expected, scene, pose, origins)
 
-    def _locate(self, xyz: Array, x: Array, guess: Pose) -> Motion | None:
-        """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC."""
-        limit = 4 * self._sigma
-        found = adjust_motion(xyz, x, guess.inverse(), limit)
-        if found is None or found.inliers.mean() < 0.6:
-            again = resect(xyz, x, limit)
-            other = None if again is None else adjust_motion(xyz, x, again.camera_from_world, limit)
-            if other is not None and (found is None or other.inliers.sum() > found.inliers.sum()):
-                found = other
-        return found
-
     def _key_frame(self, outcome: Outcome, world: Map, frame: Frame, all_ids: NDArray[np.int64]) -> Outcome:
         """New points, bundle adjustment, and what leaves the window."""
         config, followed = self.config, outcome.followed
@@ -328,50 +313,29 @@ class ModernMonocular:
             key_covariance=done.covariance,
             scale=done.scale,
             settled=tuple(settled),
-            revised=True,
         )
 
     def _lost(self, state: ModernMonocularState, frame: Frame, followed: Followed, why: Decision) -> Outcome:
         """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
         world, (_, last) = state.map, state.recent[-1]
         assert world is not None
-        x, x_before = self._both(state, frame)
-        if not state.missed and len(x) >= mono_start.MIN_POINTS:
-            turn = dominant_rotation(x_before, x, 3 * self._sigma)
-            shift = median_displacement(turn, x_before, x)
-            spot = Decision("motion beside a turn", np.degrees(shift), 0.5, shift < np.radians(0.5), "deg", "<")
-            if spot.passed:
-                base = Pose(last.rotation @ turn.T, last.translation)
-                return self._anew(world, base, base, frame, followed, spot)
+        before = Frame(state.recent[-1][0], state.live.ids, self._camera.normalise(state.live.uv), last)
+        spot = None if state.missed else turned(before, frame, self._sigma)
+        if spot is not None:
+            why, held = spot
+            return self._anew(world, held, held, frame, followed, why)
         if state.missed < PATIENCE:
             why = replace(why, because="lost; the next frame is compared with the last good one")
             return Outcome(followed, Status.LOST, map=world, decisions=(why,), missed=state.missed + 1)
-        return self._anew(world, state.recent[-1][1], None, frame, followed, why)
+        return self._anew(world, last, None, frame, followed, why)
 
     def _anew(
         self, world: Map, base: Pose, held: Pose | None, frame: Frame, followed: Followed, why: Decision
     ) -> Outcome:
         """A new start at `base`, in the old world and as far as possible in its unit."""
-        poses = sorted(world.trajectory(), key=lambda item: item[0])
-        speeds = [
-            float(np.linalg.norm(q.translation - p.translation)) / ((v - u) * 1e-9)
-            for (u, p), (v, q) in pairwise(poses[-10:])
-        ]
-        speed = max(float(np.median(speeds)), 1e-6)
-        frame = replace(frame, world_from_camera=base)
-        return Outcome(
-            followed,
-            Status.LOST,
-            held,
-            start=Start((frame,), base, speed, world.points, self._extra_sigma),
-            decisions=(replace(why, because="lost; a new map from the last pose"),),
-            settled=tuple(poses),
-        )
-
-    def _both(self, state: ModernMonocularState, frame: Frame) -> tuple[Array, Array]:
-        """Normalised coordinates (N, 2) of the frame's tracks, now and in the last image."""
-        _, now, before = np.intersect1d(frame.ids, state.live.ids, assume_unique=True, return_indices=True)
-        return frame.x[now], self._camera.normalise(state.live.uv[before])
+        start = Start((replace(frame, world_from_camera=base),), base, speed_of(world), world.points, self._extra_sigma)
+        why = replace(why, because="lost; a new map from the last pose")
+        return Outcome(followed, Status.LOST, held, start=start, decisions=(why,), settled=tuple(world.trajectory()))
 
     def _conclude(
         self, state: ModernMonocularState, exposure: VideoFrame, grey: Image, outcome: Outcome, watch: Stopwatch
@@ -386,14 +350,13 @@ class ModernMonocular:
             if world is not None:
                 world = world.with_new_tracks(ids, x)
             elif start is not None:
-                start = replace(start, frames=(_with(start.frames[0], ids, x),))
+                start = start.with_new_tracks(ids, x)
         chain = state.settled
         for item in outcome.settled:
             chain = Chain(item, chain)
         waiting = outcome.missed > 0
-        compared = outcome.compared
-        if compared is None:  # without a map the origins stay
-            compared = np.ones(len(followed.status), bool)
+        # Without a map the origins stay.
+        compared = np.ones(len(followed.status), bool) if outcome.compared is None else outcome.compared
         pose = outcome.pose
         moved = [(exposure.time_ns, pose)] if pose is not None else []
         if state.map is None and world is not None:
@@ -407,9 +370,8 @@ class ModernMonocular:
             state.covariance if outcome.key_covariance is None else outcome.key_covariance,
             chain,
         )
-        residual = outcome.residual_px
-        if residual is None:
-            residual = np.full(len(followed.status), np.nan, np.float32)
+        unknown, revised = np.full(len(followed.status), np.nan, np.float32), outcome.key_covariance is not None
+        residual = unknown if outcome.residual_px is None else outcome.residual_px
         watch.lap("new points")
         step = Step(
             self.method,
@@ -420,10 +382,10 @@ class ModernMonocular:
             outcome.covariance,
             outcome.key_frame,
             {"video": as_tracks(state.live, followed, residual, fresh)},
-            self._landmarks(exposure, after) if outcome.revised else Landmarks.empty(),
+            self._landmarks(exposure, after) if revised else Landmarks.empty(),
             residual[np.isfinite(residual) & (followed.status == TrackStatus.ALIVE)],
             Trajectory.of([*outcome.settled, *(world.trajectory() if world is not None else ())], "video")
-            if outcome.revised
+            if revised
             else Trajectory.empty("video"),
             outcome.scale,
             watch.seconds,
@@ -432,21 +394,7 @@ class ModernMonocular:
         return after, step
 
     def _landmarks(self, exposure: VideoFrame, after: ModernMonocularState) -> Landmarks:
-        if after.map is None:
-            return Landmarks.empty()
+        assert after.map is not None
         xyz = after.map.known(after.live.ids)
         known = np.isfinite(xyz[:, 0])
         return Landmarks(after.live.ids[known], xyz[known], colours_at(exposure.image, after.live.uv[known]))
-
-
-def _with(frame: Frame, ids: NDArray[np.int64], x: Array) -> Frame:
-    return replace(frame, ids=np.concatenate([frame.ids, ids]), x=np.concatenate([frame.x, x]))
-
-
-def _moved(covariance: Array, key_from_camera: Pose) -> Array:
-    """The key frame's covariance as that of a camera rigidly fixed to it."""
-    back = key_from_camera.inverse()
-    t = back.translation
-    cross = np.array([[0, -t[2], t[1]], [t[2], 0, -t[0]], [-t[1], t[0], 0]])
-    adjoint = np.block([[back.rotation, cross @ back.rotation], [np.zeros((3, 3)), back.rotation]])
-    return adjoint @ covariance @ adjoint.T
