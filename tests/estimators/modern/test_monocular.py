@@ -204,3 +204,8 @@ def test_a_handheld_camera_over_a_board() -> None:
 def test_tracks_that_end_say_why(walked: tuple[Trajectory, list[Step]]) -> None:
     reasons = {int(code) for s in walked[1] for code in s.tracks["video"].status}
     assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.OUT_OF_IMAGE, TrackStatus.LOST} <= reasons
+
+
+def test_images_without_texture_give_no_map(estimator: ModernMonocular, frames: list[VideoFrame]) -> None:
+    steps = list(run(estimator, [replace(f, image=np.full_like(f.image, 128)) for f in frames[:8]]))
+    assert {s.status for s in steps} == {Status.INITIALISING}
