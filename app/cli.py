@@ -79,7 +79,7 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
         port=command.port,
         open_browser=command.browser,
         methods=command.methods or None,
-        config=command.config,
+        config=command.config if command.variant else warmup.at_first(command.config),
         compiling=warmup.start,
     )
 

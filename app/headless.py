@@ -57,7 +57,7 @@ def run(options: Run) -> int:
     warmup.start(options.config)
     folder = RunFolder(options.out or _default_folder(sequence.name))
     folder.remove(OUTPUTS)
-    told = {"methods": list(methods), "variant": options.variant, "frame": options.frame, "seed": options.seed}
+    told = {"methods": list(methods), "variant": options.config.variant, "frame": options.frame, "seed": options.seed}
     told |= {"stereo_every": options.stereo_every, "video_scale": options.video_scale}
     told |= {"max_exposures": options.max_exposures, "recording": options.recording}
     told |= {"camera": None if options.camera is None else str(options.camera)}
@@ -84,7 +84,7 @@ def run(options: Run) -> int:
 
 def _asked(options: Run, sequence: Sequence) -> tuple[Method, ...]:
     """The methods to run; InputError where the rig lacks the camera of the asked frame."""
-    methods: tuple[Method, ...] = options.methods or default_methods(sequence.rig, options.variant)
+    methods: tuple[Method, ...] = options.methods or default_methods(sequence.rig, options.config.variant)
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
         raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
     return methods

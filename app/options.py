@@ -30,8 +30,9 @@ class Options:
     methods: tuple[Method, ...] = ()
     """Methods to run; none given means all that the source has the cameras for. `integrated_paper` is the paper's
     integration beside the modern one."""
-    variant: Variant = DEFAULT_VARIANT
-    """Which implementation of the methods: `paper` is as printed."""
+    variant: Variant | None = None
+    """Which implementation of the methods: modern, or paper, as printed. Not said: modern; but at its first start of
+    all, while modern is being compiled, the app begins with paper."""
     stereo_every: int = 1
     """Of a stereo recording, every K-th pair is stereo; every left image is video."""
     video_scale: float = 1.0
@@ -49,7 +50,7 @@ class Options:
 
     @property
     def config(self) -> Config:
-        return Config(self.monocular, self.stereo, self.integrated, self.modern, self.variant)
+        return Config(self.monocular, self.stereo, self.integrated, self.modern, self.variant or DEFAULT_VARIANT)
 
     def open(self, source: str) -> Sequence:
         """The sequence of a source, shaped by these options; InputError where that cannot be."""

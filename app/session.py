@@ -58,7 +58,7 @@ class Session:
         self.truth: Any = None
         self.opened: Opened | None = None
         self._opener, self._wanted, self._live, self._autoplay = opener, methods, live, autoplay
-        self._folder, self._compiling = recordings_dir, compiling
+        self._folder, self._compiling, self._unready = recordings_dir, compiling, False
         self._inbox: SimpleQueue[do.Command] = SimpleQueue()
         self._playback: Playback | None = None
         self._writer: Writer | None = None
@@ -204,6 +204,7 @@ class Session:
     def _begin(self, playback: Playback) -> None:
         self._stop_recording()
         self._compiling(playback.config)
+        self._unready = not warmup.needed(playback.config) and not warmup.finished()
         self._playback, self.history, self._due_s = playback, [], 0.0
         opened = self.opened = playback.opened
         if playback.sequence.prepare is not None:
@@ -272,10 +273,13 @@ class Session:
 
     def _compute(self) -> None:
         assert self._playback is not None
-        if not warmup.finished(WATCH_S):
+        if warmup.needed(self._playback.config) and not warmup.finished(WATCH_S):
             if self.state.activity is None or self.state.activity.text != warmup.MESSAGE:
                 self._busy(warmup.MESSAGE)
             return
+        if self._unready and warmup.finished():
+            self._unready = False
+            self._emit(Told(warmup.READY, "info"))
         self._busy(f"{self._work} exposure {self._playback.position + 1}")
         event = self._playback.step()
         moment = Moment.of(event, self.history[-1] if self.history else None)

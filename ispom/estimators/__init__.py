@@ -25,7 +25,7 @@ COMPARED: Method = "integrated_paper"
 ALL_METHODS: tuple[Method, ...] = (*METHODS, COMPARED)
 Variant = Literal["modern", "paper"]
 VARIANTS: tuple[Variant, ...] = ("modern", "paper")
-DEFAULT_VARIANT: Variant = "paper"
+DEFAULT_VARIANT: Variant = "modern"
 
 
 @dataclass(frozen=True)

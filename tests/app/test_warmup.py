@@ -72,3 +72,12 @@ def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, 
         helpers.wait_for(lambda: session.state.head == session.state.total, "the end")
     finally:
         session.close(20.0)
+
+
+@pytest.mark.usefixtures("started")
+def test_the_first_start_shows_the_papers_methods_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "COMPILE", "pass")
+    assert warmup.at_first(MODERN).variant == "paper" and len(warmup._running) == 1
+    assert warmup.finished(20)
+    monkeypatch.setattr(warm_up, "compiled_before", lambda: True)
+    assert warmup.at_first(MODERN).variant == "modern"

@@ -9,7 +9,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.estimator import run
-from ispom.estimators import METHODS, Config, Method, build, possible_methods
+from ispom.estimators import METHODS, VARIANTS, Config, Method, Variant, build, possible_methods
 from ispom.settings import settings
 from ispom.types import Camera, Exposure, Rig, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory, VideoFrame
 
@@ -23,9 +23,14 @@ def method(request: pytest.FixtureRequest) -> Method:
     return request.param
 
 
+@pytest.fixture(scope="module", params=VARIANTS)
+def variant(request: pytest.FixtureRequest) -> Variant:
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def estimator(method: Method, flight: Sequence):
-    return build(Config(), (method,), flight.rig).estimators[method]
+def estimator(method: Method, variant: Variant, flight: Sequence):
+    return build(Config(variant=variant), (method,), flight.rig).estimators[method]
 
 
 @pytest.fixture(scope="module")
@@ -116,14 +121,14 @@ def test_images_without_texture_give_no_pose_and_no_error(estimator, exposures: 
     assert not any(s.status is Status.TRACKING for s in steps)
 
 
-def test_every_setting_explains_itself_and_is_checked(method: Method, flight: Sequence) -> None:
-    config = getattr(Config(), method)
+def test_every_setting_explains_itself_and_is_checked(method: Method, variant: Variant, flight: Sequence) -> None:
+    config = Config(variant=variant).of(method)
     for setting in settings(type(config)):
         assert setting.help, setting.name
         assert setting.type in (bool, str) or setting.range or "Literal" in str(setting.type), setting.name
     bounded = next(s for s in settings(type(config)) if s.range)
     assert bounded.range is not None
-    broken = Config(**{method: type(config)(**{bounded.name: bounded.range.high + 1})})
+    broken = Config(variant=variant).having(method, type(config)(**{bounded.name: bounded.range.high + 1}))
     with pytest.raises(InputError, match=bounded.name.replace("_", "-")):
         build(broken, (method,), flight.rig)
 
@@ -138,8 +143,10 @@ def test_methods_without_their_cameras_are_refused() -> None:
         build(Config(), ("monocular",), Rig.stereo(camera, 0.3))
 
 
-def test_an_ensemble_gives_what_each_method_alone_gives(flight: Sequence, exposures: list[Exposure]) -> None:
-    together = build(Config(), METHODS, flight.rig)
+def test_an_ensemble_gives_what_each_method_alone_gives(
+    variant: Variant, flight: Sequence, exposures: list[Exposure]
+) -> None:
+    together = build(Config(variant=variant), METHODS, flight.rig)
     assert list(together.estimators) == ["integrated"]
     state = together.start()
     for exposure in exposures[:45]:
@@ -147,7 +154,7 @@ def test_an_ensemble_gives_what_each_method_alone_gives(flight: Sequence, exposu
         assert len(steps) == 2
     found = together.finish(state)
     for alone in METHODS:
-        ensemble = build(Config(), (alone,), flight.rig)
+        ensemble = build(Config(variant=variant), (alone,), flight.rig)
         state = ensemble.start()
         for exposure in exposures[:45]:
             state, _ = ensemble.step(state, exposure)
