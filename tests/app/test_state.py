@@ -36,7 +36,7 @@ def test_a_run_from_opening_to_its_end():
     assert (state.phase, state.index, state.time_s) == ("opening", -1, 0.0)
     state = reduce(state, OPENED)
     assert (state.phase, state.total, state.run) == ("ready", len(SEQUENCE), 1)
-    assert state.possible == ("monocular", "stereo", "integrated")
+    assert state.possible == ("monocular", "stereo", "integrated", "integrated_paper")
     first, second = moment(0), moment(1)
     state = reduce(reduce(state, Computed(first)), Computed(second))
     assert (state.head, state.index) == (2, 1)

@@ -22,7 +22,7 @@ BUFFER = 40
 MIN_POINTS = 40
 """Fewer points make no map."""
 MIN_SHARED = 8
-"""Fewer points of an old map say nothing sure about the unit of a new one."""
+"""Fewer points say nothing sure about a turn, nor, of an old map, about the unit of a new one."""
 CLEARLY_BETTER = 1.25
 """Cost of the second best hypothesis over that of the best: less is ambiguous, and waits for more parallax."""
 
@@ -86,13 +86,18 @@ def advance(start: Start, frame: Frame, sigma: float, min_parallax_rad: float) -
     return Begun(waiting, (moved, *decisions), None, found, settled)
 
 
+def poses_held(frames: tuple[Frame, ...]) -> tuple[tuple[int, Pose], ...]:
+    """The poses held for frames in which enough was seen to tell at least how they were turned."""
+    return tuple((f.time_ns, f.world_from_camera) for f in frames if f.world_from_camera and len(f.ids) >= MIN_SHARED)
+
+
 def _remembered(start: Start) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
     """Without the oldest frames after the reference, where there are too many."""
     extra = len(start.frames) - BUFFER
     if extra <= 0:
         return start, ()
     gone = start.frames[1 : 1 + extra]
-    done = tuple((f.time_ns, f.world_from_camera) for f in gone if f.world_from_camera is not None)
+    done = poses_held(gone)
     return replace(start, frames=(start.frames[0], *start.frames[1 + extra :])), done
 
 
@@ -101,10 +106,10 @@ def _restarted(start: Start, frame: Frame, sigma: float, why: Decision) -> Begun
     last = start.frames[-1]
     ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
     base = last.world_from_camera or start.base
-    if len(ids) >= 8:
+    if len(ids) >= MIN_SHARED:
         turn = dominant_rotation(last.at(ids), frame.at(ids), 3 * sigma)
         base = Pose(base.rotation @ turn.T, base.translation)
-    done = tuple((f.time_ns, f.world_from_camera) for f in start.frames if f.world_from_camera is not None)
+    done = poses_held(start.frames)
     new = replace(start, frames=(replace(frame, world_from_camera=base),), base=base)
     return Begun(new, (replace(why, because="begins again from here"),), base, settled=done)
 

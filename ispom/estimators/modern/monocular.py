@@ -136,8 +136,7 @@ class ModernMonocular:
 
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
-        waiting = [(f.time_ns, f.world_from_camera) for f in state.start.frames] if state.start is not None else []
-        held = [(t, p) for t, p in waiting if p is not None]
+        held = mono_start.poses_held(state.start.frames) if state.start is not None else ()
         return Trajectory.of([*in_order(state.settled), *held, *current], "video")
 
     def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:

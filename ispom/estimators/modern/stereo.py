@@ -124,6 +124,9 @@ class ModernStereo:
         if is_key:
             found = self._new_points(world, points, left, right, pose, next_id)
             fresh, next_id = len(found[0]), next_id + len(found[0])
+            if len(points) + fresh < self.config.min_inliers and not world.keys:
+                few = Decision("points with depth", fresh, self.config.min_inliers, False, because="waiting to begin")
+                return state, self._step(exposure, Status.INITIALISING, None, state, sighting, (*decisions, few), watch)
             watch.lap("new points")
             points, world = Points.joined(points, found[0]), world.with_points(found[0].ids, found[1])
             key = KeyFrame(
