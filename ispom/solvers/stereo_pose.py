@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
 
-ITERATIONS, WIDE = 10, 4
-"""At most this many; the first ones with a loss this much wider, and then narrower from one to the next."""
+ITERATIONS = 30
+"""At most; about eight are needed from a good guess."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,21 +45,27 @@ def locate(
         return None
     held, since, pose = np.zeros((6, 6)) if prior is None else prior, np.zeros(6), guess
     information, gradient, distances = np.zeros((6, 6)), np.zeros(6), np.empty(len(xyz))
-    for i in range(ITERATIONS + 1):
-        wide = scale * max(1.0, WIDE / (1 + i)) if i < ITERATIONS else scale
-        _normal(
-            xyz, seen, pose.rotation, pose.translation, baseline, float(offset), wide, information, gradient, distances
-        )
-        if i == ITERATIONS:
-            break
+    depth = float(np.median(np.abs(guess.apply(xyz)[:, 2])))
+
+    def normal(wide: float) -> None:
+        _normal(xyz, seen, pose.rotation, pose.translation, baseline, offset, wide, information, gradient, distances)
+
+    normal(1.0)
+    wide = max(scale, float(np.median(distances)))
+    for _ in range(ITERATIONS):
+        # As wide as the errors still are: from a poor guess all points pull, in the end only those that agree.
+        normal(wide)
         damped = information + held + 1e-9 * max(float(np.trace(information)), 1e-12) * np.eye(6)
         step = -np.linalg.solve(damped, gradient + held @ since)
         if not np.isfinite(step).all():
             return None
         turn = so3_exp(step[3:])
         pose, since = Pose(turn @ pose.rotation, turn @ pose.translation + step[:3]), since + step
-        if i >= WIDE and np.abs(step).max() < 1e-6:
+        still = np.abs(step[3:]).max() < 0.01 * scale and np.abs(step[:3]).max() < 0.01 * scale * depth
+        if still and wide == scale:
             break
+        wide = max(scale, min(wide / 2, float(np.median(distances))))
+    normal(scale)
     inliers = distances <= threshold
     return Located(pose, distances, inliers, information + held) if inliers.sum() >= 6 else None
 

@@ -53,7 +53,7 @@ class ModernStereoConfig:
     """How far off the disparities may be, before any data."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """How late the right shutter may be, before any data."""
-    loss_px: Annotated[float, Range(0.1, 5)] = 0.36
+    loss_px: Annotated[float, Range(0.1, 5)] = 0.34
     """Scale of the Cauchy loss, and the error that covariances take a track to have: errors along it are alike."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Larger reprojection errors end a track."""
