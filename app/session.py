@@ -211,6 +211,8 @@ class Session:
             playback.sequence.prepare(0)
         self._to_viewers(lambda live: live.open(opened))
         self._emit(opened)
+        if self._unready:
+            self._emit(Told(warmup.MEANWHILE, "info"))
 
     # Moving
 

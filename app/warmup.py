@@ -14,6 +14,7 @@ from dataclasses import replace
 from ispom.estimators import Config
 
 MESSAGE = "compiling the estimators, once after installing"
+MEANWHILE = "the modern estimators are being compiled, once after installing: the paper's methods run meanwhile"
 READY = "the modern estimators are compiled now: choose variant modern under Methods"
 COMPILE = """
 import os
