@@ -92,6 +92,7 @@ class Session:
             for command in self._commands():
                 self._guarded(lambda command=command: self._obey(command))
             self._guarded(self._advance)
+            self._watch_compiling()
             self._watch_recording()
         self._end_live()
         if self._writer is not None:
@@ -279,9 +280,6 @@ class Session:
             if self.state.activity is None or self.state.activity.text != warmup.MESSAGE:
                 self._busy(warmup.MESSAGE)
             return
-        if self._unready and warmup.finished():
-            self._unready = False
-            self._emit(Told(warmup.READY, "info"))
         self._busy(f"{self._work} exposure {self._playback.position + 1}")
         event = self._playback.step()
         moment = Moment.of(event, self.history[-1] if self.history else None)
@@ -342,6 +340,12 @@ class Session:
         """The file is closed when all of the history so far is written, which may take a while."""
         if self._writer is not None and self._playback is not None:
             self._writer.stop(self._playback.finish() if self.history else None)
+
+    def _watch_compiling(self) -> None:
+        """Tells that what this run did not wait for is ready, be the run still going on or not."""
+        if self._unready and warmup.finished():
+            self._unready = False
+            self._emit(Told(warmup.READY, "info"))
 
     def _watch_recording(self) -> None:
         """Shows how the recording goes, and what became of it."""
