@@ -380,8 +380,10 @@ def _schur(
                         for d in range(3):
                             cross_extra[m, a, d] += wa * jx[i, d]
             k += 1
+        # A share of the block: anything fixed, however little, would hold what is far where it was first thought.
+        least = 1e-10 * (v[0, 0] + v[1, 1] + v[2, 2])
         for a in range(3):
-            v[a, a] += damping * v[a, a] + 1e-9 * per
+            v[a, a] += damping * v[a, a] + least
         # the inverse of a symmetric 3 x 3
         c00, c01, c02 = (
             v[1, 1] * v[2, 2] - v[1, 2] * v[1, 2],
