@@ -9,7 +9,8 @@ import pytest
 
 from ispom.geometry import so3_exp
 from ispom.solvers import window as solver
-from ispom.solvers.window import Window, adjust, anchored, covariance, marginalise, total_cost
+from ispom.solvers.prior import anchored
+from ispom.solvers.window import Equations, Window, adjust, covariance, marginalise, total_cost
 
 FOCAL, BASELINE, POSES, POINTS = 700.0, 0.5, 6, 150
 SCALE = 0.5 / FOCAL
@@ -81,7 +82,7 @@ def test_one_camera_alone_with_two_poses_held() -> None:
 def test_the_gradient_is_that_of_the_cost() -> None:
     window = replace(disturbed(truth(extra=(0.5 / FOCAL, 0.003))), prior=None)
     size = 6 * POSES + 2
-    gradient = -solver._Equations.of(window, SCALE, damping=1e30).right  # this damping holds the points
+    gradient = -Equations.of(window, SCALE, damping=1e30).right  # this damping holds the points
     numeric = np.empty(size)
     for k in range(size):
         step = np.zeros(size)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Pose
-from ispom.solvers.window import Window, adjust, anchored
+from ispom.solvers.prior import anchored
+from ispom.solvers.window import Window, adjust
 
 EXTRA = np.array([0.004, 0.012])
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.solvers.window import Window, adjust, anchored
+from ispom.solvers.prior import anchored
+from ispom.solvers.window import Window, adjust
 
 F, BASELINE, OFFSET_PX = 720.0, 0.54, 0.3
 

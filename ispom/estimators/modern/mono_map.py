@@ -11,7 +11,8 @@ from ispom.estimators.keyframes import Frame, Points
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
 from ispom.solvers.inverse_depth import InverseDepths, intersect
-from ispom.solvers.window import EXTRA, POSE, Adjusted, Prior, Window, adjust, covariance, marginalise
+from ispom.solvers.prior import EXTRA, POSE, Prior
+from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
 
 DYING_SHARE = 0.3
 """A key frame of whose points a smaller share is still tracked has nothing more to say."""

@@ -12,9 +12,9 @@ from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.mono_map import Between, Map, adjusted, anchored_prior, intersected
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import adjust_motion
+from ispom.solvers.prior import EXTRA
 from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.solvers.two_view import hypotheses
-from ispom.solvers.window import EXTRA
 from ispom.types import Decision
 
 BUFFER = 40

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.solvers.window import EXTRA, POSE, Adjusted, Prior, Window, adjust, anchored, covariance, marginalise
+from ispom.solvers.prior import EXTRA, POSE, Prior, anchored
+from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""

@@ -1,0 +1,56 @@
+"""What is known of the poses of a window, and of its correction, besides the observations in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Array
+
+POSE, EXTRA = 6, 2
+"""Unknowns of a pose: left twist (rho, phi) of camera_from_world; and of the correction: see window.Window.extra."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What marginalised poses and points say of those still there: cost 1/2 d' H d + g' d, d their change since."""
+
+    rotations: Array
+    """(P, 3, 3) camera_from_world of the first P poses of the window, when linearised."""
+    translations: Array
+    """(P, 3)."""
+    extra: Array
+    """(2,)."""
+    hessian: Array
+    """(6 P + 2, 6 P + 2)."""
+    gradient: Array
+    """(6 P + 2,)."""
+
+    def shifted(self, rotations: Array, translations: Array, extra: Array) -> Array:
+        """d (6 P + 2,) of the values now against those of the linearisation."""
+        p = len(self.rotations)
+        turn = rotations[:p] @ np.swapaxes(self.rotations, 1, 2)
+        rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
+        return np.concatenate([np.hstack([rho, _small_log(turn)]).ravel(), extra - self.extra])
+
+    def cost(self, shift: Array) -> float:
+        """Of a change `shift` (6 P + 2,)."""
+        return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift)
+
+
+def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:
+    """The prior that makes the first pose the world: known to `sigma`."""
+    information = np.concatenate([np.full(POSE, sigma**-2), np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0])
+    zeros = np.zeros(POSE + EXTRA)
+    return Prior(rotation[None], translation[None], np.zeros(EXTRA), np.diag(information), zeros)
+
+
+def _small_log(turn: Array) -> Array:
+    """Rotation vectors (N, 3) of (N, 3, 3) well below pi: a window's poses turn little between two linearisations."""
+    axis = (
+        np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], 1) / 2
+    )
+    sine = np.sqrt((axis * axis).sum(1))
+    angle = np.arctan2(sine, (np.trace(turn, axis1=1, axis2=2) - 1) / 2)
+    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)[:, None]

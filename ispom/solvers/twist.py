@@ -1,0 +1,37 @@
+"""Small steps of poses, compiled: what a Gauss-Newton step found, applied."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def moved(rotations, translations, steps):
+    """Poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho (Rodrigues)."""
+    rotations_after, translations_after = np.empty_like(rotations), np.empty_like(translations)
+    for n in range(len(steps)):
+        a, b, c = steps[n, 3], steps[n, 4], steps[n, 5]
+        square = a * a + b * b + c * c
+        angle = np.sqrt(square)
+        if angle < 1e-4:
+            sine, versine = 1.0 - square / 6, 0.5 - square / 24
+        else:
+            sine, versine = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
+        # exp(phi) v = v + sine phi x v + versine phi x (phi x v), of the columns of R and of t
+        for d in range(4):
+            if d < 3:
+                x, y, z = rotations[n, 0, d], rotations[n, 1, d], rotations[n, 2, d]
+            else:
+                x, y, z = translations[n, 0], translations[n, 1], translations[n, 2]
+            u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
+            x += sine * u + versine * (b * w - c * v)
+            y += sine * v + versine * (c * u - a * w)
+            z += sine * w + versine * (a * v - b * u)
+            if d < 3:
+                rotations_after[n, 0, d], rotations_after[n, 1, d], rotations_after[n, 2, d] = x, y, z
+            else:
+                translations_after[n, 0] = x + steps[n, 0]
+                translations_after[n, 1] = y + steps[n, 1]
+                translations_after[n, 2] = z + steps[n, 2]
+    return rotations_after, translations_after
