@@ -69,7 +69,7 @@ def bundle_window(noise_px: float = 0.5, focal_px: float = 718.0) -> window.Wind
         cameras,
         owners,
         exact + rng.normal(0, noise_px / focal_px, exact.shape),
-        np.zeros(KEY_FRAMES),
+        np.zeros(len(cameras)),
         baseline,
         fixed=1,
     )

@@ -44,26 +44,30 @@ class PointSearch:
         coarse = _search_rows(a, b, place, int(self.max_disparity_share * a.shape[1]), self.max_ratio)
         found = coarse >= 0
         out = np.full(len(uv), np.nan, np.float32)
-        out[found] = self._sub_pixel(self.refine, left, right, uv[found], factor * coarse[found])
+        out[found] = self._sub_pixel(self.refine, left, right, uv[found], factor * coarse[found])[0]
         far = np.abs(out - factor * coarse) > 2.5 * factor
         out[far] = np.nan
         return out
 
     def follow(
         self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Disparities (N,) [px] of left points (N, 2) near guesses (N,); NaN where lost or off the row."""
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Disparities (N,) [px] of left points (N, 2) near guesses (N,), and how much lower they are on the right (N,).
+
+        NaN where lost or off the row.
+        """
         return self._sub_pixel(self.guided, left, right, uv, guess_px)
 
     def _sub_pixel(
         self, klt: Klt, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         start = uv.copy()
         start[:, 0] -= guess_px
         found, status = klt.track(left, right, uv, start)
-        disparity = uv[:, 0] - found[:, 0]
-        good = (status == TrackStatus.ALIVE) & (np.abs(uv[:, 1] - found[:, 1]) <= self.max_row_error_px)
-        return np.where(good, disparity, np.nan).astype(np.float32)
+        apart = found - uv
+        good = (status == TrackStatus.ALIVE) & (np.abs(apart[:, 1]) <= self.max_row_error_px)
+        apart[~good] = np.nan
+        return -apart[:, 0], apart[:, 1]
 
 
 def _contrast(image: Image) -> NDArray[np.int16]:

@@ -36,7 +36,7 @@ class Window:
     seen: Array
     """(K, 3) x, y in the (left) camera, x in the right one; NaN where there is none."""
     rates: Array
-    """(C,) turn rate about the camera's y axis [rad/s], which a late right shutter turns into disparity."""
+    """(K,) what a second of the right shutter's lag adds to the right x, over 1 + x^2 (see late_shutter.drift)."""
     baseline: float = 0.0
     """Of the pair; 0 for one camera."""
     extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
@@ -109,6 +109,7 @@ def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prio
         cameras=window.cameras[gone],
         owners=number[window.owners[gone]],
         seen=window.seen[gone],
+        rates=window.rates[gone],
     )
     equations = Equations.of(part, scale)
     h, g, a = equations.symmetric, -equations.right, slice(0, POSE)

@@ -49,7 +49,7 @@ def squared_errors(rotations, translations, points, cameras, owners, seen, rates
         q2 = rotations[c, 2, 0] * p0 + rotations[c, 2, 1] * p1 + rotations[c, 2, 2] * p2 + translations[c, 2]
         if q2 > MIN_DEPTH:
             _, _, _, ex, ey, er = _errors(
-                q0, q1, q2, seen[k, 0], seen[k, 1], seen[k, 2], baseline, extra[0], extra[1], rates[c]
+                q0, q1, q2, seen[k, 0], seen[k, 1], seen[k, 2], baseline, extra[0], extra[1], rates[k]
             )
             out[k] = ex * ex + ey * ey + er * er
         else:
@@ -107,7 +107,7 @@ def reduce_points(
                     terms[n, a] = 0.0
                 continue
             x, y, xr, ex, ey, er = _errors(
-                q0, q1, q2, seen[k - 1, 0], seen[k - 1, 1], seen[k - 1, 2], baseline, extra[0], extra[1], rates[c]
+                q0, q1, q2, seen[k - 1, 0], seen[k - 1, 1], seen[k - 1, 2], baseline, extra[0], extra[1], rates[k - 1]
             )
             # s: derivative of the errors by (x, y); f: of the right one by right x; u: of all by the first correction,
             # which times h is that by the second
@@ -117,7 +117,7 @@ def reduce_points(
                 stretch, bend, ux, uy = 1.0 + extra[0] + extra[1] * h, 2.0 * extra[1], x, y
                 s00, s01, s11 = stretch + bend * x * x, bend * x * y, stretch + bend * y * y
             elif seen[k - 1, 2] == seen[k - 1, 2]:
-                h, ur = rates[c], 1.0 + xr * xr
+                h, ur = rates[k - 1], 1.0 + xr * xr
                 f = 1.0 + 2.0 * xr * (extra[0] + extra[1] * h)
             # By q, x and y have (1, 0, -x) / z and (0, 1, -y) / z, right x has (1, 0, -right) / z.
             w, iz = per / (1.0 + (ex * ex + ey * ey + er * er) * per), 1.0 / q2

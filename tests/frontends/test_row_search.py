@@ -22,8 +22,9 @@ def test_a_shifted_image_has_that_disparity(width: int, disparity: float) -> Non
     found = PointSearch().search(left, right, uv)
     assert np.isfinite(found).mean() > 0.9
     np.testing.assert_allclose(found[np.isfinite(found)], disparity, atol=0.1)
-    guided = PointSearch().follow(left, right, uv, np.full(60, disparity + 1, np.float32))
+    guided, lower = PointSearch().follow(left, right, uv, np.full(60, disparity + 1, np.float32))
     np.testing.assert_allclose(guided[np.isfinite(guided)], disparity, atol=0.1)
+    np.testing.assert_allclose(lower[np.isfinite(guided)], 0, atol=0.1)
 
 
 def test_a_repeating_row_is_not_decided() -> None:

@@ -30,8 +30,8 @@ def truth(extra: tuple[float, float] = (0.0, 0.0), noise_px: float = 0.0, stereo
     cameras, owners = cameras[kept], owners[kept]
     p = np.einsum("kij,kj->ki", rotations[cameras], points[owners]) + translations[cameras]
     right = (p[:, 0] - BASELINE) / p[:, 2]
-    rates = np.linspace(0, 0.3, POSES)
-    right = right + (1 + right**2) * (extra[0] + extra[1] * rates[cameras])
+    rates = np.linspace(0, 0.3, POSES)[cameras]
+    right = right + (1 + right**2) * (extra[0] + extra[1] * rates)
     seen = np.column_stack([p[:, :2] / p[:, 2:], right if stereo else np.full(len(p), np.nan)])
     seen += noise_px / FOCAL * rng.standard_normal(seen.shape)
     prior = anchored(rotations[0], translations[0], SIGMA)
@@ -108,7 +108,7 @@ def test_a_prior_stands_for_the_pose_and_points_that_have_left() -> None:
         cameras=whole.cameras[kept] - 1,
         owners=(np.cumsum(~gone) - 1)[whole.owners[kept]],
         seen=whole.seen[kept],
-        rates=whole.rates[1:],
+        rates=whole.rates[kept],
         prior=prior,
     )
     # at the optimum it is the optimum still, with the same spread

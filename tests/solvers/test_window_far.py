@@ -29,7 +29,7 @@ def window() -> Window:
         np.tile(np.arange(4), 200),
         np.repeat(np.arange(200), 4),
         seen.reshape(-1, 3),
-        np.zeros(4),
+        np.zeros(800),
         BASELINE,
         extra_sigma=sigma,
         prior=anchored(np.eye(3), np.zeros(3), sigma),

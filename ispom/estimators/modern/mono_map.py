@@ -133,7 +133,7 @@ def problem(state: Map) -> Problem:
             seen.cameras[kept],
             slot[seen.owners[kept]],
             np.column_stack([seen.seen[kept], np.full(int(kept.sum()), np.nan)]),
-            np.zeros(len(rotations)),
+            np.zeros(int(kept.sum())),
             extra=state.extra,
             extra_sigma=state.extra_sigma,
             prior=state.prior,

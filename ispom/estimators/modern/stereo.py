@@ -15,6 +15,7 @@ from ispom.estimators.modern.stereo_window import (
     adjusted,
     newest_covariance,
     with_key,
+    with_rows,
     without_oldest,
 )
 from ispom.frontends import corners
@@ -121,8 +122,9 @@ class ModernStereo:
         is_key, why = self._choose_key_frame(state.map, points)
         decisions += why
         world, settled, next_id, fresh = state.map, state.settled, state.next_id, 0
+        rate = self._rate(state, pose, time_ns)
         if is_key:
-            found = self._new_points(world, points, left, right, pose, next_id)
+            found = self._new_points(world, points, left, right, pose, next_id, rate)
             fresh, next_id = len(found[0]), next_id + len(found[0])
             if len(points) + fresh < self.config.min_inliers and not world.keys:
                 few = Decision("points with depth", fresh, self.config.min_inliers, False, because="waiting to begin")
@@ -134,9 +136,14 @@ class ModernStereo:
                 pose,
                 points.ids,
                 points.seen_by(self.rig.camera("left")),
-                self._turn_rate(state, pose, time_ns),
+                rate,
             )
-            world, settled, bundled = self._adjusted(with_key(world, key, self._extra_sigma), settled)
+            world = with_key(world, key, self._extra_sigma)
+            if self.config.self_calibration and located is not None and rate.any():
+                took = sighting.took_part[located.inliers]
+                xyz = pose.apply(state.map.xyz[sighting.place[took]])
+                world = with_rows(world, world.rows.with_pair(xyz, sighting.lower[located.inliers], rate, self._loss))
+            world, settled, bundled = self._adjusted(world, settled)
             decisions += bundled
             pose = world.keys[-1].left_from_world
             points = points.select(np.isin(points.ids, world.keys[-1].ids, assume_unique=True))
@@ -184,12 +191,11 @@ class ModernStereo:
     def _limit(self) -> float:
         return self.config.max_error_px / self.rig.camera("left").fx
 
-    def _turn_rate(self, state: ModernStereoState, pose: Pose, time_ns: int) -> float:
-        """About the left camera's y axis [rad/s], since the last pair."""
+    def _rate(self, state: ModernStereoState, pose: Pose, time_ns: int) -> Array:
+        """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair."""
         if state.last.left is None:
-            return 0.0
-        turn = (pose @ state.last.left_from_world.inverse()).rotvec
-        return float(turn[1] / ((time_ns - state.last.time_ns) * 1e-9))
+            return np.zeros(6)
+        return (pose @ state.last.left_from_world.inverse()).log() / ((time_ns - state.last.time_ns) * 1e-9)
 
     def _lost(
         self, state: ModernStereoState, sighting: Sighting
@@ -225,14 +231,14 @@ class ModernStereo:
         return moved.passed or not kept.passed, (moved, kept)
 
     def _new_points(
-        self, world: StereoMap, points: Points, left: Image, right: Image, pose: Pose, next_id: int
+        self, world: StereoMap, points: Points, left: Image, right: Image, pose: Pose, next_id: int, rate: Array
     ) -> tuple[Points, Array]:
         """Corners between the points there are, with a place in the world from their disparity."""
         uv = corners.detect(left, self.config.max_tracks - len(points), points.uv)
         disparity = PointSearch().search(left, right, uv)
         found = np.flatnonzero(np.isfinite(disparity))
         fresh = Points(next_id + np.arange(len(found)), uv[found], disparity[found])
-        return fresh, pose.inverse().apply(self._tracker.intersected(world, fresh))
+        return fresh, pose.inverse().apply(self._tracker.intersected(world, fresh, rate))
 
     def _adjusted(
         self, world: StereoMap, settled: Chain[tuple[int, Pose]] | None

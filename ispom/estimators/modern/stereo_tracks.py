@@ -12,6 +12,7 @@ from ispom.frontends import sift
 from ispom.frontends.klt import Klt
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
+from ispom.solvers.late_shutter import drift
 from ispom.solvers.resection import resect
 from ispom.solvers.stereo_pose import Located, locate
 from ispom.types import Camera, Decision, Image, TrackStatus
@@ -62,6 +63,11 @@ class Last:
     described: sift.Features | None = None
     """Of the left image, where descriptors were needed to locate it."""
 
+    @property
+    def rate(self) -> Array:
+        """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
+        return self.motion.log() / self.motion_s if self.motion_s > 0 else np.zeros(6)
+
     def predicted(self, time_ns: int) -> Pose:
         """left_from_world if the motion goes on as it was."""
         if self.motion_s <= 0:
@@ -82,14 +88,16 @@ class Sighting:
     """(N,) in the map, or -1."""
     located: Located | None
     took_part: NDArray[np.int64]
-    """Which of the points `located` is about."""
+    """(K,) which of the points `located` is about."""
+    lower: NDArray[np.float32]
+    """(K,) normalised: how much lower these are in the right image; NaN where not found."""
     features: sift.Features | None = None
     """Of the left image, where they were needed."""
 
     @staticmethod
     def nothing() -> Sighting:
         empty, none = np.zeros(0, np.int64), Points()
-        return Sighting(none.uv, none.disparity_px, empty.astype(np.uint8), empty, None, empty)
+        return Sighting(none.uv, none.disparity_px, empty.astype(np.uint8), empty, None, empty, none.disparity_px)
 
     def alive(self, points: Points) -> Points:
         """Those of the points followed that are alive, at their places now."""
@@ -158,14 +166,14 @@ class PairTracker:
         alive = np.flatnonzero(status == TrackStatus.ALIVE)
         disparity = np.full(len(points), np.nan, np.float32)
         depth = np.maximum(near[alive, 2], 0.1)
-        disparity[alive] = PointSearch().follow(
+        disparity[alive], lower = PointSearch().follow(
             left, right, uv[alive], (camera.fx * self.baseline_m / depth).astype(np.float32)
         )
         seen = Points(points.ids[alive], uv[alive], disparity[alive]).seen_by(self.camera)
         located = self._locate(last, world, place[alive], seen, guess, time_ns)
         if located is not None:
             status[alive[~located.inliers]] = TrackStatus.REPROJECTION
-        return Sighting(uv, disparity, status, place, located, alive)
+        return Sighting(uv, disparity, status, place, located, alive, lower / camera.fy)
 
     def _refined(
         self, last: Last, world: StereoMap, left: Image, uv: NDArray[np.float32], status: NDArray[np.uint8]
@@ -190,12 +198,13 @@ class PairTracker:
         """left_from_world by reprojection in both images; from three-point samples where the guess is poor."""
         xyz, baseline = world.xyz[place], self.baseline_m
         moved = guess @ last.left_from_world.inverse()
-        offset = world.extra[0] + world.extra[1] * moved.rotvec[1] / ((time_ns - last.time_ns) * 1e-9)
+        rate = moved.log() / ((time_ns - last.time_ns) * 1e-9)
         prior = None
         if len(xyz) < 3 * self.min_inliers:
             reach = 0.5 * float(np.linalg.norm(moved.translation)) + 0.1 * baseline
             prior = np.diag([reach**-2] * 3 + [0.05**-2] * 3)
-        arguments = baseline, float(offset), self.loss, self.limit
+        seen = self._freed(world, guess.apply(xyz), seen, rate)
+        arguments = baseline, 0.0, self.loss, self.limit
         found = locate(xyz, seen, guess, *arguments, prior)
         if found is None or found.inliers.mean() < 0.6:
             sampled = resect(xyz, seen[:, :2], self.limit)
@@ -213,14 +222,23 @@ class PairTracker:
         uv = before.uv[pairs[:, 0]]
         disparity = PointSearch().search(last.left, last.right, uv)
         good = disparity >= 1
-        xyz = self.intersected(world, Points(pairs[good, 0], uv[good], disparity[good]))
+        xyz = self.intersected(world, Points(pairs[good, 0], uv[good], disparity[good]), last.rate)
         x = self.camera.normalise(now.uv[pairs[good, 1]].astype(float))
         found = resect(xyz, x, 2 * self.limit)
         return None if found is None else found.camera_from_world @ last.left_from_world
 
-    def intersected(self, world: StereoMap, points: Points) -> Array:
+    def _freed(self, world: StereoMap, near: Array, seen: Array, rate: Array) -> Array:
+        """(N, 3) what was seen, the right x as of a perfect pair, where points are `near` (N, 3) in the left camera."""
+        offset, lag = world.extra
+        square = 1 + seen[:, 2] ** 2
+        late = drift(near, np.broadcast_to(world.felt(rate), (len(near), 6)), lag, self.baseline_m)
+        return np.column_stack([seen[:, :2], seen[:, 2] - square * (offset + lag * late)])
+
+    def intersected(self, world: StereoMap, points: Points, rate: Array) -> Array:
         """(N, 3) in the left camera from disparities, freed of the offset found so far; far ones at 2000 baselines."""
         seen = points.seen_by(self.camera)
-        disparity = seen[:, 0] - seen[:, 2] + (1 + seen[:, 2] ** 2) * world.extra[0]
-        depth = self.baseline_m / np.maximum(disparity, 1 / 2000)
+        (offset, lag), rate = world.extra, world.felt(rate)
+        x, y, right = seen[:, 0], seen[:, 1], seen[:, 2] - (1 + seen[:, 2] ** 2) * offset
+        disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
+        depth = (self.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, 1 / 2000)
         return np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]

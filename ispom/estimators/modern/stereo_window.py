@@ -8,11 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.solvers.late_shutter import RowFit, drift
 from ispom.solvers.prior import EXTRA, POSE, Prior, anchored
 from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
+
+
+LEAST_LAG_S = 0.001
+"""Less is not believed: an unlike focal length or a bent image looks the same in the rows and columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +28,8 @@ class KeyFrame:
     """(N,) of the points seen, ascending."""
     seen: Array
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
-    rate_rad_s: float
-    """Turn rate about the camera's y axis."""
+    rate: Array
+    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +44,10 @@ class StereoMap:
     extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
     """Offset of the right x [rad], lag of the right shutter [s]."""
     prior: Prior | None = None
+    rows: RowFit = RowFit()
+    """What the rows say about the right shutter."""
+    late: bool = False
+    """They show that it is late: then its place is not that of the pair either. Else only turns are looked at."""
     covariance: Array | None = None
     """(6 C + 2, 6 C + 2) of the key frames' left twists and the extras."""
 
@@ -48,6 +57,10 @@ class StereoMap:
             return np.full(len(ids), -1, np.int64)
         at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         return np.where(self.ids[at] == ids, at, -1)
+
+    def felt(self, rate: Array) -> Array:
+        """(6,) of left_from_world's change (rho, phi; left) [1/s], what a late right shutter is held to see."""
+        return rate if self.late else np.concatenate([np.zeros(3), rate[3:]])
 
     def with_points(self, ids: NDArray[np.int64], xyz: Array) -> StereoMap:
         """With new points; ids not in the map yet."""
@@ -66,7 +79,17 @@ def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array) -> StereoMap:
     prior = state.prior
     if not state.keys:
         prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
-    return replace(state, keys=(*state.keys, key), prior=prior)
+    keys = state.keys
+    if len(keys) == 1:
+        # Nothing was before the first one: it moved as the second does.
+        keys = (replace(keys[0], rate=key.rate),)
+    return replace(state, keys=(*keys, key), prior=prior)
+
+
+def with_rows(state: StereoMap, rows: RowFit) -> StereoMap:
+    """The map that knows what the rows say now; what they have once shown is not taken back."""
+    information, lag = rows.lag
+    return replace(state, rows=rows, late=state.late or abs(lag) > LEAST_LAG_S + 2 * information**-0.5)
 
 
 def adjusted(
@@ -124,14 +147,19 @@ def _packed(
     good = np.flatnonzero((point >= 0) & (count[point] >= 2))
     good = good[np.argsort(point[good], kind="stable")]
     used, owners = np.unique(point[good], return_inverse=True)
+    rotations = np.stack([k.left_from_world.rotation for k in state.keys])
+    translations = np.stack([k.left_from_world.translation for k in state.keys])
+    seen_from = camera[good]
+    near = np.einsum("kij,kj->ki", rotations[seen_from], state.xyz[point[good]]) + translations[seen_from]
+    rates = np.stack([state.felt(k.rate) for k in state.keys])[seen_from]
     window = Window(
-        np.stack([k.left_from_world.rotation for k in state.keys]),
-        np.stack([k.left_from_world.translation for k in state.keys]),
+        rotations,
+        translations,
         state.xyz[used],
-        camera[good],
+        seen_from,
         owners.astype(np.int64),
         np.ascontiguousarray(seen[good]),
-        np.array([k.rate_rad_s for k in state.keys]),
+        drift(near, rates, state.extra[1], baseline),
         baseline,
         state.extra,
         extra_sigma,
