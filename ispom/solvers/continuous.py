@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp, so3_log
 from ispom.solvers.cholesky import factor, inverse_factored, solve_factored
-from ispom.solvers.normal_equations import RIG, point_steps, reduce, squared_errors
+from ispom.solvers.normal_equations import RIG, point_rows, point_steps, reduce, squared_errors
 from ispom.solvers.spline import Sampled, Spline, add_smoothness
 
-VIDEO, LEFT, RIGHT = 0, 1, 2
+VIDEO, LEFT = 0, 1
 """Camera numbers of the observations."""
 
 
@@ -52,13 +52,13 @@ class Observations:
     exposure: NDArray[np.int64]
     """(O,) index of the time."""
     camera: NDArray[np.int64]
-    """(O,) VIDEO, LEFT or RIGHT."""
+    """(O,) VIDEO or LEFT."""
     owner: NDArray[np.int64]
     """(O,) index of the point."""
     seen: Array
-    """(O, 2) normalised, undistorted coordinates."""
+    """(O, 3) normalised, undistorted coordinates; left x minus right x."""
     inverse_sigma: Array
-    """(O, 2) one over the standard deviation of each coordinate; 0 where it is unknown."""
+    """(O, 3) one over the standard deviation of each; 0 where it is unknown, as the third is in the video."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,8 @@ class RigModel:
 
     rig_from_video: Pose
     rig_from_left: Pose
-    rig_from_right: Pose
+    baseline_m: float
+    """From the left camera to the right one of a rectified pair."""
     clock_offset_s: float
     """Video exposes this much later than its time stamps say, on the stereo clock."""
     information: Array
@@ -88,8 +89,8 @@ class RigModel:
         return np.concatenate([turn, shift, [self.clock_offset_s - other.clock_offset_s]])
 
     def arrays(self) -> tuple[Array, Array]:
-        """Rotations (3, 3, 3) and positions (3, 3) of video, left and right camera in the rig."""
-        poses = (self.rig_from_video, self.rig_from_left, self.rig_from_right)
+        """Rotations (2, 3, 3) and positions (2, 3) of video and left camera in the rig."""
+        poses = (self.rig_from_video, self.rig_from_left)
         return np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
 
 
@@ -131,23 +132,43 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
+class Spread:
+    """How unsure points are, and what they share: errors of points (K, 3) are rows @ z + own, z and own independent."""
+
+    rows: Array
+    """(K, 3, n)."""
+    own: Array
+    """(K, 3, 3) covariances."""
+    unknowns: Array
+    """(n, n) covariance of z, the unknowns of spline and rig."""
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     problem: Problem
     sampled: Sampled
     hessian: Array
-    """(n, n) of knots and rig at the end, points and undamped."""
+    """(n, n) of knots and rig at the end, points and undamped, with nothing that holds the world in its place."""
+    eliminated: tuple
+    """What the points were eliminated with."""
     errors: Array
     """(O,) reprojection errors [standard deviations]."""
     cost_before: float
     cost_after: float
     iterations: int
 
-    def covariances(self) -> tuple[Array, Array]:
-        """(E, 6, 6) of the poses as twists (rho, phi) on their right, and (7, 7) of the rig."""
-        n = len(self.hessian)
-        free = _free(self.problem)
-        full = np.zeros((n, n))
-        full[np.ix_(free, free)] = inverse_factored(factor(self.hessian[np.ix_(free, free)]))
+    def unknowns(self, held: PosePrior) -> Array:
+        """(n, n) covariance of knots and rig where a pose is known as `held` says; zero for what is not free."""
+        knots = 6 * len(self.problem.spline)
+        j = self.sampled.jacobian(held.exposure, len(self.problem.spline))
+        hessian, free = self.hessian.copy(), _free(self.problem)
+        hessian[:knots, :knots] += j.T @ held.information @ j
+        full = np.zeros_like(hessian)
+        full[np.ix_(free, free)] = inverse_factored(factor(hessian[np.ix_(free, free)]))
+        return full
+
+    def covariances(self, unknowns: Array) -> Array:
+        """(E, 6, 6) of the poses as twists (rho, phi) on their right, from that of the unknowns."""
         s, knots = self.sampled, len(self.problem.spline)
         out = np.empty((len(s.first), 6, 6))
         for e in range(len(out)):
@@ -155,14 +176,23 @@ class Solution:
             j = s.jacobian(e, knots)[:, k : k + 24]
             turn = np.zeros((6, 24))
             turn[:3], turn[3:] = s.rotations[e].T @ j[3:], j[:3]
-            out[e] = turn @ full[k : k + 24, k : k + 24] @ turn.T
-        return out, full[-RIG:, -RIG:]
+            out[e] = turn @ unknowns[k : k + 24, k : k + 24] @ turn.T
+        return out
 
-    def believed(self, covariance: Array) -> RigModel:
-        """The rig with the (7, 7) covariance of `covariances` as its information."""
+    def spread(self, chosen: NDArray[np.int64], unknowns: Array) -> Spread:
+        """Of the chosen points (K,), in their values."""
+        inverses, _, cross, cross_rig = self.eliminated
+        o, s, knots = self.problem.observations, self.sampled, len(self.problem.spline)
+        rows = point_rows(
+            chosen, s.first, s.rotation_jacobians, s.weights, knots, o.exposure, o.owner, inverses, cross, cross_rig
+        )
+        return Spread(rows, inverses[chosen], unknowns)
+
+    def believed(self, unknowns: Array) -> RigModel:
+        """The rig, with what is left to doubt about it as its information."""
         free, rig = np.flatnonzero(self.problem.rig.free), self.problem.rig
         information = rig.information.copy()
-        information[np.ix_(free, free)] = np.linalg.inv(covariance[np.ix_(free, free)])
+        information[np.ix_(free, free)] = np.linalg.inv(unknowns[-RIG:, -RIG:][np.ix_(free, free)])
         return replace(rig, information=information)
 
 
@@ -194,8 +224,10 @@ def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Sol
             damping *= 30
             if damping > 1e4:
                 break
-    hessian, _, _ = _normal_equations(problem, sampled, 0.0)
-    return Solution(problem, sampled, hessian, np.sqrt(_squares(problem, sampled)), before, cost, done)
+    hessian, _, points = _normal_equations(
+        replace(problem, prior=replace(problem.prior, information=np.zeros((6, 6)))), sampled, 0.0
+    )
+    return Solution(problem, sampled, hessian, points, np.sqrt(_squares(problem, sampled)), before, cost, done)
 
 
 def _free(problem: Problem) -> NDArray[np.int64]:
@@ -209,7 +241,8 @@ def _observed(problem: Problem) -> tuple:
 
 
 def _squares(problem: Problem, sampled: Sampled) -> Array:
-    return squared_errors(sampled.rotations, sampled.positions, *problem.rig.arrays(), *_observed(problem))
+    rig = problem.rig
+    return squared_errors(sampled.rotations, sampled.positions, *rig.arrays(), rig.baseline_m, *_observed(problem))
 
 
 def _prior_residual(problem: Problem, sampled: Sampled) -> Array:
@@ -237,7 +270,7 @@ def _normal_equations(problem: Problem, sampled: Sampled, damping: float) -> tup
     """Reduced Hessian and right side, with all priors; and what finds the points' step."""
     s, spline = sampled, problem.spline
     arguments: tuple[Any, ...] = (s.rotations, s.positions, s.first, s.rotation_jacobians, s.weights, s.rates)
-    arguments += (len(spline), *problem.rig.arrays(), *_observed(problem))
+    arguments += (len(spline), *problem.rig.arrays(), problem.rig.baseline_m, *_observed(problem))
     arguments += (problem.depth_prior, problem.loss, damping)
     arguments += (bool(problem.rig.free.any()),)
     hessian, right, *points = reduce(*arguments)

@@ -19,25 +19,28 @@ GROSS = 1e4
 
 @njit(cache=True)
 def squared_errors(
-    r, p, cameras_r, cameras_t, exposure, camera, owner, seen, inverse_sigma, anchors_r, anchors_t, points
+    r, p, cameras_r, cameras_t, baseline, exposure, camera, owner, seen, inverse_sigma, anchors_r, anchors_t, points
 ):
     """(O,) squares of the reprojection errors, in standard deviations."""
     out = np.empty(len(exposure))
     d, y, x = np.empty(3), np.empty(3), np.empty(3)
     for o in range(len(exposure)):
         e, c, m = exposure[o], camera[o], owner[o]
-        _into_camera(r[e], p[e], cameras_r[c], cameras_t[c], anchors_r[m], anchors_t[m], points[m], d, y, x)
+        into_camera(r[e], p[e], cameras_r[c], cameras_t[c], anchors_r[m], anchors_t[m], points[m], d, y, x)
         if x[2] <= MIN_DEPTH:
             out[o] = GROSS
         else:
             a = (x[0] / x[2] - seen[o, 0]) * inverse_sigma[o, 0]
             b = (x[1] / x[2] - seen[o, 1]) * inverse_sigma[o, 1]
             out[o] = a * a + b * b
+            if inverse_sigma[o, 2] > 0.0:
+                a = (baseline * points[m, 2] / x[2] - seen[o, 2]) * inverse_sigma[o, 2]
+                out[o] += a * a
     return out
 
 
 @njit(cache=True, inline="always")
-def _into_camera(r, p, camera_r, camera_t, anchor_r, anchor_t, point, world, rig, camera):
+def into_camera(r, p, camera_r, camera_t, anchor_r, anchor_t, point, world, rig, camera):
     """Where a point is, times its inverse depth (finite at infinity): from the rig, in the rig, in the camera."""
     a, b, rho = point[0], point[1], point[2]
     for i in range(3):
@@ -60,6 +63,7 @@ def reduce(
     knots,
     cameras_r,
     cameras_t,
+    baseline,
     exposure,
     camera,
     owner,
@@ -85,7 +89,7 @@ def reduce(
     inverses, sides = np.zeros((n_points, 3, 3)), np.zeros((n_points, 3))
     cross, cross_rig = np.zeros((n_obs, 6, 3)), np.zeros((n_points, RIG, 3))
     spread = np.zeros((3, n))
-    jp, jg, jl, row = np.zeros((2, 6)), np.zeros((2, RIG)), np.zeros((2, 3)), np.zeros(3)
+    jp, jg, jl, row, error = np.zeros((3, 6)), np.zeros((2, RIG)), np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     d, y, x = np.empty(3), np.empty(3), np.empty(3)
     g = 6 * knots
     o = 0
@@ -98,23 +102,27 @@ def reduce(
         while o < n_obs and owner[o] == m:
             e, c = exposure[o], camera[o]
             rt, ct, ar = r[e], cameras_r[c], anchors_r[m]
-            _into_camera(rt, p[e], ct, cameras_t[c], ar, anchors_t[m], points[m], d, y, x)
+            into_camera(rt, p[e], ct, cameras_t[c], ar, anchors_t[m], points[m], d, y, x)
             if x[2] > MIN_DEPTH:
                 low, high = min(low, first[e]), max(high, first[e] + 4)
                 iz = 1.0 / x[2]
                 u, w = x[0] * iz, x[1] * iz
-                e0, e1 = (u - seen[o, 0]) * inverse_sigma[o, 0], (w - seen[o, 1]) * inverse_sigma[o, 1]
-                weight = 1.0 / (1.0 + (e0 * e0 + e1 * e1) / (loss * loss))
-                for i in range(2):
+                rho = points[m, 2]
+                disparity = baseline * rho * iz
+                error[0], error[1] = (u - seen[o, 0]) * inverse_sigma[o, 0], (w - seen[o, 1]) * inverse_sigma[o, 1]
+                rows = 3 if inverse_sigma[o, 2] > 0.0 else 2
+                error[2] = (disparity - seen[o, 2]) * inverse_sigma[o, 2] if rows == 3 else 0.0
+                square = error[0] * error[0] + error[1] * error[1] + error[2] * error[2]
+                weight = 1.0 / (1.0 + square / (loss * loss))
+                for i in range(rows):
                     s = inverse_sigma[o, i] * iz
-                    a = u if i == 0 else w
+                    a = u if i == 0 else (w if i == 1 else disparity)
                     # The row of the image's Jacobian, turned into the rig, then into the world.
                     for k in range(3):
-                        row[k] = s * (ct[k, i] - a * ct[k, 2])
+                        row[k] = s * ((ct[k, i] if i < 2 else 0.0) - a * ct[k, 2])
                     wx = rt[0, 0] * row[0] + rt[0, 1] * row[1] + rt[0, 2] * row[2]
                     wy = rt[1, 0] * row[0] + rt[1, 1] * row[1] + rt[1, 2] * row[2]
                     wz = rt[2, 0] * row[0] + rt[2, 1] * row[1] + rt[2, 2] * row[2]
-                    rho = points[m, 2]
                     jp[i, 0] = row[1] * y[2] - row[2] * y[1]
                     jp[i, 1] = row[2] * y[0] - row[0] * y[2]
                     jp[i, 2] = row[0] * y[1] - row[1] * y[0]
@@ -129,6 +137,8 @@ def reduce(
                         - row[1] * cameras_t[c, 1]
                         - row[2] * cameras_t[c, 2]
                     )
+                    if i == 2:
+                        jl[i, 2] += s * baseline
                     if c == 0 and with_rig:
                         i0, i1, i2 = (s if i == 0 else 0.0), (s if i == 1 else 0.0), -s * a
                         jg[i, 0] = i1 * x[2] - i2 * x[1]
@@ -138,19 +148,22 @@ def reduce(
                         jg[i, 6] = 0.0
                         for k in range(6):
                             jg[i, 6] += jp[i, k] * rates[e, k]
-                for k in range(3):
-                    b[k] -= weight * (jl[0, k] * e0 + jl[1, k] * e1)
-                    for j in range(3):
-                        v[k, j] += weight * (jl[0, k] * jl[0, j] + jl[1, k] * jl[1, j])
-                for k in range(6):
-                    own_b[e, k] -= weight * (jp[0, k] * e0 + jp[1, k] * e1)
-                    for j in range(6):
-                        own_h[e, k, j] += weight * (jp[0, k] * jp[0, j] + jp[1, k] * jp[1, j])
-                    for j in range(3):
-                        cross[o, k, j] = weight * (jp[0, k] * jl[0, j] + jp[1, k] * jl[1, j])
+                for i in range(rows):
+                    for k in range(3):
+                        f = weight * jl[i, k]
+                        b[k] -= f * error[i]
+                        for j in range(3):
+                            v[k, j] += f * jl[i, j]
+                    for k in range(6):
+                        f = weight * jp[i, k]
+                        own_b[e, k] -= f * error[i]
+                        for j in range(6):
+                            own_h[e, k, j] += f * jp[i, j]
+                        for j in range(3):
+                            cross[o, k, j] += f * jl[i, j]
                 if c == 0 and with_rig:
                     for k in range(RIG):
-                        right[g + k] -= weight * (jg[0, k] * e0 + jg[1, k] * e1)
+                        right[g + k] -= weight * (jg[0, k] * error[0] + jg[1, k] * error[1])
                         for j in range(6):
                             own_g[e, k, j] += weight * (jg[0, k] * jp[0, j] + jg[1, k] * jp[1, j])
                         for j in range(3):
@@ -254,3 +267,36 @@ def point_steps(step, first, turns, weights, knots, exposure, owner, inverses, s
     for m in range(len(sides)):
         left[m] = inverses[m] @ (left[m] - cross_rig[m].T @ step[g:])
     return left
+
+
+@njit(cache=True)
+def point_rows(chosen, first, turns, weights, knots, exposure, owner, inverses, cross, cross_rig):
+    """(K, 3, n): how each of the chosen points (K,) follows the unknowns of spline and rig."""
+    n = 6 * knots + RIG
+    number = np.full(len(inverses), -1)
+    for i in range(len(chosen)):
+        number[chosen[i]] = i
+    out, side = np.zeros((len(chosen), 3, n)), np.zeros((3, n))
+    for i in range(len(chosen)):
+        for j in range(3):
+            for k in range(RIG):
+                out[i, j, 6 * knots + k] = cross_rig[chosen[i], k, j]
+    for o in range(len(exposure)):
+        i, e = number[owner[o]], exposure[o]
+        if i < 0:
+            continue
+        for q in range(4):
+            base, t, w = 6 * (first[e] + q), turns[e, q], weights[e, q]
+            for j in range(3):
+                for k in range(3):
+                    out[i, j, base + k] += (
+                        t[0, k] * cross[o, 0, j] + t[1, k] * cross[o, 1, j] + t[2, k] * cross[o, 2, j]
+                    )
+                    out[i, j, base + 3 + k] += w * cross[o, 3 + k, j]
+    for i in range(len(chosen)):
+        inverse = inverses[chosen[i]]
+        side[:] = out[i]
+        for j in range(3):
+            for k in range(n):
+                out[i, j, k] = -inverse[j, 0] * side[0, k] - inverse[j, 1] * side[1, k] - inverse[j, 2] * side[2, k]
+    return out

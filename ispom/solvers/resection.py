@@ -20,10 +20,10 @@ class Resection:
     """(N,) residuals within the threshold."""
 
 
-def resect(xyz: Array, x: Array, threshold: float) -> Resection | None:
+def resect(xyz: Array, x: Array, threshold: float, scale: float | None = None) -> Resection | None:
     """Pose from points (N, 3) and normalised coordinates (N, 2): P3P in RANSAC, then robust refinement. Deterministic.
 
-    `threshold` in normalised units. None with fewer than 6 inliers.
+    `threshold`, and the loss's scale as in `refine_pose`, in normalised units. None with fewer than 6 inliers.
     """
     if len(xyz) < 6:
         return None
@@ -40,24 +40,32 @@ def resect(xyz: Array, x: Array, threshold: float) -> Resection | None:
     )
     if not found or index is None or len(index) < 6:
         return None
-    return refine_pose(xyz, x, Pose.from_rotvec(np.asarray(rvec, float), np.asarray(tvec, float)), threshold)
+    return refine_pose(
+        xyz, x, Pose.from_rotvec(np.asarray(rvec, float), np.asarray(tvec, float)), threshold, scale=scale
+    )
 
 
 def refine_pose(
-    xyz: Array, x: Array, camera_from_world: Pose, threshold: float, iterations: int = 10
+    xyz: Array,
+    x: Array,
+    camera_from_world: Pose,
+    threshold: float,
+    iterations: int = 10,
+    scale: float | None = None,
 ) -> Resection | None:
     """Motion-only adjustment of a good first guess: Gauss-Newton on reprojection with Cauchy weights.
 
-    Starts with a wide loss and ends with one of scale `threshold` / 2. None with fewer than 6 inliers at the end,
-    or where the points do not determine the pose.
+    Starts with a wide loss and ends with one of `scale`, or `threshold` / 2. None with fewer than 6 inliers at the
+    end, or where the points do not determine the pose.
     """
+    least = threshold / 2 if scale is None else scale
     pose = camera_from_world
     for i in range(iterations):
-        scale = threshold / 2 * max(1.0, 4.0 / (1 + i))
+        loss = max(least, 2 * threshold / (1 + i) if scale is None else 2 * threshold / 2**i)
         residual, jacobian, front = _reprojection(xyz, x, pose)
         if front.sum() < 6:
             return None
-        weight = np.repeat(1 / (1 + (residual**2).sum(1) / scale**2), 2)
+        weight = np.repeat(1 / (1 + (residual**2).sum(1) / loss**2), 2)
         j, r = jacobian.reshape(-1, 6), residual.ravel()
         normal = j.T @ (weight[:, None] * j)
         try:

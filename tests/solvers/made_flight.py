@@ -9,7 +9,7 @@ import numpy as np
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.path import Path
-from ispom.solvers.continuous import LEFT, RIGHT, VIDEO, Observations, Points, PosePrior, Problem, RigModel
+from ispom.solvers.continuous import LEFT, VIDEO, Observations, Points, PosePrior, Problem, RigModel
 from ispom.solvers.spline import Spline
 
 RIG = simulated_rig()
@@ -66,33 +66,32 @@ def problem_of(
     rows, anchors, values, priors = [], [], [], []
     stereo = np.flatnonzero(~flight.video)
     for m, point in enumerate(flight.xyz):
-        cameras = ((VIDEO, "video"),) if m % 2 == 0 else ((LEFT, "left"), (RIGHT, "right"))
-        first = None
+        number, name = (VIDEO, "video") if m % 2 == 0 else (LEFT, "left")
+        camera, first = RIG.camera(name), None  # type: ignore[arg-type]
+        sigma = max(noise_px, 0.3) / camera.fx
         for e in range(len(flight.times_s)):
             if flight.video[e] != (m % 2 == 0):
                 continue
-            for number, name in cameras:
-                camera = RIG.camera(name)  # type: ignore[arg-type]
-                camera_from_world = (flight.truth(e) @ RIG.rig_from(name)).inverse()  # type: ignore[arg-type]
-                x = camera_from_world.apply(point)
-                uv = camera.project(x[None])[0] + noise_px * rng.standard_normal(2)
-                if x[2] < 0.5 or not ((uv >= 0) & (uv < (camera.width, camera.height))).all():
-                    continue
-                seen = camera.normalise(uv[None])[0]
-                if first is None:
-                    first = len(anchors)
-                    near = stereo[np.argmin(np.abs(flight.times_s[stereo] - flight.times_s[e]))]
-                    anchors.append(flight.truth(near) @ RIG.rig_from(name))  # type: ignore[arg-type]
-                    values.append([*seen, 1 / 10.0])
-                    priors.append([0.1, 1.0])
-                sigma = max(noise_px, 0.3) / camera.fx
-                rows.append((e, number, first, *seen, 1 / sigma, 1 / sigma))
+            camera_from_world = (flight.truth(e) @ RIG.rig_from(name)).inverse()  # type: ignore[arg-type]
+            x = camera_from_world.apply(point)
+            uv = camera.project(x[None])[0] + noise_px * rng.standard_normal(2)
+            if x[2] < 0.5 or not ((uv >= 0) & (uv < (camera.width, camera.height))).all():
+                continue
+            seen = camera.normalise(uv[None])[0]
+            disparity, known = RIG.baseline_m / x[2] + noise_px / camera.fx * rng.standard_normal(), number == LEFT
+            if first is None:
+                first = len(anchors)
+                near = stereo[np.argmin(np.abs(flight.times_s[stereo] - flight.times_s[e]))]
+                anchors.append(flight.truth(near) @ RIG.rig_from(name))  # type: ignore[arg-type]
+                values.append([*seen, 1 / 10.0])
+                priors.append([0.1, 1.0])
+            rows.append((e, number, first, *seen, disparity, 1 / sigma, 1 / sigma, known / sigma))
     table = np.array(rows)
     points = Points(
         np.stack([a.rotation for a in anchors]), np.stack([a.translation for a in anchors]), np.array(values)
     )
     observations = Observations(
-        table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].astype(int), table[:, 3:5], table[:, 5:7]
+        table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].astype(int), table[:, 3:6], table[:, 6:9]
     )
     video = RIG.rig_from_video
     if turn_rig is not None:
@@ -100,7 +99,7 @@ def problem_of(
     free = np.zeros(7, bool)
     free[:3], free[6] = turn_rig is not None, estimate_clock
     information = np.diag(1 / np.array([0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.05]) ** 2)
-    rig = RigModel(video, RIG.rig_from_left, RIG.rig_from_right, 0.0, information, free)
+    rig = RigModel(video, RIG.rig_from_left, RIG.baseline_m, 0.0, information, free)
     start = -spacing_s
     count = int(np.ceil((flight.times_s[-1] + 0.04 - start) / spacing_s)) + 3
     at = np.clip(start + spacing_s * (np.arange(count) - 1), flight.times_s[stereo[0]], flight.times_s[stereo[-1]])

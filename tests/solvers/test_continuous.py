@@ -89,7 +89,7 @@ def test_exact_observations_give_the_flight_though_video_and_stereo_share_no_poi
 
 
 def test_a_late_clock_and_a_turned_camera_are_found() -> None:
-    flight = made_flight(1.4, 160, clock_offset_s=0.02)
+    flight = made_flight(1.4, 240, clock_offset_s=0.02)
     start = problem_of(flight, noise_px=0.3, turn_rig=np.radians([0.6, -0.6, 0.55]), estimate_clock=True)
     found = solve(replace(start, loss=10.0), iterations=25, tolerance=1e-6)
     assert found.problem.rig.clock_offset_s == pytest.approx(0.02, abs=1e-3)

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from ispom.chain import Chain, in_order
 from ispom.estimator import Estimator
 from ispom.estimators.modern.joint_window import JointWindow, Noise, View
+from ispom.estimators.modern.stereo import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.anchoring import anchored
 from ispom.solvers.continuous import RigModel, Solution
+from ispom.solvers.located import located_covariance
 from ispom.solvers.resection import Resection, refine_pose, resect
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
@@ -39,6 +41,12 @@ from ispom.types import (
 
 MIN_POINTS = 8
 """Fewer known points than this, and an exposure is placed by the motion before it."""
+
+ENOUGH_POINTS = 30
+"""Of points that were adjusted: with so many, an exposure is placed by them alone."""
+
+INLIER = 8.0
+"""Of a resection: larger reprojection errors, in those of an observation, are wrong points."""
 
 MAX_VIEWS = 240
 """More exposures than this are never adjusted together, however rare the pairs are."""
@@ -62,11 +70,13 @@ class ModernIntegratedConfig:
     """How far the video camera may be turned from what the calibration says, before any data."""
     clock_sigma_s: Annotated[float, Range(1e-5, 1)] = 0.03
     """How far off the video's clock may be, before any data."""
-    video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.25
+    video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.13
     """Error of a point tracked in the video."""
-    stereo_sigma_px: Annotated[float, Range(0.02, 5)] = 0.5
-    """Error of a point matched in the stereo images."""
-    loss: Annotated[float, Range(0.5, 20)] = 2.0
+    stereo_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
+    """Error of a point followed from pair to pair."""
+    disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
+    """Error of its match in the right image."""
+    loss: Annotated[float, Range(0.5, 20)] = 1.0
     """Scale of the Cauchy loss, in these errors."""
     iterations: Annotated[int, Range(1, 30)] = 6
     """Of each adjustment, at most."""
@@ -89,6 +99,8 @@ class ModernIntegratedState:
     """The last video frame."""
     metric: tuple[tuple[int, Pose], ...] = ()
     """The stereo estimator's poses in the window."""
+    metric_covariance: Array | None = None
+    """(6, 6) of the newest of them."""
     settled: Chain[tuple[int, Pose, bool]] | None = None
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
 
@@ -127,12 +139,12 @@ class ModernIntegrated:
         """One exposure: see, place, and after a pair adjust the window."""
         if isinstance(exposure, StereoPair):
             stereo, part = self.stereo.step(state.stereo, exposure)
-            state = self._with_metric(replace(state, stereo=stereo), part)
+            state = self._with_metric(replace(state, stereo=stereo, window=_calibrated(state.window, stereo)), part)
         else:
             monocular, part = self.monocular.step(state.monocular, exposure)
             state = self._timed(replace(state, monocular=monocular), exposure)
         watch = Stopwatch()
-        state, located, status = self._place(state, self._view(part))
+        state, located, status = self._place(state, self._view(state, part))
         watch.lap("place")
         state, decisions, revised = self._adjust(state) if isinstance(exposure, StereoPair) else (state, (), ())
         watch.lap("adjust")
@@ -144,7 +156,7 @@ class ModernIntegrated:
             status,
             "rig",
             None if newest is None else onto @ newest.world_from_rig,
-            None if newest is None else newest.covariance,
+            None if newest is None else self._covariance(state, part),
             key_frame=bool(revised),
             landmarks=Landmarks.empty() if newest is None else self._landmarks(state.window, onto, exposure, part),
             residuals_px=np.zeros(0)
@@ -167,12 +179,11 @@ class ModernIntegrated:
             return replace(state, window=window.with_view(view, self.rig.baseline_m)), None, Status.TRACKING
         located = self._locate(window, view)
         if located is None:
-            guess, covariance = window.views[-1].world_from_rig, None
+            guess = window.views[-1].world_from_rig
         else:
             rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
             guess = located.camera_from_world.inverse() @ rig_from_camera.inverse()
-            covariance = self._covariance(window, view, guess, located)
-        view = replace(view, world_from_rig=guess, covariance=covariance)
+        view = replace(view, world_from_rig=guess)
         window, left = window.with_view(view, self.rig.baseline_m).limited(MAX_VIEWS)
         state = replace(state, window=window, settled=_longer(state.settled, left))
         # The first frames have no points of known depth yet: the pair just before them says where they are.
@@ -183,7 +194,7 @@ class ModernIntegrated:
         c, r = self.config, self.rig
         sigma = np.array([np.radians(c.rig_sigma_deg)] * 3 + [0.1 * r.baseline_m] * 3 + [c.clock_sigma_s])
         free = np.array([c.estimate_rig] * 3 + [False] * 3 + [c.estimate_clock])
-        return RigModel(r.rig_from_video, r.rig_from_left, r.rig_from_right, 0.0, np.diag(1 / sigma**2), free)
+        return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
 
     def _timed(self, state: ModernIntegratedState, exposure: VideoFrame) -> ModernIntegratedState:
         """Keeps the shortest time between two frames: some may be missing."""
@@ -193,7 +204,15 @@ class ModernIntegrated:
             frame_s = passed_s if frame_s is None else min(frame_s, passed_s)
         return replace(state, frame_s=frame_s, last_ns=exposure.time_ns)
 
-    def _view(self, part: Step) -> View:
+    def _turn_rate(self, state: ModernIntegratedState) -> float:
+        """About the left camera's y axis [rad/s], between the last two pairs that the stereo estimator located."""
+        if len(state.metric) < 2:
+            return 0.0
+        (before_ns, before), (now_ns, now) = state.metric[-2:]
+        left_from_before = (now @ self.rig.rig_from_left).inverse() @ before @ self.rig.rig_from_left
+        return float(left_from_before.rotvec[1] / ((now_ns - before_ns) * 1e-9))
+
+    def _view(self, state: ModernIntegratedState, part: Step) -> View:
         """The raw observations of one exposure."""
         video = part.method == "monocular"
         name = "video" if video else "left"
@@ -203,27 +222,37 @@ class ModernIntegrated:
             alive &= tracks.disparity_px > 0
         order = np.flatnonzero(alive)[np.argsort(tracks.ids[alive], kind="stable")]
         uv = tracks.uv[order].astype(float)
-        seen, right = camera.normalise(uv), np.full((len(order), 2), np.nan)
-        if not video:
-            right[:, 0] = seen[:, 0] - tracks.disparity_px[order] / camera.fx
-            right[:, 1] = seen[:, 1]
-        return View(part.time_ns, video, 2 * tracks.ids[order] + (0 if video else 1), seen, right)
+        seen = camera.normalise(uv)
+        if video:
+            return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan))
+        disparity = tracks.disparity_px[order].astype(float) / camera.fx
+        return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, self._turn_rate(state))
 
     def _locate(self, window: JointWindow, view: View) -> Resection | None:
         """camera_from_world by resection from the points known by now."""
         place = window.table.places(view.ids)
         known = place >= 0
+        if window.reference is not None:
+            adjusted = known & np.isin(view.ids, window.reference.ids, assume_unique=True)
+            # The depth of a new point is a guess.
+            known = adjusted if adjusted.sum() >= ENOUGH_POINTS else known
         if known.sum() < MIN_POINTS:
             return None
         xyz = window.table.select(place[known]).points.xyz_in_world
-        threshold = 4 * (self._sigma(view.video))
+        sigma = self._sigma(view.video)
+        threshold, scale = INLIER * sigma, self.config.loss * sigma
         guess = replace(view, world_from_rig=window.predicted(view.time_ns))
-        found = refine_pose(xyz, view.seen[known], window.camera_pose(guess).inverse(), threshold)
+        found = refine_pose(xyz, view.seen[known], window.camera_pose(guess).inverse(), threshold, scale=scale)
         if found is None or found.inliers.mean() < 0.5:
-            again = resect(xyz, view.seen[known], threshold)
+            again = resect(xyz, view.seen[known], threshold, scale)
             if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
                 found = again
         return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
+
+    @property
+    def _noise(self) -> Noise:
+        disparity = self.config.disparity_sigma_px / self.rig.camera("left").fx
+        return Noise(self._sigma(True), self._sigma(False), disparity, self.config.loss)
 
     def _sigma(self, video: bool) -> float:
         """Error of an observation in normalised units."""
@@ -231,26 +260,38 @@ class ModernIntegrated:
             return self.config.video_sigma_px / self.rig.camera("video").fx
         return self.config.stereo_sigma_px / self.rig.camera("left").fx
 
-    def _covariance(self, window: JointWindow, view: View, pose: Pose, located: Resection) -> Array | None:
-        """(6, 6) of a pose by resection: that of the last view that was adjusted, and the resection's own."""
-        last = next((v for v in reversed(window.views) if v.best is not None), None)
-        if last is None or last.covariance is None:
+    def _covariance(self, state: ModernIntegratedState, part: Step) -> Array | None:
+        """(6, 6) of the newest pose as told: that of the pair it is told relative to, and of the way from there."""
+        window, view = state.window, state.window.views[-1]
+        if self.config.follow_stereo and not view.video and part.world_from_frame is not None:
+            return part.covariance
+        reference, pair = window.reference, self._meeting(state)
+        if reference is None or pair is None or reference.time_ns != pair.time_ns:
             return None
-        place = window.table.places(view.ids)
-        xyz = window.table.select(place[place >= 0]).points.xyz_in_world[located.inliers]
-        rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
-        in_rig = pose.inverse().apply(xyz)
-        x = rig_from_camera.inverse().apply(in_rig)
-        rows = np.zeros((len(x), 2, 3))
-        rows[:, 0, 0] = rows[:, 1, 1] = 1 / x[:, 2]
-        rows[:, :, 2] = -x[:, :2] / x[:, 2:] ** 2
-        rows = rows @ rig_from_camera.rotation.T
-        jacobian = np.concatenate([-rows, np.cross(rows, in_rig[:, None])], axis=2).reshape(-1, 6) / self._sigma(
-            view.video
+        base = state.metric_covariance if self.config.follow_stereo else pair.covariance
+        way = reference.newest if view.best is not None else self._located_covariance(window, view)
+        if base is None or way is None:
+            return None
+        carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
+        return carry @ base @ carry.T + way
+
+    def _located_covariance(self, window: JointWindow, view: View) -> Array | None:
+        """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
+        assert window.reference is not None
+        spread = window.reference.spread
+        _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
+        if len(mine) < MIN_POINTS:
+            return None
+        return located_covariance(
+            view.world_from_rig,
+            window.rig.rig_from_video if view.video else window.rig.rig_from_left,
+            view.video,
+            window.table.select(window.table.places(view.ids[mine])).points,
+            view.seen[mine],
+            self._sigma(view.video),
+            self.config.loss,
+            replace(spread, rows=spread.rows[its], own=spread.own[its]),
         )
-        own = np.linalg.inv(jacobian.T @ jacobian + 1e-6 * np.eye(6))
-        carry = (pose.inverse() @ last.world_from_rig).adjoint
-        return carry @ last.covariance @ carry.T + own
 
     def _adjust(
         self, state: ModernIntegratedState
@@ -260,11 +301,12 @@ class ModernIntegrated:
         since = window.views[0].time_ns if window.views else 0
         metric = tuple(item for item in state.metric if item[0] >= since)
         state = replace(state, window=window, settled=_longer(state.settled, left), metric=metric)
-        if len(window.pairs) < 2:
+        meeting = self._meeting(state)
+        if len(window.pairs) < 2 or meeting is None:
             return state, (), ()
-        config, noise = self.config, Noise(self._sigma(True), self._sigma(False), self.config.loss)
+        config, noise = self.config, self._noise
         spacing_s = config.knot_frames * (state.frame_s or 0.1)
-        found = window.adjusted(noise, spacing_s, config.max_points, config.iterations)
+        found = window.adjusted(noise, spacing_s, config.max_points, config.iterations, meeting.time_ns)
         if found is None:
             return state, (Decision("points for an adjustment", 0, 1, False),), ()
         window, solution = found
@@ -276,15 +318,23 @@ class ModernIntegrated:
         known |= {t: pose for t, pose in part.revised.items() if t in known}
         if part.world_from_frame is not None:
             known[part.time_ns] = part.world_from_frame
+            state = replace(state, metric_covariance=part.covariance)
         return replace(state, metric=tuple(sorted(known.items(), key=lambda item: item[0])))
+
+    def _meeting(self, state: ModernIntegratedState) -> View | None:
+        """The last pair, of those that the stereo estimator located where it is followed: poses are told from there."""
+        metric = dict(state.metric)
+        pairs = [v for v in state.window.views if not v.video]
+        if self.config.follow_stereo:
+            pairs = [v for v in pairs if v.time_ns in metric] or pairs
+        return pairs[-1] if pairs else None
 
     def _onto_stereo(self, state: ModernIntegratedState) -> Pose:
         """What carries the window's world onto that of the stereo estimator, at the last pair of both."""
-        metric = dict(state.metric)
-        pairs = [v for v in state.window.views if v.time_ns in metric and not v.video]
-        if not self.config.follow_stereo or not pairs:
+        pair, metric = self._meeting(state), dict(state.metric)
+        if not self.config.follow_stereo or pair is None or pair.time_ns not in metric:
             return Pose()
-        return metric[pairs[-1].time_ns] @ pairs[-1].world_from_rig.inverse()
+        return metric[pair.time_ns] @ pair.world_from_rig.inverse()
 
     def _video_poses(self, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory) -> Trajectory:
         """Those of the video, up to the last pair, in the world of the stereo estimator's poses."""
@@ -340,3 +390,8 @@ def _told(solution: Solution) -> tuple[Decision, ...]:
         offset = 1e3 * problem.rig.clock_offset_s
         found.append(Decision("clock offset of the video", offset, 1e3, True, "ms", "<="))
     return tuple(found)
+
+
+def _calibrated(window: JointWindow, stereo: Any) -> JointWindow:
+    """With what the stereo estimator's own window found to be wrong with the pair, so that both have one scale."""
+    return replace(window, offset=stereo.map.extra) if isinstance(stereo, ModernStereoState) else window

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.solvers.continuous import (
     LEFT,
-    RIGHT,
     VIDEO,
     Observations,
     Points,
@@ -20,12 +19,15 @@ from ispom.solvers.continuous import (
     Problem,
     RigModel,
     Solution,
+    Spread,
     solve,
 )
 from ispom.solvers.spline import Spline
 
 MIN_VIEWS = {True: 3, False: 2}
 """Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
+HELD = 1e10
+"""Information [1/rad^2, 1/m^2] of a pose that others are told relative to."""
 NEIGHBOURS = 5
 """Points whose median depth a new point of the video is given."""
 
@@ -40,13 +42,20 @@ class View:
     """(N,) ascending; even in the video, odd in stereo pairs."""
     seen: Array
     """(N, 2) normalised coordinates in the video or the left camera."""
-    right: Array
-    """(N, 2) in the right camera; NaN where unknown, and for the video."""
+    disparity: Array
+    """(N,) x in the left camera minus that in the right one, as matched; NaN where unknown, and for the video."""
+    rate_rad_s: float = 0.0
+    """Turn rate about the left camera's y axis."""
     world_from_rig: Pose = field(default_factory=Pose)
     covariance: Array | None = None
     """(6, 6) of the twist (rho, phi) on the pose's right; None before the first adjustment."""
     best: Pose | None = None
     """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
+
+    def rectified(self, offset: Array) -> Array:
+        """(N,) disparities without an offset [rad] and a lag [s] of the right camera, (2,)."""
+        right = self.seen[:, 0] - self.disparity
+        return self.disparity + (1 + right**2) * (offset[0] + offset[1] * self.rate_rad_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +97,21 @@ class Noise:
 
     video: float
     stereo: float
+    disparity: float
     loss: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The exposure that what is known of the points, and of later poses, is relative to: its own error is no part."""
+
+    time_ns: int
+    world_from_rig: Pose
+    ids: NDArray[np.int64]
+    """(K,) of the points whose errors are known, ascending."""
+    spread: Spread
+    newest: Array
+    """(6, 6) covariance of the newest pose that was adjusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +124,12 @@ class JointWindow:
     table: Table = field(default_factory=Table.empty)
     beliefs: tuple[RigModel, ...] = ()
     """What was known of the rig after each of the last adjustments."""
+    offset: Array = field(default_factory=lambda: np.zeros(2))
+    """What stereo found to be wrong with the pair: offset of the right x [rad], lag of its shutter [s]."""
     slid: bool = False
     """Whether views have left it."""
+    reference: Reference | None = None
+    """Of the last adjustment."""
 
     @property
     def pairs(self) -> list[int]:
@@ -130,7 +157,7 @@ class JointWindow:
         """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""
         new = self.table.places(view.ids) < 0
         anchor = self.camera_pose(view)
-        depth = (view.seen[new, 0] - view.right[new, 0]) / baseline_m
+        depth = view.rectified(self.offset)[new] / baseline_m
         unknown = ~(depth > 1e-4)
         if unknown.any():
             depth[unknown] = self._neighbours(anchor, view.seen[new][unknown])
@@ -148,14 +175,18 @@ class JointWindow:
         return np.median(1 / xyz[np.reshape(near, (len(seen), k)), 2], axis=1)
 
     def adjusted(
-        self, noise: Noise, spacing_s: float, most: int, iterations: int
+        self, noise: Noise, spacing_s: float, most: int, iterations: int, reference_ns: int
     ) -> tuple[JointWindow, Solution] | None:
-        """All poses, points and what is free of the rig, made better; None where too little was seen."""
+        """All poses, points and what is free of the rig, made better; None where too little was seen.
+
+        The errors of the points are told relative to the exposure at `reference_ns`.
+        """
         problem, used = self._problem(noise, spacing_s, most)
         if problem is None:
             return None
         solution = solve(problem, iterations)
-        covariances, of_rig = solution.covariances()
+        unknowns = solution.unknowns(problem.prior)
+        covariances = solution.covariances(unknowns)
         s = solution.sampled
         poses = [Pose(r, p) for r, p in zip(s.rotations, s.positions, strict=True)]
         edge = self.pairs[1]
@@ -171,8 +202,21 @@ class JointWindow:
         values = self.table.points.values.copy()
         values[used] = solution.problem.points.values
         table = replace(self.table, points=replace(self.table.points, values=values))
-        beliefs = (*self.beliefs, solution.believed(of_rig))[-len(self.pairs) :]
-        return replace(self, rig=solution.problem.rig, views=views, table=table, beliefs=beliefs), solution
+        beliefs = (*self.beliefs, solution.believed(unknowns))[-len(self.pairs) :]
+        after = replace(self, rig=solution.problem.rig, views=views, table=table, beliefs=beliefs)
+        return replace(after, reference=after._seen_from(reference_ns, solution, used)), solution
+
+    def _seen_from(self, time_ns: int, solution: Solution, used: NDArray[np.int64]) -> Reference:
+        """The errors of the points that may be seen again, and of the newest pose, relative to a pair's."""
+        place = next(
+            i for i in reversed(range(len(self.views))) if self.views[i].time_ns == time_ns and not self.views[i].video
+        )
+        pose = self.views[place].world_from_rig
+        unknowns = solution.unknowns(PosePrior(place, pose, np.eye(6) * HELD))
+        recent = [next((v.ids for v in reversed(self.views) if v.video == video), used[:0]) for video in (True, False)]
+        chosen = np.flatnonzero(np.isin(self.table.ids[used], np.concatenate(recent)))
+        newest = solution.covariances(unknowns)[-1]
+        return Reference(time_ns, pose, self.table.ids[used[chosen]], solution.spread(chosen, unknowns), newest)
 
     def shortened(self, pairs: int) -> tuple[JointWindow, tuple[View, ...]]:
         """With this many stereo pairs, and the views that left."""
@@ -209,18 +253,15 @@ class JointWindow:
         number = np.full(len(self.table.ids), -1)
         number[used] = np.arange(len(used))
         owner = number[place]
-        seen, right = (np.concatenate([getattr(v, n) for v in views]) for n in ("seen", "right"))
-        first = np.flatnonzero(owner >= 0)
-        second = np.flatnonzero((owner >= 0) & ~np.isnan(right[:, 0]))
-        index = np.concatenate([first, second])
-        camera = np.concatenate([np.where(video[exposure[first]], VIDEO, LEFT), np.full(len(second), RIGHT)])
-        places = np.concatenate([seen[first], right[second]])
-        sigma = np.where(camera == VIDEO, noise.video, noise.stereo)
-        inverse = np.repeat(1 / sigma[:, None], 2, 1)
-        order = np.lexsort((camera, exposure[index], owner[index]))
-        observations = Observations(
-            exposure[index][order], camera[order], owner[index][order], places[order], inverse[order]
-        )
+        index = np.flatnonzero(owner >= 0)
+        index = index[np.lexsort((exposure[index], owner[index]))]
+        camera = np.where(video[exposure[index]], VIDEO, LEFT)
+        seen = np.column_stack(
+            [np.concatenate([v.seen for v in views]), np.concatenate([v.rectified(self.offset) for v in views])]
+        )[index]
+        inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
+        inverse[np.isnan(seen[:, 2]), 2] = 0.0
+        observations = Observations(exposure[index], camera, owner[index], np.nan_to_num(seen), inverse)
         points = self.table.select(used).points
         times_s = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
         first_pose = views[0].world_from_rig

@@ -69,6 +69,21 @@ def test_poses_come_at_once_and_are_revised_within_one_stereo_interval(
         assert step.covariance is not None and np.linalg.eigvalsh(step.covariance)[0] > 0
 
 
+def test_covariances_are_stereos_at_the_pairs_and_grow_from_there(walked: tuple[list, list[Step]]) -> None:
+    _, steps = walked
+    pair: Step | None = None
+    for step in steps:
+        if step.parts[0].method == "stereo":
+            pair = step
+            if step.parts[0].covariance is not None:
+                np.testing.assert_array_equal(step.covariance, step.parts[0].covariance)
+        elif pair is not None and pair.covariance is not None and step.covariance is not None:
+            assert step.world_from_frame is not None and pair.world_from_frame is not None
+            carry = (step.world_from_frame.inverse() @ pair.world_from_frame).adjoint
+            way = step.covariance - carry @ pair.covariance @ carry.T
+            assert np.linalg.eigvalsh(way)[0] > 0 and np.sqrt(way[:3, :3].trace()) < 0.03
+
+
 def same(a: Trajectory, b: Trajectory) -> bool:
     return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("times_ns", "rotations", "translations"))
 
