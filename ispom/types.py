@@ -365,6 +365,8 @@ class Step:
     decisions: tuple[Decision, ...] = ()
     parts: tuple[Step, ...] = ()
     """Steps of the estimators that this one is made of, at the same exposure."""
+    scale_sigma: float | None = None
+    """Deviation of the logarithm of the unit here, against that at the start; None where it is not said."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,11 @@ class Frame:
         """Normalised coordinates (M, 2) of points (M,) that this frame has."""
         return self.x[np.searchsorted(self.ids, ids)]
 
+    def without(self, ids: NDArray[np.int64]) -> Frame:
+        """Without some of its points."""
+        kept = ~np.isin(self.ids, ids)
+        return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
+
 
 @dataclass(frozen=True, eq=False)
 class Points:

@@ -20,7 +20,8 @@ class InverseDepths:
     significance: Array
     """(M,) inverse depth over its standard deviation at one unit of `sigma`."""
     worst: Array
-    """(M,) largest reprojection error over the views, normalised units; inf behind a view."""
+    """(M,) largest reprojection error over the views, normalised units; inf behind a view.
+    Where `depth` is not positive that of a point at infinity."""
     parallax_rad: Array
     """(M,) largest angle between the first view's ray and another view's."""
 
@@ -71,6 +72,15 @@ def _intersect(rotations, translations, cameras, owners, seen, count, sigma):
                     side -= weight * slope * value
             rho = side / information
         if rho <= 1e-9:
+            worst[m] = 0.0
+            for i in range(begin + 1, k):
+                q = rotations[cameras[i]] @ back @ ray
+                error = (
+                    np.sqrt((q[0] / q[2] - seen[i, 0]) ** 2 + (q[1] / q[2] - seen[i, 1]) ** 2)
+                    if q[2] > 1e-6
+                    else np.inf
+                )
+                worst[m] = max(worst[m], error)
             continue
         p = ray / rho
         worst[m] = 0.0

@@ -42,3 +42,12 @@ def test_a_wrong_match_shows_in_the_worst_residual() -> None:
     cameras, owners, x = seen(np.array([[1.0, 0.5, 6.0]]))
     x[-1] += (0.0, 0.05)
     assert intersect(*views(), cameras, owners, x, 1, 1e-3).worst[0] > 0.02
+
+
+def test_what_moves_by_itself_is_not_taken_for_infinitely_far() -> None:
+    far = np.array([[0.0, 0.0, 1e9]])
+    cameras, owners, x = seen(far)
+    assert intersect(*views(), cameras, owners, x, 1, 1e-3).worst[0] < 1e-6
+    for shift in (-0.03, 0.03):
+        moving = x + np.arange(len(x))[:, None] * (shift, 0.0)
+        assert intersect(*views(), cameras, owners, moving, 1, 1e-3).worst[0] > 0.01

@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 
 from ispom.estimators.keyframes import Frame, Points, parallax_deg
 from ispom.estimators.modern.lens import FOCAL_SIGMA
-from ispom.estimators.modern.mono_map import Map, adjusted, intersected, key_covariance
-from ispom.geometry import Array, rotation_angle_rad
+from ispom.estimators.modern.mono_map import Map, adjusted, intersected
+from ispom.estimators.modern.mono_spread import Spread
+from ispom.geometry import rotation_angle_rad
 from ispom.types import Decision
 
 ITERATIONS = 5
 """Of each bundle adjustment: the next key frame goes on from there."""
 MIN_SIGNIFICANCE = 5.0
 """A point has a place once its inverse depth is so many times its deviation."""
+MAX_DRIFT = 10.0
+"""A unit that may have drifted by more [%] is to be noticed."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,14 @@ class Limits:
     sigma: float
 
 
-def key_frame_tests(key: Frame, frame: Frame, limits: Limits) -> tuple[Decision, ...]:
-    """Each of them, when passed, makes `frame` the next key frame after `key`; both have poses."""
+def key_frame_tests(world: Map, frame: Frame, limits: Limits) -> tuple[Decision, ...]:
+    """Each of them, when passed, makes `frame` the next key frame of the map; it has a pose."""
+    key = world.keys[-1]
     assert key.world_from_camera is not None and frame.world_from_camera is not None
     parallax = parallax_deg(key, frame, limits.sigma)
-    share = len(np.intersect1d(key.ids, frame.ids, assume_unique=True)) / max(1, len(key.ids))
+    placed = key.ids[np.isfinite(world.known(key.ids)[:, 0])]
+    # Tracks without a place may be on what moves by itself, and outlast the scene.
+    share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
     turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
     angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
     late = interval >= limits.interval_s and parallax >= limits.parallax_deg / 4
@@ -53,6 +59,10 @@ def key_frame_tests(key: Frame, frame: Frame, limits: Limits) -> tuple[Decision,
     )
 
 
+def _share_left(before: NDArray[np.int64], now: NDArray[np.int64]) -> float:
+    return len(np.intersect1d(before, now, assume_unique=True)) / max(1, len(before))
+
+
 @dataclass(frozen=True, eq=False)
 class Extended:
     """The map with one more key frame."""
@@ -60,8 +70,8 @@ class Extended:
     map: Map
     dropped: NDArray[np.int64]
     """Tracks that are no images of one still point."""
-    covariance: Array
-    """(6, 6) of the key frame."""
+    spread: Spread
+    """Of the map."""
     scale: float | None
     decisions: tuple[Decision, ...]
 
@@ -76,8 +86,8 @@ def extended(world: Map, frame: Frame, min_parallax_rad: float, sigma: float) ->
     good = wide & (new.depth > 0) & (new.worst < 4 * sigma)
     points = world.points.merged(Points(open_ids[good], new.xyz_in_world[good]))
     world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
-    dropped = np.concatenate([open_ids[wide & (new.worst > 8 * sigma)], np.setdiff1d(before.ids, world.points.ids)])
-    scale, drift = _scale(world, known, sigma)
+    moving = (wide | (new.depth <= 0)) & (new.worst > 8 * sigma)
+    dropped = np.concatenate([open_ids[moving], np.setdiff1d(before.ids, world.points.ids)])
     cost = Decision(
         "bundle cost after / before",
         bundle.cost_after / max(bundle.cost_before, 1e-12),
@@ -86,8 +96,9 @@ def extended(world: Map, frame: Frame, min_parallax_rad: float, sigma: float) ->
         relation="<",
         because=f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations",
     )
-    covariance = key_covariance(bundle.window, sigma)
-    return Extended(world, dropped, covariance, scale, (cost, *drift, *_correction(world)))
+    spread = Spread.of(bundle.window, before.ids, sigma)
+    scale, drift = _scale(world, known, sigma, spread)
+    return Extended(world, dropped, spread, scale, (cost, *drift, *_correction(world)))
 
 
 def _correction(world: Map) -> tuple[Decision, ...]:
@@ -100,28 +111,31 @@ def _correction(world: Map) -> tuple[Decision, ...]:
     return (Decision("correction of the focal length", abs(focal), limit, abs(focal) <= limit, "%", "<=", because),)
 
 
-def _scale(world: Map, known: NDArray[np.int64], sigma: float) -> tuple[float | None, tuple[Decision, ...]]:
+def _scale(
+    world: Map, known: NDArray[np.int64], sigma: float, spread: Spread
+) -> tuple[float | None, tuple[Decision, ...]]:
     """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
-    last two key frames alone give."""
+    last two key frames alone give. How sure that and the unit since the start are, say the normal equations."""
+    since = Decision(
+        "scale drift since the start, one sigma",
+        100 * spread.unit,
+        MAX_DRIFT,
+        100 * spread.unit <= MAX_DRIFT,
+        "%",
+        "<=",
+        f"of this step against the one before {100 * spread.step:.2g} %",
+    )
     pair = replace(world, keys=world.keys[-2:])
     ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
     found = intersected(pair, ids, sigma)
     sure = (found.depth > 0) & (found.significance > 10)
     if sure.sum() < 8:
-        return None, ()
+        return None, (since,)
     depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
-    ratio = np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure])
-    middle = float(np.median(ratio))
-    spread = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(sure.sum())
-    scale = float(np.exp(middle))
-    limit = max(3 * spread, 0.005)
-    return scale, (
-        Decision(
-            "scale drift of this step",
-            abs(scale - 1),
-            limit,
-            abs(scale - 1) <= limit,
-            relation="<=",
-            because=f"depth ratio {scale:.4f} +- {spread:.4f} of {int(sure.sum())} points",
-        ),
+    scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))
+    limit = max(3 * spread.step, 0.005)
+    because = f"depth ratio {scale:.4f} +- {spread.step:.4f} of {int(sure.sum())} points"
+    step = Decision(
+        "scale drift of this step", abs(scale - 1), limit, abs(scale - 1) <= limit, relation="<=", because=because
     )
+    return scale, (step, since)

@@ -12,7 +12,7 @@ from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
 from ispom.solvers.inverse_depth import InverseDepths, intersect
 from ispom.solvers.prior import EXTRA, POSE, Prior
-from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
+from ispom.solvers.window import Adjusted, Window, adjust, marginalise
 
 DYING_SHARE = 0.3
 """A key frame of whose points a smaller share is still tracked has nothing more to say."""
@@ -169,13 +169,6 @@ def intersected(state: Map, ids: NDArray[np.int64], sigma: float) -> InverseDept
     return intersect(*views(state.poses), seen.cameras, seen.owners, x, len(ids), sigma)
 
 
-def key_covariance(window: Window, sigma: float) -> Array:
-    """(6, 6) of the last key frame's pose, twist (rho, phi) on the right of world_from_camera."""
-    c = POSE * (len(window.rotations) - 1)
-    # A left twist of camera_from_world is, but for its sign, the right one of its inverse.
-    return covariance(window, sigma)[c : c + POSE, c : c + POSE]
-
-
 def shortened(state: Map, alive: NDArray[np.int64], count: int, sigma: float) -> tuple[Map, list[tuple[int, Pose]]]:
     """At most `count` key frames: the map and the poses that nothing will revise any more.
 
@@ -264,16 +257,22 @@ def _rested(state: Map) -> tuple[Map, list[tuple[int, Pose]]]:
     return replace(state, between=tuple(order[extra:])), done
 
 
-def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array) -> Prior:
-    """Makes the first pose the world, and its distance to the last the unit; no correction of the camera yet."""
+def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, unit_sigma: float) -> Prior:
+    """Makes the first pose the world, and its distance to the last the unit; no correction of the camera yet.
+
+    `first` (6, 6) covariance of the first pose, twist on the right of world_from_camera, and `unit_sigma` deviation of
+    the logarithm of the unit: zero but for a map that goes on from another one. `extra_sigma` (2,): of the camera's
+    correction. All as widened as the loss is.
+    """
     rotations, translations = views(poses)
     size = POSE * len(poses) + EXTRA
     hessian = np.zeros((size, size))
     apart = poses[-1].translation - poses[0].translation
     unit = float(np.linalg.norm(apart))
-    hessian[:POSE, :POSE] = np.diag([(1e-6 * unit) ** -2.0] * 3 + [1e12] * 3)
+    # A right twist of world_from_camera is, but for its sign, the left one of its inverse.
+    hessian[:POSE, :POSE] = np.linalg.inv(first + 1e-12 * np.diag([unit**2] * 3 + [1.0] * 3))
     along = -rotations[-1] @ apart / unit  # how a left twist's rho moves the last centre away from the first
     last = slice(POSE * (len(poses) - 1), POSE * len(poses))
-    hessian[last, last][:3, :3] += np.outer(along, along) / (1e-6 * unit) ** 2
+    hessian[last, last][:3, :3] += np.outer(along, along) / (unit**2 * (1e-12 + unit_sigma**2))
     hessian[size - EXTRA :, size - EXTRA :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
     return Prior(rotations, translations, np.zeros(EXTRA), hessian, np.zeros(size))

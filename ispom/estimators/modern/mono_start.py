@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from ispom.estimators.keyframes import Frame, Points
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.mono_map import Between, Map, adjusted, anchored_prior, intersected
+from ispom.estimators.modern.mono_spread import LOSS
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import adjust_motion
-from ispom.solvers.prior import EXTRA
-from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.solvers.prior import EXTRA, Prior
+from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
 from ispom.solvers.two_view import hypotheses
 from ispom.types import Decision
 
@@ -21,6 +23,21 @@ BUFFER = 40
 """Frames remembered while waiting; older ones keep the pose held until then."""
 MIN_POINTS = 40
 """Fewer points make no map."""
+MIN_SHARE = 0.3
+"""Of the points in two views, those of the still scene: fewer make no map."""
+PLANAR = 0.3
+"""With so many of its points on a plane a view may be taken for another one of it."""
+MOST = 0.5
+"""Share of the points that a pose explains: with fewer, more parallax should tell the scene from what moves in it."""
+LEAVING_SHARE = 0.4
+"""When fewer points of the first frame are left, a map is tried with what parallax there is, before all are gone."""
+LEAVING_PARALLAX = 0.25
+"""Share of the usual parallax that such a map wants."""
+OUTLIER = 4.0
+"""A point that is off by so many deviations is none of the scene."""
+OUTLIER_COST = 0.5 * float(np.log1p(OUTLIER**2))
+SPEED_SIGMA = 0.3
+"""Deviation of the logarithm of the speed, after a loss over that before it."""
 MIN_SHARED = 8
 """Fewer points say nothing sure about a turn, nor, of an old map, about the unit of a new one."""
 CLEARLY_BETTER = 1.25
@@ -40,6 +57,10 @@ class Start:
     """Of the map before a loss: where tracks go on, they carry the unit over."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
     """How far the camera's calibration may be corrected."""
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    """(6, 6) of the base in the world from before a loss; zero where the base is the world."""
+    coasting: Callable[[int], Pose] | None = None
+    """The pose that goes on from before a loss, by time, for as long as nothing is seen."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks first seen in the reference, while that is the only frame."""
@@ -68,21 +89,25 @@ def advance(start: Start, frame: Frame, sigma: float, min_parallax_rad: float) -
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, frame.ids, assume_unique=True)
     share = len(ids) / max(1, len(reference.ids))
-    enough = Decision("share of the first frame's points left", share, 0.4, share >= 0.4 and len(ids) >= MIN_POINTS)
-    if not enough.passed:
-        return _restarted(start, frame, sigma, enough)
+    enough = Decision("share of the first frame's points left", share, LEAVING_SHARE, share >= LEAVING_SHARE)
+    if len(ids) < MIN_POINTS:
+        return _restarted(start, frame, sigma, replace(enough, passed=False))
     x1, x2 = reference.at(ids), frame.at(ids)
     rotation = dominant_rotation(x1, x2, 3 * sigma)
     parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
-    moved = Decision("parallax of the first map", np.degrees(parallax), np.degrees(min_parallax_rad), False, "deg")
+    needed = min_parallax_rad * (1 if enough.passed else LEAVING_PARALLAX)
+    moved = Decision("parallax of the first map", np.degrees(parallax), np.degrees(needed), parallax >= needed, "deg")
     held = Pose(start.base.rotation @ rotation.T, start.base.translation)
     frame = replace(frame, world_from_camera=held)
     waiting, settled = _remembered(replace(start, frames=(*start.frames, frame)))
-    if parallax < min_parallax_rad:
+    found, decisions = None, ()
+    if moved.passed:
+        found, decisions = _first_map(waiting, frame, sigma, parallax > 3 * min_parallax_rad)
+    if found is None and not enough.passed:
+        return _restarted(start, frame, sigma, enough)
+    if not moved.passed:
         moved = replace(moved, because="place held, waiting for parallax")
         return Begun(waiting, (moved,), held, settled=settled)
-    moved = replace(moved, passed=True)
-    found, decisions = _first_map(waiting, frame, sigma, parallax > 3 * min_parallax_rad)
     return Begun(waiting, (moved, *decisions), None, found, settled)
 
 
@@ -106,9 +131,12 @@ def _restarted(start: Start, frame: Frame, sigma: float, why: Decision) -> Begun
     last = start.frames[-1]
     ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
     base = last.world_from_camera or start.base
+    blind = start.coasting is not None and len(start.frames) == 1
     if len(ids) >= MIN_SHARED:
         turn = dominant_rotation(last.at(ids), frame.at(ids), 3 * sigma)
         base = Pose(base.rotation @ turn.T, base.translation)
+    elif blind and start.coasting is not None:
+        base = start.coasting(frame.time_ns)
     done = poses_held(start.frames)
     new = replace(start, frames=(replace(frame, world_from_camera=base),), base=base)
     return Begun(new, (replace(why, because="begins again from here"),), base, settled=done)
@@ -118,18 +146,19 @@ def _first_map(start: Start, last: Frame, sigma: float, impatient: bool) -> tupl
     """The best of the hypotheses, if it is clearly the best over all frames since the reference."""
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, last.ids, assume_unique=True)
-    found = hypotheses(reference.at(ids), last.at(ids), 2 * sigma)
+    found = hypotheses(reference.at(ids), last.at(ids), 2 * sigma, planar_from=PLANAR)
     planar = Decision("points that a plane explains", found.planar_share, 0.7, found.planar_share >= 0.7)
     trials = [_trial(start, last, ids, pose, sigma) for pose in found.second_from_first]
-    good = sorted((t for t in trials if t is not None), key=lambda t: t[0])
+    good = sorted((t for t in trials if t is not None), key=lambda t: t.costs.sum())
     if not good:
         return None, (planar, Decision("hypotheses that give a map", 0, 1, False))
-    cost, best = good[0]
-    rivals = [c for c, m in good[1:] if not _same(best, m)]
-    ratio = min(rivals) / max(cost, 1e-12) if rivals else np.inf
+    best = good[0].map
+    ratio = min((_costlier(t, good[0]) for t in good[1:] if not _same(best, t.map)), default=np.inf)
     clear = Decision("cost of the second best pose / best", min(ratio, 99.0), CLEARLY_BETTER, ratio >= CLEARLY_BETTER)
-    if not clear.passed and not impatient:
-        return None, (planar, clear)
+    share = float((good[0].costs < OUTLIER_COST).mean())
+    most = Decision("points that the best pose explains", share, MOST, share >= MOST)
+    if not (clear.passed and most.passed) and not impatient:
+        return None, (planar, clear, most)
     best, carried = _in_old_unit(best, start)
     return _filled(best, start, sigma), (planar, clear, *carried)
 
@@ -159,8 +188,27 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
         for k, p in zip(state.keys, state.poses, strict=True)
     )
     state = replace(state, keys=keys, points=Points(state.points.ids, larger(state.points.xyz)))
-    state = replace(state, prior=anchored_prior(state.poses, start.extra_sigma))
+    state = replace(state, prior=_anchored(start, state.poses, spread))
     return state, (replace(shared, because=f"depth ratio {factor:.3f}, known to {spread:.3f}"),)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A hypothesis after its adjustment."""
+
+    costs: Array
+    """(N,) of each point common to both views: mean of its observations, OUTLIER_COST where it is in no map."""
+    map: Map
+
+
+def _costlier(rival: Trial, best: Trial) -> float:
+    """Cost over that of the best, of the points that either of them explains: others may move by themselves."""
+    either = np.minimum(rival.costs, best.costs) < OUTLIER_COST
+    return float(rival.costs[either].sum() / max(best.costs[either].sum(), 1e-12))
+
+
+def _anchored(start: Start, poses: tuple[Pose, ...], unit_sigma: float) -> Prior:
+    return anchored_prior(poses, start.extra_sigma, LOSS**2 * start.covariance, LOSS * unit_sigma)
 
 
 def _same(a: Map, b: Map) -> bool:
@@ -170,10 +218,8 @@ def _same(a: Map, b: Map) -> bool:
     return bool(np.linalg.norm(change.translation) < 0.1 * base and np.linalg.norm(change.rotvec) < 0.02)
 
 
-def _trial(
-    start: Start, last: Frame, ids: NDArray[np.int64], second_from_first: Pose, sigma: float
-) -> tuple[float, Map] | None:
-    """Cost per observation and map of one hypothesis, adjusted over a few frames between as well."""
+def _trial(start: Start, last: Frame, ids: NDArray[np.int64], second_from_first: Pose, sigma: float) -> Trial | None:
+    """One hypothesis, adjusted over a few frames between as well; None where it explains too few points."""
     reference = start.frames[0]
     seconds = (last.time_ns - reference.time_ns) * 1e-9
     unit = 1.0 if start.speed is None else start.speed * seconds
@@ -182,7 +228,8 @@ def _trial(
     state = Map(pair, Points(), None, extra_sigma=start.extra_sigma)
     points = intersected(state, ids, sigma)
     good = (points.depth > 0) & (points.worst < 6 * sigma) & (points.significance > 2)
-    if good.sum() < max(MIN_POINTS, len(ids) / 2):
+    enough = max(MIN_POINTS, MIN_SHARE * len(ids))
+    if good.sum() < enough:
         return None
     state = replace(state, points=Points(ids[good], points.xyz_in_world[good]))
     inner = start.frames[1:-1]
@@ -193,11 +240,22 @@ def _trial(
         if pose is not None:
             keys.append(replace(frame, world_from_camera=pose))
     state = replace(state, keys=(*keys, pair[1]))
-    state = replace(state, prior=anchored_prior(state.poses, start.extra_sigma))
-    state, found, _ = adjusted(state, sigma, 12)
-    if len(state.points.ids) < max(MIN_POINTS, len(ids) / 2):
+    state = replace(state, prior=_anchored(start, state.poses, 0.0 if start.speed is None else SPEED_SIGMA))
+    state, found, before = adjusted(state, sigma, 12)
+    if len(state.points.ids) < enough:
         return None
-    return found.cost_after / len(found.distances), state
+    owners = found.window.owners
+    mean = np.bincount(owners, _cost(found.distances, sigma)) / np.bincount(owners)
+    kept = np.isin(before.ids, state.points.ids)
+    # A point without a place may be too far for one: then the turn alone moves it.
+    turn = state.poses[-1].rotation.T @ start.base.rotation
+    costs = _cost(np.linalg.norm(rotate(turn, reference.at(ids)) - last.at(ids), axis=1), sigma)
+    costs[np.searchsorted(ids, before.ids[kept])] = mean[kept]
+    return Trial(np.minimum(costs, OUTLIER_COST), state)
+
+
+def _cost(distances: Array, sigma: float) -> Array:
+    return 0.5 * np.log1p((distances / sigma) ** 2)
 
 
 def _located(state: Map, frame: Frame, guess: Pose, threshold: float) -> Pose | None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
+from ispom.frontends.sift import detect_and_describe, match
 from ispom.geometry import Array, Pose
 from ispom.types import Image, Tracks, TrackStatus
 
@@ -50,6 +52,23 @@ MAX_SHIFT_PX = 3.0
 """Alignment with the origin corrects tracking by no more."""
 MIN_WARP, MAX_WARP = 0.35, 1.8
 """Change of area, origin per image, within which the patch of the origin can be used."""
+MIN_GAIN, MIN_OFFSET, MAX_GAIN = 0.08, 8.0, 3.0
+"""Changes of contrast and brightness [grey levels] that tracking wants undone; more is another image, not exposure."""
+MIN_CONTRAST = 0.2
+"""Of the coarse image, over that of the last good one: less shows nothing."""
+FEATURES, MIN_FEATURES = 1000, 15
+"""How many are compared where tracking lost its way, and how many must agree."""
+
+
+def as_bright(grey: Image, other: Image) -> Image:
+    """`grey` with the mean and contrast of `other`, where the exposure changed between them; else as it is."""
+    (mean,), (spread,) = (np.ravel(v) for v in cv2.meanStdDev(grey))
+    (wanted,), (wanted_spread,) = (np.ravel(v) for v in cv2.meanStdDev(other))
+    gain = float(wanted_spread) / max(float(spread), 1.0)
+    if (abs(gain - 1) < MIN_GAIN and abs(wanted - mean) < MIN_OFFSET) or not 1 / MAX_GAIN < gain < MAX_GAIN:
+        return grey
+    table = np.clip((np.arange(256) - float(mean)) * gain + float(wanted) + 0.5, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(grey, table), np.uint8)
 
 
 def follow(live: Live, grey: Image, predicted: NDArray[np.float32] | None) -> Followed:
@@ -59,8 +78,35 @@ def follow(live: Live, grey: Image, predicted: NDArray[np.float32] | None) -> Fo
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8))
+    grey = as_bright(grey, live.grey)
     klt = UNGUIDED if predicted is None else GUIDED
     return Followed(*klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted))
+
+
+def shows_something(grey: Image, other: Image | None) -> bool:
+    """Whether the image has contrast beyond its noise, compared with another one."""
+    if other is None:
+        return True
+    now, before = (
+        float(cv2.resize(g, None, fx=1 / 8, fy=1 / 8, interpolation=cv2.INTER_AREA).std()) for g in (grey, other)
+    )
+    return now > MIN_CONTRAST * before
+
+
+def displaced(live: Live, grey: Image) -> NDArray[np.float32] | None:
+    """Where points (N, 2) [px] may be after a jump: each moves with the nearest feature that both images show.
+
+    None where the images have too little in common.
+    """
+    if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
+        return None
+    before, now = detect_and_describe(live.grey, FEATURES), detect_and_describe(grey, FEATURES)
+    pairs = match(before, now, 0.8)
+    if len(pairs) < MIN_FEATURES:
+        return None
+    at, motion = before.uv[pairs[:, 0]], now.uv[pairs[:, 1]] - before.uv[pairs[:, 0]]
+    nearest = ((live.uv[:, None] - at[None]) ** 2).sum(axis=2).argmin(axis=1)
+    return (live.uv + motion[nearest]).astype(np.float32)
 
 
 def guessed(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
@@ -129,7 +175,7 @@ def realigned(
         compared[mine] = True
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:
-        uv[other], status[other] = BACK.track(live.grey, grey, live.uv[other], uv[other])
+        uv[other], status[other] = BACK.track(live.grey, as_bright(grey, live.grey), live.uv[other], uv[other])
     return Followed(uv, status), compared
 
 

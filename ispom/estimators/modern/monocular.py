@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -13,18 +14,30 @@ from ispom.estimators.keyframes import Frame
 from ispom.estimators.modern import mono_start
 from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
 from ispom.estimators.modern.mono_keyframe import Limits, extended, key_frame_tests
-from ispom.estimators.modern.mono_locate import carried, locate, speed_of, turned
-from ispom.estimators.modern.mono_map import Map, key_covariance, problem, shortened
+from ispom.estimators.modern.mono_locate import (
+    MIN_LOCATED,
+    Sight,
+    coasted,
+    coasted_covariance,
+    locate,
+    speed_of,
+    strays,
+    turned,
+)
+from ispom.estimators.modern.mono_map import Map, problem, shortened
+from ispom.estimators.modern.mono_spread import LOSS, Spread
 from ispom.estimators.modern.mono_start import Start
+from ispom.estimators.modern.mono_state import ModernMonocularState, Outcome
 from ispom.estimators.modern.mono_tracks import (
     Followed,
-    Live,
     as_tracks,
+    displaced,
     follow,
     guessed,
     projected,
     realigned,
     renewed,
+    shows_something,
 )
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array, Pose
@@ -49,8 +62,6 @@ from ispom.types import (
 
 PATIENCE = 5
 """So many frames are compared with the last good one before a loss leads to a new start."""
-MIN_LOCATED = 15
-"""Fewer points that agree with a pose are a loss."""
 
 
 @dataclass(frozen=True)
@@ -73,51 +84,13 @@ class ModernMonocularConfig:
     """Median displacement, rotation taken away, from which the first map is attempted."""
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Points seen under a smaller angle get no place in the map yet."""
-    noise_px: Annotated[float, Range(0.05, 5)] = 0.5
-    """Deviation of a tracked place; the loss of the adjustments is as wide, tracks off by several of it are dropped."""
-
+    noise_px: Annotated[float, Range(0.05, 5)] = 0.33
+    """Deviation of a tracked place after some key frames; what is off by several of it is dropped."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say."""
 
     def build(self, rig: Rig) -> ModernMonocular:
         return ModernMonocular(rig, self)
-
-
-@dataclass(frozen=True, eq=False)
-class ModernMonocularState:
-    live: Live = Live()
-    start: Start | None = None
-    """While there is no map."""
-    map: Map | None = None
-    recent: tuple[tuple[int, Pose], ...] = ()
-    """The last two poses, for the motion model."""
-    missed: int = 0
-    """Frames since the last pose."""
-    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
-    """(6, 6) of the last key frame's pose."""
-    settled: Chain[tuple[int, Pose]] | None = None
-    """Poses that nothing will revise."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What one frame led to; the rest of the Step follows from it."""
-
-    followed: Followed
-    status: Status
-    pose: Pose | None = None
-    map: Map | None = None
-    start: Start | None = None
-    key_frame: bool = False
-    decisions: tuple[Decision, ...] = ()
-    residual_px: NDArray[np.float32] | None = None
-    covariance: Array | None = None
-    key_covariance: Array | None = None
-    scale: float | None = None
-    settled: tuple[tuple[int, Pose], ...] = ()
-    missed: int = 0
-    compared: NDArray[np.bool_] | None = None
-    """Which tracks were found by the patch of their origin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +132,8 @@ class ModernMonocular:
 
     @property
     def _sigma(self) -> float:
-        """noise_px in normalised units."""
-        return self.config.noise_px / self._camera.fx
+        """Width of the loss, in normalised units."""
+        return LOSS * self.config.noise_px / self._camera.fx
 
     @property
     def _limits(self) -> Limits:
@@ -169,18 +142,14 @@ class ModernMonocular:
 
     @property
     def _extra_sigma(self) -> Array:
-        return np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * self.config.self_calibration
+        """Of the camera's correction, as widened as the loss is."""
+        return LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * self.config.self_calibration
 
     def _predicted(self, state: ModernMonocularState, time_ns: int) -> Pose | None:
         """world_from_camera at the velocity of the last two poses."""
         if state.map is None or not state.recent:
             return None
-        last_ns, last = state.recent[-1]
-        before_ns, before = state.recent[0]
-        if before_ns == last_ns:
-            return last
-        twist = (before.inverse() @ last).log() * ((time_ns - last_ns) / (last_ns - before_ns))
-        return last @ Pose.exp(twist)
+        return coasted(state.recent, time_ns)
 
     def _follow(self, state: ModernMonocularState, grey: Image, guess: Pose | None) -> tuple[Followed, Array]:
         """The tracks in the new image, and their scene points (N, 3), those without a place at a guessed depth."""
@@ -203,18 +172,10 @@ class ModernMonocular:
             state.start or Start(extra_sigma=self._extra_sigma), frame, self._sigma, float(angle)
         )
         if begun.map is None:
-            key = len(begun.start.frames) == 1
-            return Outcome(
-                followed,
-                Status.INITIALISING,
-                begun.held,
-                None,
-                begun.start,
-                key,
-                begun.decisions,
-                settled=begun.settled,
-            )
-        covariance = key_covariance(problem(begun.map).window, self._sigma)
+            given = (begun.held, None, begun.start, len(begun.start.frames) == 1, begun.decisions)
+            return Outcome(followed, Status.INITIALISING, *given, settled=begun.settled)
+        found = problem(begun.map)
+        spread = Spread.of(found.window, found.ids, self._sigma)
         return Outcome(
             followed,
             Status.TRACKING,
@@ -223,8 +184,8 @@ class ModernMonocular:
             None,
             True,
             begun.decisions,
-            covariance=covariance,
-            key_covariance=covariance,
+            covariance=spread.pose,
+            spread=spread,
             settled=begun.settled,
         )
 
@@ -240,46 +201,64 @@ class ModernMonocular:
         watch: Stopwatch,
     ) -> Outcome:
         """Locate the frame against the map; make it a key frame where a test says so."""
-        frame = self._frame(state, time_ns, followed)
-        xyz = world.known(frame.ids)
-        known = np.flatnonzero(np.isfinite(xyz[:, 0]))
-        motion = locate(xyz[known], corrected(frame.x[known], world.extra), guess, 4 * self._sigma)
-        compared = np.zeros(len(followed.status), bool)
-        if motion is not None:
-            first = motion.camera_from_world.inverse()
-            followed, compared = self._realign(state, world, grey, followed, scene, first)
-            frame = self._frame(state, time_ns, followed)
-            xyz = world.known(frame.ids)
-            known = np.flatnonzero(np.isfinite(xyz[:, 0]))
-            motion = adjust_motion(xyz[known], corrected(frame.x[known], world.extra), first.inverse(), 4 * self._sigma)
-        agreeing = 0 if motion is None else int(motion.inliers.sum())
+        sight = self._located(state, world, grey, followed, scene, guess)
+        if not sight.agreeing and (jumped := displaced(state.live, grey)) is not None:
+            sight = self._located(state, world, grey, follow(state.live, grey, jumped), scene, guess)
         watch.lap("locate")
-        located = Decision("points that agree with the pose", agreeing, MIN_LOCATED, agreeing >= MIN_LOCATED)
+        followed, motion = sight.followed, sight.motion
+        count = 0 if motion is None else int(motion.inliers.sum())
+        located = Decision("points that agree with the pose", count, MIN_LOCATED, sight.agreeing)
         if motion is None or not located.passed:
-            return self._lost(state, frame, followed, located)
-        alive = np.flatnonzero(followed.status == TrackStatus.ALIVE)
+            return self._lost(state, self._frame(state, time_ns, followed), grey, followed, located)
+        place = np.searchsorted(state.live.ids, sight.ids)
         residual = np.full(len(followed.status), np.nan, np.float32)
-        residual[alive[known]] = motion.residuals * self._camera.fx
-        followed.status[alive[known[motion.residuals > 6 * self._sigma]]] = TrackStatus.REPROJECTION
-        pose = motion.camera_from_world.inverse()
-        frame = replace(self._frame(state, time_ns, followed), world_from_camera=pose)
-        tests = key_frame_tests(world.keys[-1], frame, self._limits)
-        conditional = np.linalg.pinv(motion.information, hermitian=True) * self._sigma**2
+        residual[place] = motion.residuals * self._camera.fx
+        followed.status[place[motion.residuals > 6 * self._sigma]] = TrackStatus.REPROJECTION
+        frame = replace(self._frame(state, time_ns, followed), world_from_camera=motion.camera_from_world.inverse())
+        stray = strays(world.keys[-1], frame, frame.ids[~np.isin(frame.ids, world.points.ids)], 8 * self._sigma)
+        followed.status[np.searchsorted(state.live.ids, stray)] = TrackStatus.EPIPOLAR
+        frame = frame.without(stray)
+        tests = key_frame_tests(world, frame, self._limits)
+        assert state.spread is not None and frame.world_from_camera is not None
         outcome = Outcome(
             followed,
             Status.TRACKING,
-            pose,
+            frame.world_from_camera,
             world,
             decisions=(located, *tests),
             residual_px=residual,
-            compared=compared,
-            covariance=carried(state.covariance, world.poses[-1].inverse() @ pose) + conditional,
+            compared=sight.compared,
+            covariance=state.spread.of_pose(sight.ids, sight.xyz, motion, self._sigma),
         )
         if not any(test.passed for test in tests):
-            return replace(outcome, map=world.with_between(time_ns, pose))
+            return replace(outcome, map=world.with_between(time_ns, frame.world_from_camera))
         outcome = self._key_frame(outcome, world, frame, state.live.ids)
         watch.lap("key frame")
         return outcome
+
+    def _located(
+        self, state: ModernMonocularState, world: Map, grey: Image, followed: Followed, scene: Array, guess: Pose
+    ) -> Sight:
+        """The pose that the tracks give once their patches of origin are found again."""
+        _, xyz, x = self._seen(state, world, followed)
+        motion, compared = locate(xyz, x, guess, 4 * self._sigma), np.zeros(len(followed.status), bool)
+        if motion is not None:
+            first = motion.camera_from_world.inverse()
+            followed, compared = self._realign(state, world, grey, followed, scene, first)
+        ids, xyz, x = self._seen(state, world, followed)
+        if motion is not None:
+            motion = adjust_motion(xyz, x, motion.camera_from_world, 4 * self._sigma)
+        return Sight(followed, compared, motion, ids, xyz)
+
+    def _seen(
+        self, state: ModernMonocularState, world: Map, followed: Followed
+    ) -> tuple[NDArray[np.int64], Array, Array]:
+        """Points of the map (N,), (N, 3), and where they are seen (N, 2), normalised and corrected."""
+        alive = followed.status == TrackStatus.ALIVE
+        xyz = world.known(state.live.ids[alive])
+        known = np.isfinite(xyz[:, 0])
+        x = corrected(self._camera.normalise(followed.uv[alive][known]), world.extra)
+        return state.live.ids[alive][known], xyz[known], x
 
     def _realign(
         self, state: ModernMonocularState, world: Map, grey: Image, followed: Followed, scene: Array, pose: Pose
@@ -288,7 +267,7 @@ class ModernMonocular:
         known = world.known(state.live.ids)
         lens = Lens(self._camera, world.extra)
         expected = projected(lens, known, pose, followed.uv)
-        off = np.linalg.norm(expected - followed.uv, axis=1) > 4 * self.config.noise_px
+        off = np.linalg.norm(expected - followed.uv, axis=1) > 4 * LOSS * self.config.noise_px
         lost = followed.status != TrackStatus.ALIVE
         expected = np.where((off | lost)[:, None], expected, followed.uv)
         origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
@@ -308,31 +287,43 @@ class ModernMonocular:
             map=world,
             key_frame=True,
             decisions=(*outcome.decisions, *done.decisions),
-            covariance=done.covariance,
-            key_covariance=done.covariance,
+            covariance=done.spread.pose,
+            spread=done.spread,
             scale=done.scale,
             settled=tuple(settled),
         )
 
-    def _lost(self, state: ModernMonocularState, frame: Frame, followed: Followed, why: Decision) -> Outcome:
+    def _lost(
+        self, state: ModernMonocularState, frame: Frame, grey: Image, followed: Followed, why: Decision
+    ) -> Outcome:
         """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
-        world, (_, last) = state.map, state.recent[-1]
-        assert world is not None
-        before = Frame(state.recent[-1][0], state.live.ids, self._camera.normalise(state.live.uv), last)
+        last_ns, last = state.recent[-1]
+        before = Frame(last_ns, state.live.ids, self._camera.normalise(state.live.uv), last)
         spot = None if state.missed else turned(before, frame, self._sigma)
         if spot is not None:
             why, held = spot
-            return self._anew(world, held, held, frame, followed, why)
-        if state.missed < PATIENCE:
+            return self._anew(state, held, held, frame, followed, why)
+        # From a dark or covered lens no map can start.
+        if state.missed < PATIENCE or not shows_something(grey, state.live.grey):
             why = replace(why, because="lost; the next frame is compared with the last good one")
-            return Outcome(followed, Status.LOST, map=world, decisions=(why,), missed=state.missed + 1)
-        return self._anew(world, last, None, frame, followed, why)
+            return Outcome(followed, Status.LOST, map=state.map, decisions=(why,), missed=state.missed + 1)
+        return self._anew(state, coasted(state.recent, frame.time_ns), None, frame, followed, why)
 
     def _anew(
-        self, world: Map, base: Pose, held: Pose | None, frame: Frame, followed: Followed, why: Decision
+        self,
+        state: ModernMonocularState,
+        base: Pose,
+        held: Pose | None,
+        frame: Frame,
+        followed: Followed,
+        why: Decision,
     ) -> Outcome:
         """A new start at `base`, in the old world and as far as possible in its unit."""
-        start = Start((replace(frame, world_from_camera=base),), base, speed_of(world), world.points, self._extra_sigma)
+        world, frame = state.map, replace(frame, world_from_camera=base)
+        assert world is not None
+        coasting = None if held is not None else partial(coasted, state.recent)
+        covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
+        start = Start((frame,), base, speed_of(world), world.points, self._extra_sigma, covariance, coasting)
         why = replace(why, because="lost; a new map from the last pose")
         return Outcome(followed, Status.LOST, held, start=start, decisions=(why,), settled=tuple(world.trajectory()))
 
@@ -366,10 +357,11 @@ class ModernMonocular:
             world,
             tuple([*state.recent, *moved][-2:]),
             outcome.missed,
-            state.covariance if outcome.key_covariance is None else outcome.key_covariance,
+            state.spread if outcome.spread is None else outcome.spread,
+            state.covariance if outcome.covariance is None else outcome.covariance,
             chain,
         )
-        unknown, revised = np.full(len(followed.status), np.nan, np.float32), outcome.key_covariance is not None
+        unknown, revised = np.full(len(followed.status), np.nan, np.float32), outcome.spread is not None
         residual = unknown if outcome.residual_px is None else outcome.residual_px
         watch.lap("new points")
         step = Step(
@@ -389,6 +381,7 @@ class ModernMonocular:
             outcome.scale,
             watch.seconds,
             outcome.decisions,
+            scale_sigma=None if outcome.spread is None else outcome.spread.unit,
         )
         return after, step
 

@@ -1,0 +1,106 @@
+"""How sure the monocular estimator is: of its key frames, of frames found against the map, and of its unit.
+
+All to first order, from the normal equations of the window, in the gauge that the map holds: the pose of its first
+frame is the world, the distance to the last frame of its start the unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array
+from ispom.solvers.motion_only import Motion
+from ispom.solvers.prior import EXTRA, POSE
+from ispom.solvers.window import Window, covariance
+
+LOSS = 1.5
+"""Width of the robust loss, in deviations of a tracked place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """The uncertainty of a map, as long as it stays as it is."""
+
+    ids: NDArray[np.int64]
+    """(M,) ascending, of the points."""
+    alone: Array
+    """(M, 3, 3) covariance of each point where poses and camera are given."""
+    along: Array
+    """(M, 3, D) how each point moves with D independent unit errors of poses and camera."""
+    extra: Array
+    """(2, D) how the camera's correction does."""
+    pose: Array
+    """(6, 6) covariance of the last key frame's pose, twist on the right of world_from_camera."""
+    unit: float
+    """Deviation of the logarithm of the last step's length, between key frames, in the unit that the map holds."""
+    step: float
+    """The same against the step before; `unit` where there is none."""
+
+    @staticmethod
+    def of(window: Window, ids: NDArray[np.int64], sigma: float) -> Spread:
+        """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised units."""
+        c, k = len(window.rotations), window.cameras
+        all_poses = covariance(window, sigma) / LOSS**2
+        values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        in_camera = np.einsum("kij,kj->ki", window.rotations[k], window.points[window.owners]) + window.translations[k]
+        by_place, by_pose, by_extra = _derivatives(in_camera)
+        by_point = by_place @ window.rotations[k]
+        x = in_camera[:, :2] / in_camera[:, 2:]
+        stretch = 1 + window.extra[0] + window.extra[1] * (x**2).sum(axis=1, keepdims=True)
+        weight = 1 / (sigma**2 + ((stretch * x - window.seen[:, :2]) ** 2).sum(axis=1))
+        moved = by_extra @ root[-EXTRA:]
+        for i in range(c):
+            moved[k == i] += by_pose[k == i] @ root[POSE * i : POSE * (i + 1)]
+        weighted = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
+        first = np.searchsorted(window.owners, np.arange(len(ids)))
+        alone = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
+        along = -alone @ np.add.reduceat(weighted @ moved, first)
+        last = slice(POSE * (c - 1), POSE * c)
+        return Spread(ids, alone / LOSS**2, along, root[-EXTRA:], all_poses[last, last], *_of_steps(window, all_poses))
+
+    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: Motion, sigma: float) -> Array:
+        """(6, 6) covariance of a pose found by adjust_motion from points (N,), at (N, 3); twist on the right."""
+        own = np.linalg.pinv(motion.information, hermitian=True)
+        found = own * (sigma / LOSS) ** 2
+        place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
+        use = motion.inliers & (self.ids[place] == ids)
+        place, in_camera = place[use], motion.camera_from_world.apply(xyz[use])
+        by_place, by_pose, by_extra = _derivatives(in_camera)
+        n = len(place)
+        gain = np.swapaxes(by_pose, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
+        shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.along[place].reshape(3 * n, -1)
+        shared += np.tensordot(by_pose, by_extra, ((0, 1), (0, 1))) @ self.extra
+        alone = (gain @ self.alone[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
+        return found + own @ (alone + shared @ shared.T) @ own
+
+
+def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:
+    """Of normalised coordinates of points (N, 3): by their place (N, 2, 3), by a left twist of camera_from_world
+    (N, 2, 6), by the camera's correction (N, 2, 2)."""
+    iz = 1 / in_camera[:, 2]
+    u, v = in_camera[:, 0] * iz, in_camera[:, 1] * iz
+    zero, square = np.zeros(len(iz)), u * u + v * v
+    by_place = np.array([[iz, zero, -u * iz], [zero, iz, -v * iz]]).transpose(2, 0, 1)
+    by_turn = np.array([[-u * v, 1 + u * u, -v], [-1 - v * v, u * v, u]]).transpose(2, 0, 1)
+    by_extra = np.array([[u, u * square], [v, v * square]]).transpose(2, 0, 1)
+    return by_place, np.concatenate([by_place, by_turn], axis=2), by_extra
+
+
+def _of_steps(window: Window, all_poses: Array) -> tuple[float, float]:
+    """Deviations of the logarithm of the last step's length: by itself, and against the step before."""
+    count = len(window.rotations)
+    centres = -np.einsum("cji,cj->ci", window.rotations, window.translations)
+    rows = []
+    for i in range(max(1, count - 2), count):
+        step = centres[i] - centres[i - 1]
+        row = np.zeros(len(all_poses))
+        for j, sign in ((i, 1.0), (i - 1, -1.0)):  # a left twist's rho moves the centre by -R' rho
+            row[POSE * j : POSE * j + 3] = -sign * (window.rotations[j] @ step) / max(float(step @ step), 1e-24)
+        rows.append(row)
+    against = rows[-1] - rows[0] if len(rows) > 1 else rows[-1]
+    unit, step = (float(np.sqrt(max(row @ all_poses @ row, 0.0))) for row in (rows[-1], against))
+    return unit, step
