@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -20,7 +21,7 @@ from ispom.errors import InputError
 from ispom.estimators import Method
 from ispom.io.whole import write_whole
 
-from .consistency import METRIC, print_consistency
+from .consistency import COMPARED, print_consistency
 from .options import VARIANTS, Bench
 from .plan import CASES, Case, found_below
 from .tables import print_blocks, print_case, print_unit
@@ -83,13 +84,15 @@ def _rows_and_blocks(console: Console, chosen: list[Case], options: Bench, repor
 
 def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
     told = []
-    for method in (m for m in METRIC if not options.methods or m in options.methods):
-        for variant in options.variants or VARIANTS:
-            with _telling(f"{method} {variant}: {options.seeds} seeds"):
-                task = {"method": method, "variant": variant, "seeds": options.seeds}
-                found = _child("consistency", task)
-            print_consistency(console, method, variant, found)
-            told.append({"method": method, "variant": variant, **found})
+    # Not the user's cache: so many flights would push out the ones that are really used.
+    with tempfile.TemporaryDirectory() as folder:
+        for method in (m for m in COMPARED if not options.methods or m in options.methods):
+            for variant in options.variants or VARIANTS:
+                with _telling(f"{method} {variant}: {options.seeds} seeds"):
+                    task = {"method": method, "variant": variant, "seeds": options.seeds, "folder": folder}
+                    found = _child("consistency", task)
+                print_consistency(console, method, variant, found)
+                told.append({"method": method, "variant": variant, **found})
     return told
 
 

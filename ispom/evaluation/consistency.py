@@ -24,7 +24,7 @@ class Errors:
     times_ns: NDArray[np.int64]
     """(K,)."""
     twists: Array
-    """(K, 6) (rho [m], phi [rad]) with true pose = estimate @ exp(twist)."""
+    """(K, 6) (rho [m, or own unit], phi [rad]) with true pose = estimate @ exp(twist)."""
     covariances: Array
     """(K, 6, 6) of these."""
 
@@ -55,24 +55,35 @@ class Consistency:
         return float(np.sqrt(self.average / self.dof))
 
 
-def errors(steps: Iterable[Step], truth: Trajectory) -> Errors:
+def errors(steps: Iterable[Step], truth: Trajectory, own_unit: bool = False) -> Errors:
     """Of the steps that have a pose and a covariance, against world_from_FRAME of the same frame at the same times.
 
     The first pose of the steps is the world that the covariances are relative to: the truth is brought there, and that
-    pose takes no part.
+    pose takes no part. With `own_unit` the poses have no metric scale, and their covariances are relative to the length
+    of one baseline, too: from the first pose to the first one with a covariance, where the map began. The truth is
+    scaled so that this one length agrees (no fit to the rest), and that pose takes no part either; twists are then in
+    that unit.
     """
     times, twists, covariances = [], [], []
-    world: Pose | None = None
+    first: tuple[Pose, Pose] | None = None
+    unit = None if own_unit else 1.0
     for step in steps:
-        true = truth.at(step.time_ns)
-        if step.world_from_frame is None or true is None:
+        pose, true = step.world_from_frame, truth.at(step.time_ns)
+        if pose is None or true is None:
             continue
-        if world is None:
-            world = step.world_from_frame @ true.inverse()
-        elif step.covariance is not None:
-            times.append(step.time_ns)
-            twists.append((step.world_from_frame.inverse() @ world @ true).log())
-            covariances.append(step.covariance)
+        if first is None:
+            first = pose, true
+            continue
+        if step.covariance is None:
+            continue
+        moved = first[1].inverse() @ true
+        if unit is None:
+            length = np.linalg.norm(pose.translation - first[0].translation)
+            unit = float(length / np.linalg.norm(moved.translation))
+            continue
+        times.append(step.time_ns)
+        twists.append((pose.inverse() @ first[0] @ moved.scaled(unit)).log())
+        covariances.append(step.covariance)
     k = len(times)
     return Errors(np.array(times, np.int64), np.reshape(twists, (k, DOF)), np.reshape(covariances, (k, DOF, DOF)))
 

@@ -84,7 +84,7 @@ def test_consistency_is_told_of_what_has_covariances(
 
     monkeypatch.setattr(consistency, "_errors", lambda sequence, method, variant: made(sequence))
     monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s: seed)
-    monkeypatch.setattr(command, "METRIC", ("stereo",))
+    monkeypatch.setattr(command, "COMPARED", ("stereo",))
     monkeypatch.setattr(
         command, "_child", lambda module, task: consistency.measured("stereo", "paper", task["seeds"], tmp_path)
     )

@@ -63,6 +63,22 @@ def test_errors_are_relative_to_the_first_pose_and_on_the_right() -> None:
     np.testing.assert_allclose(result.nees(), (twists[[1, 3]] ** 2 / np.arange(1, 7)).sum(1), rtol=1e-9)
 
 
+def test_poses_in_an_own_unit_are_compared_in_that_of_their_first_baseline() -> None:
+    rng = np.random.default_rng(4)
+    true = [Pose.exp(np.append(rng.normal(size=3), 0.3 * rng.normal(size=3))) for _ in range(5)]
+    world, twists = Pose.exp(rng.normal(size=6)), rng.normal(0, 0.01, (5, 6))
+    twists[:3] = 0
+    moved = [(true[0].inverse() @ pose).scaled(0.3) for pose in true]
+    given = [world @ pose @ Pose.exp(twist).inverse() for pose, twist in zip(moved, twists, strict=True)]
+    steps = [
+        Step("monocular", i, Status.TRACKING, "video", pose, covariance=None if i < 2 else np.diag(np.arange(1.0, 7)))
+        for i, pose in enumerate(given)
+    ]
+    result = errors(steps, Trajectory.of(list(enumerate(true))), own_unit=True)
+    np.testing.assert_array_equal(result.times_ns, [3, 4])
+    np.testing.assert_allclose(result.twists, twists[3:], atol=1e-12)
+
+
 def test_runs_without_common_times_say_nothing() -> None:
     late = made(1)
     assert consistency([]) is None
