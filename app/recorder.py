@@ -83,6 +83,8 @@ class Recorder:
         self._last: dict[str, Step] = {}
         self._spreads: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
+        self._drifts: set[str] = set()
+        """Methods that tell how far their unit may have drifted."""
         self._now = (0, 0)
         self._stages: dict[str, list[str]] = {m: [] for m in opened.methods}
 
@@ -226,6 +228,12 @@ class Recorder:
                 yield Entry(f"plots/scale/{method}/of_truth", rr.Scalars(ratio))
         if step.scale is not None:
             yield Entry(f"plots/scale/{method}/transferred", rr.Scalars(step.scale))
+        if step.scale_sigma is not None:
+            if method not in self._drifts:
+                self._drifts.add(method)
+                yield Entry(f"plots/scale/{method}/drift", _drift_series(method), static=True)
+            band = np.exp(step.scale_sigma * np.array([1.0, -1.0]))
+            yield Entry(f"plots/scale/{method}/drift", rr.Scalars(band))
         if len(step.residuals_px):
             yield Entry(f"plots/inliers/{method}", rr.Scalars(len(step.residuals_px)))
             yield Entry(f"plots/residual/{method}", rr.Scalars(float(np.median(step.residuals_px))))
@@ -319,6 +327,13 @@ def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
         colors=[colours.shade(colours.METHOD[method], (160, 160, 160), f) for f in fractions],
         widths=[2.5, *[1.0] * len(stages)],
     )
+
+
+def _drift_series(method: str) -> rr.SeriesLines:
+    """What the unit may have become since the start, one standard deviation up and down."""
+    colour = colours.shade(colours.METHOD[method], (128, 128, 128), 0.7)
+    names = [f"{_name(method)}: unit since the start, {side} sigma" for side in ("plus a", "minus a")]
+    return rr.SeriesLines(names=names, colors=[colour, colour], widths=[1.0, 1.0])
 
 
 def _series(name: str, colour: colours.Rgb, width: float = 1.5) -> rr.SeriesLines:

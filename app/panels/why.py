@@ -88,8 +88,10 @@ def _facts(step: Step, unit_m: float) -> list[tuple[str, str]]:
         facts.append(("residual", f"median {median:.2f} px, 95 % below {p95:.2f} px, {len(step.residuals_px)} points"))
     if text := told(step, unit_m):
         facts.append(("pose", text))
-    if step.scale is not None:
-        facts.append(("scale", f"× {step.scale:.4f} carried over"))
+    if step.scale is not None or step.scale_sigma is not None:
+        carried = [] if step.scale is None else [f"× {step.scale:.4f} carried over"]
+        known = [] if step.scale_sigma is None else [f"± {100 * step.scale_sigma:.2g} % since the start"]
+        facts.append(("scale", ", ".join(carried + known)))
     if step.seconds:
         stages = ", ".join(f"{escape(name)} {1000 * s:.1f}" for name, s in step.seconds.items())
         facts.append(("time", f"{1000 * sum(step.seconds.values()):.1f} ms ({stages})"))

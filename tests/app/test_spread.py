@@ -56,3 +56,16 @@ def test_it_is_a_layer_that_can_be_hidden():
     opened = Opened(doubles.sequence(), ("stereo",), Config(), None)
     assert "spread" in blueprint.LAYERS
     assert "world/stereo/spread" in blueprint._world(opened, {"spread"}).visualizer_overrides
+
+
+def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
+    sequence = doubles.sequence()
+    recorder = Recorder(Opened(sequence, ("monocular",), Config(), None))
+    step = Step("monocular", int(sequence.times_ns[0]), Status.TRACKING, "video", POSE, scale=1.002, scale_sigma=0.015)
+    placed = {"monocular": Similarity()}
+    first, second = (recorder.batch(Stepped(i, sequence[i], (step,), placed, {})).entries for i in range(2))
+    series, band = [e.value for e in first if e.path == "plots/scale/monocular/drift"]
+    assert isinstance(series, rr.SeriesLines) and isinstance(band, rr.Scalars)
+    assert [e.static for e in second if e.path == "plots/scale/monocular/drift"] == [False]
+    text = report(Moment.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
+    assert "× 1.0020 carried over, ± 1.5 % since the start" in text
