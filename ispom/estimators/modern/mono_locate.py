@@ -13,7 +13,8 @@ from ispom.estimators.modern.mono_map import Map
 from ispom.estimators.modern.mono_start import MIN_POINTS
 from ispom.estimators.modern.mono_tracks import Followed
 from ispom.geometry import Array, Pose, skew
-from ispom.solvers.motion_only import Motion, adjust_motion
+from ispom.solvers import motion_only
+from ispom.solvers.motion_only import Located
 from ispom.solvers.resection import resect
 from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
 from ispom.types import Decision
@@ -33,7 +34,7 @@ class Sight:
     followed: Followed
     compared: NDArray[np.bool_]
     """Which tracks were found by the patch of their origin."""
-    motion: Motion | None
+    motion: Located | None
     ids: NDArray[np.int64]
     """(N,) ascending, of the points seen."""
     xyz: Array
@@ -54,12 +55,16 @@ def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
     return last @ Pose.exp((before.inverse() @ last).log() * share)
 
 
-def locate(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> Motion | None:
+def locate(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> Located | None:
     """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC. `limit` in normalised units."""
-    found = adjust_motion(xyz, x, world_from_guess.inverse(), limit)
+    found = motion_only.locate(xyz, x, world_from_guess.inverse(), limit / 2, limit)
     if found is None or found.inliers.mean() < 0.6:
         again = resect(xyz, x, limit)
-        other = None if again is None else adjust_motion(xyz, x, again.camera_from_world, limit)
+        other = (
+            None
+            if again is None
+            else motion_only.locate(xyz, x, again.camera_from_world, limit / 2, limit, widest=limit)
+        )
         if other is not None and (found is None or other.inliers.sum() > found.inliers.sum()):
             found = other
     return found

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.solvers.motion_only import Motion
+from ispom.solvers.motion_only import Located
 from ispom.solvers.prior import EXTRA, POSE
 from ispom.solvers.window import Window, covariance
 
@@ -62,20 +62,19 @@ class Spread:
         last = slice(POSE * (c - 1), POSE * c)
         return Spread(ids, alone / LOSS**2, along, root[-EXTRA:], all_poses[last, last], *_of_steps(window, all_poses))
 
-    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: Motion, sigma: float) -> Array:
-        """(6, 6) covariance of a pose found by adjust_motion from points (N,), at (N, 3); twist on the right."""
-        own = np.linalg.pinv(motion.information, hermitian=True)
-        found = own * (sigma / LOSS) ** 2
+    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: Located, sigma: float) -> Array:
+        """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right."""
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         use = motion.inliers & (self.ids[place] == ids)
         place, in_camera = place[use], motion.camera_from_world.apply(xyz[use])
         by_place, by_pose, by_extra = _derivatives(in_camera)
         n = len(place)
+        own = np.linalg.pinv(np.tensordot(by_pose, by_pose, ((0, 1), (0, 1))), hermitian=True)
         gain = np.swapaxes(by_pose, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
         shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.along[place].reshape(3 * n, -1)
         shared += np.tensordot(by_pose, by_extra, ((0, 1), (0, 1))) @ self.extra
         alone = (gain @ self.alone[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
-        return found + own @ (alone + shared @ shared.T) @ own
+        return own * (sigma / LOSS) ** 2 + own @ (alone + shared @ shared.T) @ own
 
 
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:

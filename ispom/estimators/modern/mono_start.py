@@ -13,7 +13,7 @@ from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.mono_map import Between, Map, adjusted, anchored_prior, intersected
 from ispom.estimators.modern.mono_spread import LOSS
 from ispom.geometry import Array, Pose
-from ispom.solvers.motion_only import adjust_motion
+from ispom.solvers.motion_only import locate
 from ispom.solvers.prior import EXTRA, Prior
 from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
 from ispom.solvers.two_view import hypotheses
@@ -262,7 +262,7 @@ def _located(state: Map, frame: Frame, guess: Pose, threshold: float) -> Pose | 
     place = state.points.places(frame.ids)
     known = place >= 0
     x = corrected(frame.x[known], state.extra)
-    found = adjust_motion(state.points.xyz[place[known]], x, guess.inverse(), threshold, 20)
+    found = locate(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
     return None if found is None or found.inliers.mean() < 0.6 else found.camera_from_world.inverse()
 
 

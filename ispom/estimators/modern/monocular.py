@@ -42,7 +42,7 @@ from ispom.estimators.modern.mono_tracks import (
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
-from ispom.solvers.motion_only import adjust_motion
+from ispom.solvers import motion_only
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Camera,
@@ -212,8 +212,8 @@ class ModernMonocular:
             return self._lost(state, self._frame(state, time_ns, followed), grey, followed, located)
         place = np.searchsorted(state.live.ids, sight.ids)
         residual = np.full(len(followed.status), np.nan, np.float32)
-        residual[place] = motion.residuals * self._camera.fx
-        followed.status[place[motion.residuals > 6 * self._sigma]] = TrackStatus.REPROJECTION
+        residual[place] = np.minimum(motion.distances * self._camera.fx, 1e4)
+        followed.status[place[motion.distances > 6 * self._sigma]] = TrackStatus.REPROJECTION
         frame = replace(self._frame(state, time_ns, followed), world_from_camera=motion.camera_from_world.inverse())
         stray = strays(world.keys[-1], frame, frame.ids[~np.isin(frame.ids, world.points.ids)], 8 * self._sigma)
         followed.status[np.searchsorted(state.live.ids, stray)] = TrackStatus.EPIPOLAR
@@ -247,7 +247,7 @@ class ModernMonocular:
             followed, compared = self._realign(state, world, grey, followed, scene, first)
         ids, xyz, x = self._seen(state, world, followed)
         if motion is not None:
-            motion = adjust_motion(xyz, x, motion.camera_from_world, 4 * self._sigma)
+            motion = motion_only.locate(xyz, x, motion.camera_from_world, 2 * self._sigma, 4 * self._sigma)
         return Sight(followed, compared, motion, ids, xyz)
 
     def _seen(

@@ -13,8 +13,8 @@ from ispom.frontends.klt import Klt
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.late_shutter import drift
+from ispom.solvers.motion_only import Located, locate
 from ispom.solvers.resection import resect
-from ispom.solvers.stereo_pose import Located, locate
 from ispom.types import Camera, Decision, Image, TrackStatus
 
 
@@ -204,12 +204,12 @@ class PairTracker:
             reach = 0.5 * float(np.linalg.norm(moved.translation)) + 0.1 * baseline
             prior = np.diag([reach**-2] * 3 + [0.05**-2] * 3)
         seen = self._freed(world, guess.apply(xyz), seen, rate)
-        arguments = baseline, 0.0, self.loss, self.limit
+        arguments = self.loss, self.limit, baseline
         found = locate(xyz, seen, guess, *arguments, prior)
         if found is None or found.inliers.mean() < 0.6:
             sampled = resect(xyz, seen[:, :2], self.limit)
             if sampled is not None:
-                again = locate(xyz, seen, sampled.camera_from_world, *arguments, prior)
+                again = locate(xyz, seen, sampled.camera_from_world, *arguments, prior, widest=self.limit)
                 if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
                     found = again
         return found
