@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from ispom.chain import Chain, in_order
 from ispom.estimator import Estimator
+from ispom.estimators.modern.joint_told import told
 from ispom.estimators.modern.joint_window import JointWindow, Noise, View
 from ispom.estimators.modern.stereo import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.anchoring import anchored
-from ispom.solvers.continuous import RigModel, Solution
+from ispom.solvers.continuous import RigModel
 from ispom.solvers.located import located_covariance
 from ispom.solvers.resection import Resection, refine_pose, resect
 from ispom.stopwatch import Stopwatch
@@ -63,11 +64,13 @@ class ModernIntegratedConfig:
     knot_frames: Annotated[float, Range(0.5, 10)] = 2.0
     """Video frames from one knot of the spline to the next."""
     estimate_rig: bool = False
-    """Refine where the video camera sits on the rig."""
+    """Refine how the video camera is turned on the rig, and where it sits."""
     estimate_clock: bool = False
     """Estimate how late the video camera's time stamps are."""
     rig_sigma_deg: Annotated[float, Range(0.001, 30)] = 2.0
     """How far the video camera may be turned from what the calibration says, before any data."""
+    rig_sigma_m: Annotated[float, Range(0.0001, 1)] = 0.03
+    """How far it may sit from where the calibration says; found only where the rig turns."""
     clock_sigma_s: Annotated[float, Range(1e-5, 1)] = 0.03
     """How far off the video's clock may be, before any data."""
     video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.13
@@ -192,8 +195,8 @@ class ModernIntegrated:
 
     def _rig_model(self) -> RigModel:
         c, r = self.config, self.rig
-        sigma = np.array([np.radians(c.rig_sigma_deg)] * 3 + [0.1 * r.baseline_m] * 3 + [c.clock_sigma_s])
-        free = np.array([c.estimate_rig] * 3 + [False] * 3 + [c.estimate_clock])
+        sigma = np.array([np.radians(c.rig_sigma_deg)] * 3 + [c.rig_sigma_m] * 3 + [c.clock_sigma_s])
+        free = np.array([c.estimate_rig] * 6 + [c.estimate_clock])
         return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
 
     def _timed(self, state: ModernIntegratedState, exposure: VideoFrame) -> ModernIntegratedState:
@@ -311,7 +314,7 @@ class ModernIntegrated:
             return state, (Decision("points for an adjustment", 0, 1, False),), ()
         window, solution = found
         poses = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in window.views]
-        return replace(state, window=window), _told(solution), poses
+        return replace(state, window=window), told(window, solution), poses
 
     def _with_metric(self, state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
         known = dict(state.metric)
@@ -371,25 +374,6 @@ def _longer(
     for view in views:
         chain = Chain((view.time_ns, view.best or view.world_from_rig, view.video), chain)
     return chain
-
-
-def _told(solution: Solution) -> tuple[Decision, ...]:
-    problem = solution.problem
-    ratio = solution.cost_after / max(solution.cost_before, 1e-12)
-    size = f"{len(problem.times_s)} exposures, {len(problem.points)} points, {len(solution.errors)} observations"
-    cost = Decision(
-        "joint cost after / before",
-        ratio,
-        1.0,
-        ratio <= 1,
-        relation="<=",
-        because=f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations",
-    )
-    found = [cost]
-    if problem.rig.free[6]:
-        offset = 1e3 * problem.rig.clock_offset_s
-        found.append(Decision("clock offset of the video", offset, 1e3, True, "ms", "<="))
-    return tuple(found)
 
 
 def _calibrated(window: JointWindow, stereo: Any) -> JointWindow:
