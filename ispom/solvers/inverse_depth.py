@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+
+ROUNDS = 6
+"""Of weights and depths: more change nothing that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,66 +38,43 @@ def intersect(
     owners[k] in view cameras[k], sorted by point; `sigma` is the deviation of a coordinate. Weighted linear
     equations in the one unknown, repeated with the depths of the last round and Cauchy weights.
     """
-    return InverseDepths(
-        *_intersect(np.ascontiguousarray(rotations), translations, cameras, owners, seen, count, sigma)
-    )
-
-
-@njit(cache=True)
-def _intersect(rotations, translations, cameras, owners, seen, count, sigma):
-    xyz, depth, significance = np.zeros((count, 3)), np.full(count, -1.0), np.zeros(count)
+    begin = np.searchsorted(owners, owners)
+    origin, ray = cameras[begin], np.column_stack([seen[begin], np.ones(len(begin))])
+    back = np.swapaxes(rotations[origin], 1, 2)
+    later = np.arange(len(owners)) > begin
+    owner, turn, x = owners[later], rotations[cameras[later]], seen[later]
+    # In another view, the ray turned and the step from the first view, by how near the point is.
+    q = _turned(turn, _turned(back, ray)[later])
+    t = translations[cameras[later]] - _turned(turn, _turned(back, translations[origin])[later])
+    offset, slopes = q[:, :2] - x * q[:, 2:], t[:, :2] - x * t[:, 2:]
+    rho, information = np.zeros(count), np.ones(count)
+    for _ in range(ROUNDS):
+        near = rho[owner][:, None]
+        z = np.maximum(q[:, 2:] + near * t[:, 2:], 1e-3)
+        slope, value = slopes / z, offset / z
+        error = (value + slope * near) / (3 * sigma)
+        weighted = np.where(near != 0, 1 / (1 + error * error), 1.0) * slope
+        information = 1e-12 + np.bincount(owner, (weighted * slope).sum(axis=1), count)
+        rho = -np.bincount(owner, (weighted * value).sum(axis=1), count) / information
+    finite = rho > 1e-9
+    near = np.where(finite, rho, 0.0)[owner]
+    y = q + near[:, None] * t
+    front = y[:, 2] > 1e-6 * np.where(near > 0, near, 1.0)
+    error = np.linalg.norm(y[:, :2] / np.where(front, y[:, 2], 1.0)[:, None] - x, axis=1)
+    cosine = (q * y).sum(axis=1) / np.sqrt((q * q).sum(axis=1) * (y * y).sum(axis=1))
+    angle = np.where(front & (near > 0), np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0)
     worst, parallax = np.full(count, np.inf), np.zeros(count)
-    k = 0
-    while k < len(owners):
-        m, begin = owners[k], k
-        while k < len(owners) and owners[k] == m:
-            k += 1
-        a = cameras[begin]
-        back = np.ascontiguousarray(rotations[a].T)
-        ray = np.array([seen[begin, 0], seen[begin, 1], 1.0])
-        rho, information = 0.0, 0.0
-        for _ in range(6):
-            information, side = 1e-12, 0.0
-            for i in range(begin + 1, k):
-                turn = rotations[cameras[i]] @ back
-                t = translations[cameras[i]] - turn @ translations[a]
-                q = turn @ ray
-                z = q[2] + rho * t[2]
-                if z <= 1e-3:
-                    z = 1e-3
-                for axis in range(2):
-                    slope = (t[axis] - seen[i, axis] * t[2]) / z
-                    value = (q[axis] - seen[i, axis] * q[2]) / z
-                    error = (value + slope * rho) / (3 * sigma)
-                    weight = 1.0 / (1.0 + error * error) if information >= 0 and rho != 0.0 else 1.0
-                    information += weight * slope * slope
-                    side -= weight * slope * value
-            rho = side / information
-        if rho <= 1e-9:
-            worst[m] = 0.0
-            for i in range(begin + 1, k):
-                q = rotations[cameras[i]] @ back @ ray
-                error = (
-                    np.sqrt((q[0] / q[2] - seen[i, 0]) ** 2 + (q[1] / q[2] - seen[i, 1]) ** 2)
-                    if q[2] > 1e-6
-                    else np.inf
-                )
-                worst[m] = max(worst[m], error)
-            continue
-        p = ray / rho
-        worst[m] = 0.0
-        for i in range(begin + 1, k):
-            turn = rotations[cameras[i]] @ back
-            q = turn @ ray
-            y = turn @ p + translations[cameras[i]] - turn @ translations[a]
-            if y[2] <= 1e-6:
-                worst[m] = np.inf
-                continue
-            error = np.sqrt((y[0] / y[2] - seen[i, 0]) ** 2 + (y[1] / y[2] - seen[i, 1]) ** 2)
-            worst[m] = max(worst[m], error)
-            cosine = (q @ y) / np.sqrt((q @ q) * (y @ y))
-            parallax[m] = max(parallax[m], np.arccos(min(1.0, cosine)))
-        xyz[m] = back @ (p - translations[a])
-        depth[m] = p[2]
-        significance[m] = rho * np.sqrt(information) / sigma
-    return xyz, depth, significance, worst, parallax
+    worst[owners] = 0.0
+    np.maximum.at(worst, owner, np.where(front, error, np.inf))
+    np.maximum.at(parallax, owner, angle)
+    depth = np.where(finite, 1 / np.where(finite, rho, 1.0), -1.0)
+    first, xyz = begin[~later], np.zeros((count, 3))
+    m = owners[first]
+    xyz[m] = _turned(back[first], ray[first] * depth[m, None] - translations[origin[first]])
+    significance = np.where(finite, rho * np.sqrt(information) / sigma, 0.0)
+    return InverseDepths(xyz, depth, significance, worst, parallax)
+
+
+def _turned(rotations: Array, xyz: Array) -> Array:
+    """(N, 3), each by its own rotation (N, 3, 3)."""
+    return (rotations @ xyz[:, :, None])[..., 0]

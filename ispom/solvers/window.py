@@ -48,6 +48,10 @@ class Window:
     fixed: int = 0
     """The first poses are held."""
 
+    def __post_init__(self) -> None:
+        # Stacked transposes are laid out otherwise, and for those all that is compiled would be compiled once more.
+        object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
+
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:

@@ -129,3 +129,11 @@ def test_errors_are_as_large_as_the_covariance_says(noise_px: float) -> None:
     rho = found.translations - np.einsum("nij,nj->ni", rotation_error, exact.translations)
     error = np.hstack([rho, phi])[1:].ravel()
     assert 10 < error @ np.linalg.solve(spread, error) < 55  # chi-square with 30 degrees of freedom: 99.8 %
+
+
+def test_one_layout_of_arrays_is_compiled() -> None:
+    """Seen on KITTI: a map's first adjustment waited for what the warm-up had compiled for another layout."""
+    window = truth()
+    turned = np.stack([r.T.copy().T for r in window.rotations])
+    assert replace(window, rotations=turned).rotations.flags.c_contiguous
+    assert replace(window, rotations=np.asfortranarray(turned)).rotations.flags.c_contiguous
