@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ispom.geometry import Array, Pose
+from ispom.geometry import Array
 from ispom.types import Camera, Image
 
 RADIUS_PX = 5
@@ -34,15 +34,18 @@ def align(
     )
 
 
-def warps_of(camera: Camera, reference_from_camera: Pose, xyz_in_camera: Array) -> Array:
-    """(N, 2, 2) reference pixels per image pixel at points (N, 3), on surfaces that face the camera (no distortion)."""
-    p = reference_from_camera.apply(xyz_in_camera)
+def warps_of(camera: Camera, rotations: Array, translations: Array, xyz_in_camera: Array) -> Array:
+    """(N, 2, 2) reference pixels per image pixel at points (N, 3), on surfaces that face the camera (no distortion).
+
+    `rotations` (N, 3, 3) and `translations` (N, 3): reference_from_camera, of each point or (1, ...) of all.
+    """
+    r, ratio = rotations, camera.fx / camera.fy
+    p = (r @ xyz_in_camera[:, :, None])[..., 0] + translations
     iz = 1 / np.maximum(p[:, 2], 1e-6)
     u, v, z = p[:, 0] * iz, p[:, 1] * iz, xyz_in_camera[:, 2]
-    r, ratio = reference_from_camera.rotation, camera.fx / camera.fy
     out = np.empty((len(p), 2, 2))
-    out[:, 0, 0], out[:, 0, 1] = r[0, 0] - u * r[2, 0], (r[0, 1] - u * r[2, 1]) * ratio
-    out[:, 1, 0], out[:, 1, 1] = (r[1, 0] - v * r[2, 0]) / ratio, r[1, 1] - v * r[2, 1]
+    out[:, 0, 0], out[:, 0, 1] = r[:, 0, 0] - u * r[:, 2, 0], (r[:, 0, 1] - u * r[:, 2, 1]) * ratio
+    out[:, 1, 0], out[:, 1, 1] = (r[:, 1, 0] - v * r[:, 2, 0]) / ratio, r[:, 1, 1] - v * r[:, 2, 1]
     return out * (z * iz)[:, None, None]
 
 

@@ -54,7 +54,9 @@ def test_warps_are_the_derivative_of_the_projection() -> None:
         step = np.zeros((1, 3))
         step[0, axis] = 1e-3 * p[0, 2] / focal
         columns.append((camera.project(pose.apply(p + step)) - camera.project(pose.apply(p - step)))[0] / 2e-3)
-    np.testing.assert_allclose(warps_of(camera, pose, p)[0], np.stack(columns, axis=1), rtol=1e-4)
+    np.testing.assert_allclose(
+        warps_of(camera, pose.rotation[None], pose.translation[None], p)[0], np.stack(columns, axis=1), rtol=1e-4
+    )
 
 
 def test_corners_keep_their_distance_and_fill_what_is_empty() -> None:

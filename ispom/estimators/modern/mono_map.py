@@ -142,10 +142,10 @@ def problem(state: Map) -> Problem:
     )
 
 
-def adjusted(state: Map, sigma: float, iterations: int) -> tuple[Map, Adjusted, Problem]:
+def adjusted(state: Map, sigma: float, iterations: int, tolerance: float = 1e-3) -> tuple[Map, Adjusted, Problem]:
     """The map after windowed bundle adjustment, without the points that end behind a view or off by 4 sigma."""
     before = problem(state)
-    found = adjust(before.window, sigma, iterations)
+    found = adjust(before.window, sigma, iterations, tolerance)
     window = found.window
     worst = np.zeros(len(before.ids))
     np.maximum.at(worst, window.owners, found.distances)

@@ -25,7 +25,7 @@ class Spread:
     """The uncertainty of a map, as long as it stays as it is."""
 
     ids: NDArray[np.int64]
-    """(M,) ascending, of the points."""
+    """(M,) ascending, of the points that the last key frame sees."""
     alone: Array
     """(M, 3, 3) covariance of each point where poses and camera are given."""
     along: Array
@@ -42,25 +42,33 @@ class Spread:
     @staticmethod
     def of(window: Window, ids: NDArray[np.int64], sigma: float) -> Spread:
         """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised units."""
-        c, k = len(window.rotations), window.cameras
+        c, young = len(window.rotations), np.zeros(len(ids), bool)
+        young[window.owners[window.cameras == c - 1]] = True
+        used = young[window.owners]
+        k, owners, seen = window.cameras[used], (np.cumsum(young) - 1)[window.owners[used]], window.seen[used, :2]
         all_poses = covariance(window, sigma) / LOSS**2
         values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        in_camera = np.einsum("kij,kj->ki", window.rotations[k], window.points[window.owners]) + window.translations[k]
+        turns, points = window.rotations[k], window.points[young]
+        in_camera = (turns @ points[owners, :, None])[..., 0] + window.translations[k]
         by_place, by_pose, by_extra = _derivatives(in_camera)
-        by_point = by_place @ window.rotations[k]
+        by_point = by_place @ turns
         x = in_camera[:, :2] / in_camera[:, 2:]
         stretch = 1 + window.extra[0] + window.extra[1] * (x**2).sum(axis=1, keepdims=True)
-        weight = 1 / (sigma**2 + ((stretch * x - window.seen[:, :2]) ** 2).sum(axis=1))
-        moved = by_extra @ root[-EXTRA:]
-        for i in range(c):
-            moved[k == i] += by_pose[k == i] @ root[POSE * i : POSE * (i + 1)]
+        weight = 1 / (sigma**2 + ((stretch * x - seen) ** 2).sum(axis=1))
         weighted = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
-        first = np.searchsorted(window.owners, np.arange(len(ids)))
+        first = np.searchsorted(owners, np.arange(len(points)))
         alone = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
-        along = -alone @ np.add.reduceat(weighted @ moved, first)
+        mixed = np.zeros((len(points), 3, POSE * c + EXTRA))
+        for i in range(c):
+            mine = k == i
+            mixed[owners[mine], :, POSE * i : POSE * (i + 1)] = weighted[mine] @ by_pose[mine]
+        mixed[:, :, -EXTRA:] = np.add.reduceat(weighted @ by_extra, first)
+        along = -(alone @ mixed).reshape(-1, mixed.shape[2]) @ root
+        along = along.reshape(mixed.shape)
         last = slice(POSE * (c - 1), POSE * c)
-        return Spread(ids, alone / LOSS**2, along, root[-EXTRA:], all_poses[last, last], *_of_steps(window, all_poses))
+        told = (root[-EXTRA:], all_poses[last, last], *_of_steps(window, all_poses))
+        return Spread(ids[young], alone / LOSS**2, along, *told)
 
     def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: Located, sigma: float) -> Array:
         """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right."""

@@ -25,7 +25,7 @@ MIN_POINTS = 40
 """Fewer points make no map."""
 MIN_SHARE = 0.3
 """Of the points in two views, those of the still scene: fewer make no map."""
-PLANAR = 0.3
+PLANAR = 0.2
 """With so many of its points on a plane a view may be taken for another one of it."""
 MOST = 0.5
 """Share of the points that a pose explains: with fewer, more parallax should tell the scene from what moves in it."""
@@ -226,12 +226,9 @@ def _trial(start: Start, last: Frame, ids: NDArray[np.int64], second_from_first:
     end = start.base @ second_from_first.inverse().scaled(unit)
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
     state = Map(pair, Points(), None, extra_sigma=start.extra_sigma)
-    points = intersected(state, ids, sigma)
-    good = (points.depth > 0) & (points.worst < 6 * sigma) & (points.significance > 2)
-    enough = max(MIN_POINTS, MIN_SHARE * len(ids))
-    if good.sum() < enough:
+    state, enough = _with_points(state, ids, sigma), max(MIN_POINTS, MIN_SHARE * len(ids))
+    if len(state.points.ids) < enough:
         return None
-    state = replace(state, points=Points(ids[good], points.xyz_in_world[good]))
     inner = start.frames[1:-1]
     chosen = [inner[i] for i in np.unique(np.linspace(0, len(inner) - 1, 4).round().astype(int))] if inner else []
     keys = [pair[0]]
@@ -240,8 +237,11 @@ def _trial(start: Start, last: Frame, ids: NDArray[np.int64], second_from_first:
         if pose is not None:
             keys.append(replace(frame, world_from_camera=pose))
     state = replace(state, keys=(*keys, pair[1]))
-    state = replace(state, prior=_anchored(start, state.poses, 0.0 if start.speed is None else SPEED_SIGMA))
-    state, found, before = adjusted(state, sigma, 12)
+    unit_sigma = 0.0 if start.speed is None else SPEED_SIGMA
+    state, _, _ = adjusted(replace(state, prior=_anchored(start, state.poses, unit_sigma)), sigma, 12)
+    # What was off at first may fit by now.
+    state = _with_points(replace(state, prior=_anchored(start, state.poses, unit_sigma)), ids, sigma)
+    state, found, before = adjusted(state, sigma, 40, 1e-5)
     if len(state.points.ids) < enough:
         return None
     owners = found.window.owners
@@ -252,6 +252,13 @@ def _trial(start: Start, last: Frame, ids: NDArray[np.int64], second_from_first:
     costs = _cost(np.linalg.norm(rotate(turn, reference.at(ids)) - last.at(ids), axis=1), sigma)
     costs[np.searchsorted(ids, before.ids[kept])] = mean[kept]
     return Trial(np.minimum(costs, OUTLIER_COST), state)
+
+
+def _with_points(state: Map, ids: NDArray[np.int64], sigma: float) -> Map:
+    """With those of the tracks (M,) as points that have a place."""
+    found = intersected(state, ids, sigma)
+    good = (found.depth > 0) & (found.worst < 6 * sigma) & (found.significance > 2)
+    return replace(state, points=Points(ids[good], found.xyz_in_world[good]))
 
 
 def _cost(distances: Array, sigma: float) -> Array:

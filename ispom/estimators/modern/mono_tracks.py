@@ -150,28 +150,29 @@ def realigned(
     not look like its origin is lost; what cannot be compared is checked forward and backward.
     """
     uv, status = followed.uv.copy(), followed.status.copy()
-    compared = np.zeros(len(uv), bool)
     in_camera = pose.inverse().apply(scene)
-    images = dict(live.origins)
     height, width = grey.shape
     inside = np.asarray((expected >= 6) & (expected < (width - 7, height - 7))).all(axis=1)
-    for time_ns in np.unique(live.origin_ns).tolist():
-        if time_ns not in origins or time_ns not in images:
-            continue
-        mine = np.flatnonzero((live.origin_ns == time_ns) & inside & (in_camera[:, 2] > 0))
-        warps = warps_of(lens.camera, origins[time_ns].inverse() @ pose, in_camera[mine])
+    usable = [(time_ns, image) for time_ns, image in live.origins if time_ns in origins]
+    of = np.searchsorted([t for t, _ in usable], live.origin_ns)
+    of[~np.isin(live.origin_ns, [t for t, _ in usable])] = -1
+    mine = np.flatnonzero((of >= 0) & inside & (in_camera[:, 2] > 0))
+    motions = [origins[time_ns].inverse() @ pose for time_ns, _ in usable]
+    compared = np.zeros(len(uv), bool)
+    if len(mine):
+        turns, ways = np.stack([m.rotation for m in motions]), np.stack([m.translation for m in motions])
+        warps = warps_of(lens.camera, turns[of[mine]], ways[of[mine]], in_camera[mine])
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
-        usable = (area > MIN_WARP) & (area < MAX_WARP)
-        mine, warps = mine[usable], warps[usable]
-        if not len(mine):
-            continue
-        found, score = align(images[time_ns], live.origin_uv[mine], grey, expected[mine], warps)
-        shift = np.linalg.norm(found - expected[mine], axis=1)
-        good = (score > MIN_CORRELATION) & (shift < MAX_SHIFT_PX)
+        fit = (area > MIN_WARP) & (area < MAX_WARP)
+        mine, warps = mine[fit], warps[fit]
+        found, score = np.empty((len(mine), 2)), np.empty(len(mine))
+        for i in np.unique(of[mine]).tolist():
+            at = of[mine] == i
+            found[at], score[at] = align(usable[i][1], live.origin_uv[mine[at]], grey, expected[mine[at]], warps[at])
+        good = (score > MIN_CORRELATION) & (np.linalg.norm(found - expected[mine], axis=1) < MAX_SHIFT_PX)
         uv[mine[good]] = found[good]
+        status[mine[~good & (status[mine] == TrackStatus.ALIVE)]] = TrackStatus.LOST
         status[mine[good]] = TrackStatus.ALIVE
-        alive_before = status[mine] == TrackStatus.ALIVE
-        status[mine[~good & alive_before]] = TrackStatus.LOST
         compared[mine] = True
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:

@@ -84,7 +84,7 @@ class ModernMonocularConfig:
     """Median displacement, rotation taken away, from which the first map is attempted."""
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Points seen under a smaller angle get no place in the map yet."""
-    noise_px: Annotated[float, Range(0.05, 5)] = 0.33
+    noise_px: Annotated[float, Range(0.05, 5)] = 0.34
     """Deviation of a tracked place after some key frames; what is off by several of it is dropped."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say."""
