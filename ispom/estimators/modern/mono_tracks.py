@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
+from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
 from ispom.frontends.sift import detect_and_describe, match
@@ -52,23 +53,10 @@ MAX_SHIFT_PX = 3.0
 """Alignment with the origin corrects tracking by no more."""
 MIN_WARP, MAX_WARP = 0.35, 1.8
 """Change of area, origin per image, within which the patch of the origin can be used."""
-MIN_GAIN, MIN_OFFSET, MAX_GAIN = 0.08, 8.0, 3.0
-"""Changes of contrast and brightness [grey levels] that tracking wants undone; more is another image, not exposure."""
 MIN_CONTRAST = 0.2
 """Of the coarse image, over that of the last good one: less shows nothing."""
 FEATURES, MIN_FEATURES = 1000, 15
 """How many are compared where tracking lost its way, and how many must agree."""
-
-
-def as_bright(grey: Image, other: Image) -> Image:
-    """`grey` with the mean and contrast of `other`, where the exposure changed between them; else as it is."""
-    (mean,), (spread,) = (np.ravel(v) for v in cv2.meanStdDev(grey))
-    (wanted,), (wanted_spread,) = (np.ravel(v) for v in cv2.meanStdDev(other))
-    gain = float(wanted_spread) / max(float(spread), 1.0)
-    if (abs(gain - 1) < MIN_GAIN and abs(wanted - mean) < MIN_OFFSET) or not 1 / MAX_GAIN < gain < MAX_GAIN:
-        return grey
-    table = np.clip((np.arange(256) - float(mean)) * gain + float(wanted) + 0.5, 0, 255).astype(np.uint8)
-    return np.asarray(cv2.LUT(grey, table), np.uint8)
 
 
 def follow(live: Live, grey: Image, predicted: NDArray[np.float32] | None) -> Followed:

@@ -13,12 +13,14 @@ from ispom.estimators.modern.stereo_window import (
     KeyFrame,
     StereoMap,
     adjusted,
+    emptied,
     newest_covariance,
     with_key,
     with_rows,
     without_oldest,
 )
 from ispom.frontends import corners
+from ispom.frontends.exposure import as_bright
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
@@ -54,7 +56,7 @@ class ModernStereoConfig:
     """How far off the disparities may be, before any data."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """How late the right shutter may be, before any data."""
-    loss_px: Annotated[float, Range(0.1, 5)] = 0.34
+    loss_px: Annotated[float, Range(0.1, 5)] = 0.31
     """Scale of the Cauchy loss, and the error that covariances take a track to have: errors along it are alike."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Larger reprojection errors end a track."""
@@ -108,7 +110,8 @@ class ModernStereo:
         """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
         assert isinstance(exposure, StereoPair)
         watch = Stopwatch()
-        left, right = as_grey(exposure.left), as_grey(exposure.right)
+        left, kept = as_grey(exposure.left), state
+        right = as_bright(as_grey(exposure.right), left)
         sighting, decisions = self._tracker.sight(state.last, state.map, left, right, exposure.time_ns)
         watch.lap("track")
         if state.map.keys and sighting.inliers < self.config.min_inliers:
@@ -128,7 +131,10 @@ class ModernStereo:
             fresh, next_id = len(found[0]), next_id + len(found[0])
             if len(points) + fresh < self.config.min_inliers and not world.keys:
                 few = Decision("points with depth", fresh, self.config.min_inliers, False, because="waiting to begin")
-                return state, self._step(exposure, Status.INITIALISING, None, state, sighting, (*decisions, few), watch)
+                # Nothing is seen: what was seen before is still the best to find the way from.
+                status = Status.LOST if kept.map.keys else Status.INITIALISING
+                kept = replace(kept, lost_pairs=state.lost_pairs)
+                return kept, self._step(exposure, status, None, kept, sighting, (*decisions, few), watch)
             watch.lap("new points")
             points, world = Points.joined(points, found[0]), world.with_points(found[0].ids, found[1])
             key = KeyFrame(
@@ -138,7 +144,10 @@ class ModernStereo:
                 points.seen_by(self.rig.camera("left")),
                 rate,
             )
-            world = with_key(world, key, self._extra_sigma)
+            spread = None
+            if not world.keys and state.last.left is not None:
+                spread = state.last.predicted_covariance(time_ns, self.rig.baseline_m)
+            world = with_key(world, key, self._extra_sigma, spread)
             if self.config.self_calibration and located is not None and rate.any():
                 took = sighting.took_part[located.inliers]
                 xyz = pose.apply(state.map.xyz[sighting.place[took]])
@@ -160,6 +169,7 @@ class ModernStereo:
             Pose() if state.last.left is None else pose @ state.last.left_from_world.inverse(),
             0.0 if state.last.left is None else (time_ns - state.last.time_ns) * 1e-9,
             sighting.features,
+            self._covariance(world, pose, sighting, is_key),
         )
         way = (time_ns, newest.time_ns, pose @ newest.left_from_world.inverse())
         after = ModernStereoState(last, world, next_id, poses=Chain(way, state.poses), settled=settled)
@@ -210,7 +220,7 @@ class ModernStereo:
         for key in keys:
             settled = Chain(key, settled)
         fresh = replace(state.last, points=Points())
-        state = replace(state, last=fresh, map=StereoMap(extra=state.map.extra), settled=settled)
+        state = replace(state, last=fresh, map=emptied(state.map), settled=settled)
         decision = Decision(
             "pairs lost", state.lost_pairs, limit, False, relation="<=", because="a new start from the prediction"
         )
@@ -303,7 +313,10 @@ class ModernStereo:
         world_from_rig, spread = None, None
         if pose is not None:
             world_from_rig = pose.inverse() @ self._left_from_rig
-            spread = self._covariance(after, sighting, is_key)
+            if (known := after.last.covariance) is not None:
+                # left_from_world grows by exp(d) on the left: world_from_rig by exp(-Ad(rig_from_left) d) on the right
+                adjoint = self.rig.rig_from_left.adjoint
+                spread = adjoint @ known @ adjoint.T
         if is_key:
             place = after.map.places(after.last.points.ids)
             landmarks = Landmarks(
@@ -330,13 +343,10 @@ class ModernStereo:
             decisions=decisions,
         )
 
-    def _covariance(self, after: ModernStereoState, sighting: Sighting, is_key: bool) -> Array | None:
-        """(6, 6) of the twist on the right of world_from_rig: the last key frame's, and the way from there."""
-        spread = newest_covariance(after.map)
-        if spread is None:
-            return None
-        if not is_key and sighting.located is not None:
-            spread = spread + np.linalg.inv(sighting.located.information)
-        # left_from_world grows by exp(d) on the left: world_from_rig by exp(-Ad(rig_from_left) d) on the right
-        adjoint = self.rig.rig_from_left.adjoint
-        return adjoint @ spread @ adjoint.T
+    def _covariance(self, world: StereoMap, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:
+        """(6, 6) of left_from_world's left twist: the newest key frame's, and the way from there."""
+        spread = newest_covariance(world)
+        if spread is None or is_key or sighting.located is None:
+            return spread
+        way = (pose @ world.keys[-1].left_from_world.inverse()).adjoint
+        return way @ spread @ way.T + np.linalg.inv(sighting.located.information)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo_window import StereoMap
 from ispom.frontends import sift
+from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
@@ -45,6 +46,12 @@ class Points:
         return Points(self.ids[keep], self.uv[keep], self.disparity_px[keep])
 
 
+def unforeseen(way: Pose, baseline_m: float) -> Array:
+    """(6,) standard deviations of how a motion may differ from this expected one: half of it, and a little at rest."""
+    moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(way.rotvec))
+    return np.repeat([0.5 * moved + 0.1 * baseline_m, 0.5 * turned + 0.05], 3)
+
+
 @dataclass(frozen=True, eq=False)
 class Last:
     """The last located pair."""
@@ -62,6 +69,8 @@ class Last:
     """Time between them; 0 before there are two."""
     described: sift.Features | None = None
     """Of the left image, where descriptors were needed to locate it."""
+    covariance: Array | None = None
+    """(6, 6) of left_from_world's left twist."""
 
     @property
     def rate(self) -> Array:
@@ -70,9 +79,18 @@ class Last:
 
     def predicted(self, time_ns: int) -> Pose:
         """left_from_world if the motion goes on as it was."""
+        return self._way(time_ns) @ self.left_from_world
+
+    def predicted_covariance(self, time_ns: int, baseline_m: float) -> Array:
+        """(6, 6) of the left twist of `predicted`: what was known before, and how much else may have happened since."""
+        way = self._way(time_ns)
+        known = np.zeros((6, 6)) if self.covariance is None else way.adjoint @ self.covariance @ way.adjoint.T
+        return known + np.diag(unforeseen(way, baseline_m) ** 2)
+
+    def _way(self, time_ns: int) -> Pose:
         if self.motion_s <= 0:
-            return self.left_from_world
-        return Pose.exp(self.motion.log() * ((time_ns - self.time_ns) * 1e-9 / self.motion_s)) @ self.left_from_world
+            return Pose()
+        return Pose.exp(self.motion.log() * ((time_ns - self.time_ns) * 1e-9 / self.motion_s))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +174,8 @@ class PairTracker:
             return Sighting.nothing()
         near = guess.apply(world.xyz[place])
         if guide is None:
-            uv, status = Klt(levels=5).track(last.left, left, points.uv)
+            # Where tracking failed so far, the exposure may have changed.
+            uv, status = Klt(levels=5).track(last.left, as_bright(left, last.left), points.uv)
         else:
             expected = camera.project(near).astype(np.float32)
             lost = ~np.isfinite(expected).all(1)
@@ -201,8 +220,7 @@ class PairTracker:
         rate = moved.log() / ((time_ns - last.time_ns) * 1e-9)
         prior = None
         if len(xyz) < 3 * self.min_inliers:
-            reach = 0.5 * float(np.linalg.norm(moved.translation)) + 0.1 * baseline
-            prior = np.diag([reach**-2] * 3 + [0.05**-2] * 3)
+            prior = np.diag(unforeseen(moved, baseline) ** -2)
         seen = self._freed(world, guess.apply(xyz), seen, rate)
         arguments = self.loss, self.limit, baseline
         found = locate(xyz, seen, guess, *arguments, prior)

@@ -49,7 +49,7 @@ class StereoMap:
     late: bool = False
     """They show that it is late: then its place is not that of the pair either. Else only turns are looked at."""
     covariance: Array | None = None
-    """(6 C + 2, 6 C + 2) of the key frames' left twists and the extras."""
+    """(6 C + 2, 6 C + 2) of the key frames' left twists and the extras; None before a second key frame."""
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
@@ -74,16 +74,28 @@ class StereoMap:
         return replace(self, ids=self.ids[needed], xyz=self.xyz[needed])
 
 
-def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array) -> StereoMap:
-    """The map with one more key frame; the first one is the world."""
-    prior = state.prior
-    if not state.keys:
+def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, spread: Array | None = None) -> StereoMap:
+    """The map with one more key frame; the first one is the world, or has the covariance `spread` (6, 6)."""
+    keys, prior, covariance = state.keys, state.prior, state.covariance
+    if not keys:
         prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
-    keys = state.keys
-    if len(keys) == 1:
+        if spread is not None:
+            whole = np.diag(np.concatenate([np.zeros(POSE), np.where(extra_sigma > 0, extra_sigma, 1.0) ** 2]))
+            if covariance is not None:
+                whole[POSE:, POSE:] = covariance[-EXTRA:, -EXTRA:]
+            whole[:POSE, :POSE] = spread
+            covariance = whole
+            prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(whole))
+    elif len(keys) == 1:
         # Nothing was before the first one: it moved as the second does.
         keys = (replace(keys[0], rate=key.rate),)
-    return replace(state, keys=(*keys, key), prior=prior)
+    return replace(state, keys=(*keys, key), prior=prior, covariance=covariance)
+
+
+def emptied(state: StereoMap) -> StereoMap:
+    """Without key frames and points; what was found out about the pair stays."""
+    covariance = None if state.covariance is None else state.covariance[-EXTRA:, -EXTRA:]
+    return StereoMap(extra=state.extra, rows=state.rows, late=state.late, covariance=covariance)
 
 
 def with_rows(state: StereoMap, rows: RowFit) -> StereoMap:
@@ -170,7 +182,7 @@ def _packed(
 
 def newest_covariance(state: StereoMap) -> Array | None:
     """(6, 6) of the newest key frame's left twist; None before the first adjustment."""
-    if state.covariance is None:
+    if state.covariance is None or not state.keys:
         return None
     o = POSE * (len(state.keys) - 1)
     return state.covariance[o : o + POSE, o : o + POSE]

@@ -52,24 +52,72 @@ def test_threads_of_opencv_change_nothing(flight: Sequence, exposures: list[Expo
     assert np.array_equal(found[0].rotations, found[1].rotations)
 
 
-def test_a_stretch_without_texture_is_lost_and_recovered_from(flight: Sequence, exposures: list[Exposure]) -> None:
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
-    grey = np.full_like(pairs[0].left, 128)
-    broken: list[Exposure] = [StereoPair(p.time_ns, grey, grey) if i in (3, 4) else p for i, p in enumerate(pairs)]
-    found, steps = run(ModernStereoConfig().build(flight.rig), broken)
-    assert [s.status for s in steps[3:6]] == [Status.LOST, Status.LOST, Status.TRACKING]
-    assert flight.truth is not None and errors_m(found, flight.truth).max() < 0.02 * flight.truth.length
+def pairs_of(exposures: list[Exposure]) -> list[StereoPair]:
+    return [e for e in exposures if isinstance(e, StereoPair)]
+
+
+def in_time(pairs: list[StereoPair], order: list[int]) -> list[Exposure]:
+    """Pairs in this order at the times of a steady rig; -1 is a white wall."""
+    every, grey = pairs[1].time_ns - pairs[0].time_ns, np.full_like(pairs[0].left, 128)
+    images = [(grey, grey) if j < 0 else (pairs[j].left, pairs[j].right) for j in order]
+    return [StereoPair(pairs[0].time_ns + i * every, *both) for i, both in enumerate(images)]
+
+
+def way_errors_m(steps: list[Step], pairs: list[StereoPair], order: list[int], truth: Trajectory) -> np.ndarray:
+    """Of the steps with a pose: distances from where the pairs were taken."""
+    true = [truth.at(pairs[max(j, 0)].time_ns) for j in order]
+    both = [(s.world_from_frame, q) for s, q in zip(steps, true, strict=True) if s.world_from_frame is not None]
+    assert all(q is not None for _, q in both)
+    placed = both[0][1] @ both[0][0].inverse()  # type: ignore[union-attr]
+    return np.array([np.linalg.norm((placed @ p).translation - q.translation) for p, q in both])  # type: ignore
+
+
+@pytest.mark.parametrize("blank", [2, 3, 10])
+def test_a_white_wall_is_lost_and_recovered_from(blank: int, flight: Sequence, exposures: list[Exposure]) -> None:
+    pairs = pairs_of(exposures)
+    order = [0, 1, 2, *[-1] * blank, *range(3, len(pairs))]
+    found, steps = run(ModernStereoConfig().build(flight.rig), in_time(pairs, order))
+    assert [s.status for s in steps[3 : 4 + blank]] == [*[Status.LOST] * blank, Status.TRACKING]
+    assert len(found) == len(pairs) and flight.truth is not None
+    assert way_errors_m(steps, pairs, order, flight.truth).max() < 0.02 * flight.truth.length
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 5, 6], [0] * 5 + [1, 2, 3], [0, 1, 2] + [3] * 4 + [4, 5]])
+def test_jumps_and_stops_are_followed(order: list[int], flight: Sequence, exposures: list[Exposure]) -> None:
+    pairs = pairs_of(exposures)
+    _, steps = run(ModernStereoConfig().build(flight.rig), in_time(pairs, order))
+    assert all(s.status is Status.TRACKING for s in steps[1:]) and flight.truth is not None
+    assert way_errors_m(steps, pairs, order, flight.truth).max() < 0.015 * flight.truth.length
+
+
+def test_changes_of_exposure_are_followed(flight: Sequence, exposures: list[Exposure]) -> None:
+    pairs, gains = pairs_of(exposures), (1.0, 0.7, 1.2, 0.6, 1.1, 0.8, 1.0, 0.6)
+    dimmed: list[Exposure] = [
+        StereoPair(p.time_ns, *(np.clip(g * v, 0, 255).astype(np.uint8) for g, v in ((a, p.left), (0.85 * a, p.right))))
+        for p, a in zip(pairs, gains, strict=False)
+    ]
+    found, steps = run(ModernStereoConfig().build(flight.rig), dimmed)
+    assert all(s.status is Status.TRACKING for s in steps[1:])
+    assert flight.truth is not None and errors_m(found, flight.truth).max() < 0.015 * flight.truth.length
 
 
 def test_a_drive_on_which_nothing_is_seen_any_more_begins_anew(flight: Sequence, exposures: list[Exposure]) -> None:
-    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    pairs = pairs_of(exposures)
     grey = np.full_like(pairs[0].left, 128)
     turned = [StereoPair(p.time_ns, p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[4:]]
     config = ModernStereoConfig(max_lost_pairs=0)
-    exposures = [*pairs[:3], StereoPair(pairs[3].time_ns, grey, grey), *turned]
-    found, steps = run(config.build(flight.rig), exposures)
-    assert steps[3].status is Status.INITIALISING and any("pairs lost" in str(d) for d in steps[3].decisions)
-    assert steps[-1].status is Status.TRACKING and len(found) == len(exposures) - 1
+    given: list[Exposure] = [*pairs[:3], StereoPair(pairs[3].time_ns, grey, grey), *turned]
+    found, steps = run(config.build(flight.rig), given)
+    assert steps[3].status is Status.LOST and steps[4].status is Status.INITIALISING
+    assert any("pairs lost" in str(d) for d in steps[4].decisions)
+    assert steps[-1].status is Status.TRACKING and len(found) == len(given) - 1
+    # How the rig went on while nothing was seen is as good as unknown, and remains so.
+    spread = [np.zeros((6, 6)) if s.covariance is None else s.covariance for s in steps]
+    sigma_m = [float(np.sqrt(np.trace(c[:3, :3]))) for c in spread]
+    last, now = steps[2].world_from_frame, steps[4].world_from_frame
+    assert last is not None and now is not None
+    gone = float(np.linalg.norm(now.translation - last.translation))
+    assert sigma_m[2] < 0.05 and min(sigma_m[4:]) > 0.4 * gone
 
 
 def test_ended_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
