@@ -86,7 +86,7 @@ def displaced(live: Live, grey: Image) -> NDArray[np.float32] | None:
 
     None where the images have too little in common.
     """
-    if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
+    if live.grey is None or live.grey.shape != grey.shape or not len(live.ids) or not shows_something(grey, live.grey):
         return None
     before, now = detect_and_describe(live.grey, FEATURES), detect_and_describe(grey, FEATURES)
     pairs = match(before, now, 0.8)
