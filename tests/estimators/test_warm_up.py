@@ -43,7 +43,7 @@ def test_a_real_run_compiles_nothing_more(flight: Sequence, rendered: Path) -> N
 
 def test_kernels_are_known() -> None:
     names = {f"{k.py_func.__module__.removeprefix('ispom.')}.{k.py_func.__name__}" for k in warm_up.kernels()}
-    assert {"solvers.bundle._solve", "solvers.window_kernels.reduce_points"} <= names
+    assert {"solvers.motion_only._normal", "solvers.window_kernels.reduce_points"} <= names
     assert all(isinstance(k, Dispatcher) for k in warm_up.kernels())
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Pose
+from ispom.solvers import window
 from ispom.solvers.bundle import Bundle, adjust
 
 CAMERAS = tuple(
@@ -64,17 +65,16 @@ def test_the_step_is_the_gauss_newton_step_of_the_full_system() -> None:
     xyz, camera, point, x = problem(0.001)
     few = point < 12
     camera, point, x, xyz = camera[few], point[few], x[few], xyz[:12]
-    from ispom.solvers import bundle as module
-
-    rotations = np.ascontiguousarray(np.stack([c.rotation for c in CAMERAS]))
-    translations = np.stack([c.translation for c in CAMERAS])
     order = np.argsort(point, kind="stable")
-    args = (camera[order], point[order], np.ascontiguousarray(x[order]))
-    pose_step, point_step = module._solve(rotations, translations, xyz, *args, 2, 1.0, 0.0)
+    camera, point, x = camera[order], point[order], x[order]
+    rotations, translations = np.stack([c.rotation for c in CAMERAS]), np.stack([c.translation for c in CAMERAS])
+    seen3, none = np.column_stack([x, np.full(len(x), np.nan)]), np.zeros(len(x))
+    whole = window.Window(rotations, translations, xyz, camera, point, seen3, none, fixed=2)
+    pose_step, point_step, _ = window._step(whole, 1.0, 0.0)
 
     def residual(parameters: np.ndarray) -> np.ndarray:
         out = []
-        for c, m, seen in zip(*args, strict=True):
+        for c, m, seen in zip(camera, point, x, strict=True):
             twist = parameters[6 * (c - 2) : 6 * (c - 1)] if c >= 2 else np.zeros(6)
             turn = Pose.from_rotvec(twist[3:], twist[:3])
             p = (turn @ CAMERAS[c]).apply(xyz[m] + parameters[18 + 3 * m : 21 + 3 * m])
