@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.solvers.cholesky import factor, solve_factored
-from ispom.solvers.prior import EXTRA, POSE, Prior
+from ispom.solvers.prior import PAIR, POSE, Prior
 from ispom.solvers.twist import moved
 from ispom.solvers.window_kernels import point_steps, reduce_points, robust_cost, squared_errors
 
@@ -39,11 +39,12 @@ class Window:
     """(K,) what a second of the right shutter's lag adds to the right x, over 1 + x^2 (see late_shutter.drift)."""
     baseline: float = 0.0
     """Of the pair; 0 for one camera."""
-    extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
-    """Of a pair: offset of the right x (a yaw error of the rectification) [rad], and lag of the right shutter [s].
-    Of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2)."""
-    extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
-    """(2,) standard deviations before any data; 0 keeps the value as it is."""
+    extra: Array = field(default_factory=lambda: np.zeros(PAIR))
+    """(E,) of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2).
+    Of a pair: offset a [rad] of the right x, lag of the right shutter [s], and the offset's growth b, c [rad] towards
+    the image's sides, seen = x + a + b x^2 + c x^4: a wrong yaw or principal point, and what lenses leave there."""
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(PAIR))
+    """(E,) standard deviations before any data; 0 keeps the value as it is."""
     prior: Prior | None = None
     fixed: int = 0
     """The first poses are held."""
@@ -51,6 +52,11 @@ class Window:
     def __post_init__(self) -> None:
         # Stacked transposes are laid out otherwise, and for those all that is compiled would be compiled once more.
         object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
+
+
+def offset_at(x: Array, extra: Array) -> Array:
+    """(N,) what a pair's `extra` adds to right x (N,), but for the lag."""
+    return extra[0] + extra[2] * x**2 + extra[3] * x**4
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +102,7 @@ def total_cost(window: Window, scale: float) -> float:
 
 
 def covariance(window: Window, scale: float) -> Array:
-    """(6 C + 2, 6 C + 2) of all poses (left twists) and extras, given what is in the window."""
+    """(6 C + E, 6 C + E) of all poses (left twists) and extras, given what is in the window."""
     return np.linalg.inv(Equations.of(window, scale).symmetric)
 
 
@@ -134,9 +140,9 @@ class Equations:
     """Normal equations of poses and extras with the points eliminated, and what gives the points back."""
 
     matrix: Array
-    """(6 C + 2, 6 C + 2), its lower triangle."""
+    """(6 C + E, 6 C + E), its lower triangle."""
     right: Array
-    """(6 C + 2,)."""
+    """(6 C + E,)."""
     points: tuple[Array, Array, Array, Array]
     """Inverses, gradients, products with the poses and with the extras, as window_kernels has them."""
 
@@ -144,52 +150,53 @@ class Equations:
     def of(window: Window, scale: float, damping: float = 0.0) -> Equations:
         """`damping` raises the points' diagonal entries by this share; the matrix is as it is."""
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
-        size = POSE * views + EXTRA
-        blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, EXTRA + 1, POSE))
-        kept = np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.empty((points, EXTRA, 3))
-        corner = np.zeros((EXTRA, EXTRA + 1))
+        poses, extra = POSE * views, len(window.extra)
+        blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, extra + 1, POSE))
+        kept = np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.empty((points, extra, 3))
+        corner = np.zeros((extra, extra + 1))
         reduce_points(scale, damping, blocks, side, corner, *kept, *_arrays(window))
-        matrix, right = np.empty((size, size)), np.empty(size)
-        matrix[:-EXTRA, :-EXTRA] = blocks.transpose(0, 2, 1, 3).reshape(size - EXTRA, size - EXTRA)
-        matrix[-EXTRA:, :-EXTRA] = side[:, :EXTRA].transpose(1, 0, 2).reshape(EXTRA, size - EXTRA)
-        matrix[-EXTRA:, -EXTRA:] = corner[:, :EXTRA]
-        right[:-EXTRA], right[-EXTRA:] = -side[:, EXTRA].ravel(), -corner[:, EXTRA]
+        matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
+        matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
+        matrix[poses:, :poses] = side[:, :extra].transpose(1, 0, 2).reshape(extra, poses)
+        matrix[poses:, poses:] = corner[:, :extra]
+        right[:poses], right[poses:] = -side[:, extra].ravel(), -corner[:, extra]
         _add_priors(window, matrix, right)
         return Equations(matrix, right, kept)
 
     @property
     def symmetric(self) -> Array:
-        """(6 C + 2, 6 C + 2) with both triangles."""
+        """(6 C + E, 6 C + E) with both triangles."""
         return np.tril(self.matrix) + np.tril(self.matrix, -1).T
 
 
 def _add_priors(window: Window, matrix: Array, right: Array) -> None:
     """Adds the priors' part at the values now to normal equations of all poses and the extras."""
-    size, prior = len(right), window.prior
+    first, prior = POSE * len(window.rotations), window.prior
     if prior is not None:
         p = POSE * len(prior.rotations)
         gradient = prior.gradient + prior.hessian @ prior.shifted(window.rotations, window.translations, window.extra)
         matrix[:p, :p] += prior.hessian[:p, :p]
-        matrix[-EXTRA:, :p] += prior.hessian[p:, :p]
-        matrix[-EXTRA:, -EXTRA:] += prior.hessian[p:, p:]
+        matrix[first:, :p] += prior.hessian[p:, :p]
+        matrix[first:, first:] += prior.hessian[p:, p:]
         right[:p] -= gradient[:p]
-        right[-EXTRA:] -= gradient[p:]
-    for i, sigma in enumerate(window.extra_sigma, size - EXTRA):
+        right[first:] -= gradient[p:]
+    for i, sigma in enumerate(window.extra_sigma, first):
         if sigma <= 0:
             matrix[i, i] += 1e30
         elif prior is None:
             matrix[i, i] += sigma**-2
-            right[i] -= window.extra[i - size + EXTRA] / sigma**2
+            right[i] -= window.extra[i - first] / sigma**2
 
 
 def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, Array]:
-    """One damped step: of the poses (C, 6), the points (M, 3) and the extras (2,)."""
+    """One damped step: of the poses (C, 6), the points (M, 3) and the extras (E,)."""
     equations, f = Equations.of(window, scale, damping), POSE * window.fixed
     free = np.ascontiguousarray(equations.matrix[f:, f:])
     free.flat[:: len(free) + 1] = free.diagonal() * (1 + damping) + 1e-12
     solution = np.zeros(len(equations.right))
     solution[f:] = solve_factored(factor(free), equations.right[f:])
-    poses, extra = solution[:-EXTRA].reshape(-1, POSE), solution[-EXTRA:]
+    poses, extra = np.split(solution, [POSE * len(window.rotations)])
+    poses = poses.reshape(-1, POSE)
     return poses, point_steps(window.cameras, window.owners, *equations.points, poses, extra), extra
 
 

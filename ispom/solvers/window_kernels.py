@@ -15,26 +15,36 @@ MIN_DEPTH = 1e-6
 """Points nearer are behind their camera."""
 GROSS = 1e6
 """A point behind its camera costs what an error of a thousand scales does: its square."""
-TERMS = 13
-"""Of an observation: second derivatives by q (6 of a symmetric matrix) and gradient by q (3), both weighted; what the
-derivative by the second correction is of that by the first; and that by the first times those by q (3), weighted."""
+TERMS = 12
+"""Of an observation: second derivatives by q (6 of a symmetric matrix), gradient by q (3), and derivative by the first
+correction times those by q (3), all weighted. After them: the shares of the corrections, see `_shares`."""
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _errors(q0, q1, q2, seen_x, seen_y, seen_right, baseline, first, second, rate):
+def _errors(q0, q1, q2, seen_x, seen_y, seen_right, baseline, extra, rate):
     """Image x, y, right x of a point before its camera, and their errors; without a right place its error is 0."""
     iz = 1.0 / q2
     x, y, right, er = q0 * iz, q1 * iz, 0.0, 0.0
     ex, ey = x - seen_x, y - seen_y
     if baseline == 0.0:
-        focal, radial = first, second
-        stretch = focal + radial * (x * x + y * y)
+        stretch = extra[0] + extra[1] * (x * x + y * y)
         ex, ey = ex + stretch * x, ey + stretch * y
     elif seen_right == seen_right:
-        offset, lag = first, second
         right = x - baseline * iz
-        er = right + (1.0 + right * right) * (offset + lag * rate) - seen_right
+        square = right * right
+        er = right + extra[0] + extra[1] * rate * (1.0 + square) + (extra[2] + extra[3] * square) * square - seen_right
     return x, y, right, ex, ey, er
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _shares(baseline, x, y, right, rate, shares):
+    """What the derivative of the errors by each correction is of that by the first."""
+    shares[0] = 1.0
+    if baseline == 0.0:
+        shares[1] = x * x + y * y
+    else:
+        square = right * right
+        shares[1], shares[2], shares[3] = rate * (1.0 + square), square, square * square
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -48,9 +58,7 @@ def squared_errors(rotations, translations, points, cameras, owners, seen, rates
         q1 = rotations[c, 1, 0] * p0 + rotations[c, 1, 1] * p1 + rotations[c, 1, 2] * p2 + translations[c, 1]
         q2 = rotations[c, 2, 0] * p0 + rotations[c, 2, 1] * p1 + rotations[c, 2, 2] * p2 + translations[c, 2]
         if q2 > MIN_DEPTH:
-            _, _, _, ex, ey, er = _errors(
-                q0, q1, q2, seen[k, 0], seen[k, 1], seen[k, 2], baseline, extra[0], extra[1], rates[k]
-            )
+            _, _, _, ex, ey, er = _errors(q0, q1, q2, seen[k, 0], seen[k, 1], seen[k, 2], baseline, extra, rates[k])
             out[k] = ex * ex + ey * ey + er * er
         else:
             out[k] = np.inf
@@ -76,21 +84,22 @@ def reduce_points(
 ):  # fmt: skip
     """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back.
 
-    Of poses: `blocks` (C, C, 6, 6), those with the first index not below the second; `side` (C, 3, 6): of the two
-    corrections with poses, then the gradient by poses; `corner` (2, 3): of the corrections (lower triangle), then their
-    gradient. Per point `inverses` (M, 6) of its own 3 x 3 block, `gradients` (M, 3), `cross_extra` (M, 2, 3) with the
-    corrections; per observation `cross` (K, 12): q, and the 3 x 3 that B' makes the product of pose and point.
+    Of poses: `blocks` (C, C, 6, 6), those with the first index not below the second; `side` (C, E + 1, 6): of the E
+    corrections with poses, then the gradient by poses; `corner` (E, E + 1): of the corrections (lower triangle), then
+    their gradient. Per point `inverses` (M, 6) of its own 3 x 3 block, `gradients` (M, 3), `cross_extra` (M, E, 3) with
+    the corrections; per observation `cross` (K, 12): q, and the 3 x 3 that B' makes the product of pose and point.
     """
-    n_obs, k, longest, per = len(cameras), 0, 0, 1.0 / (scale * scale)
+    n_obs, k, longest, per, n_extra = len(cameras), 0, 0, 1.0 / (scale * scale), len(extra)
     for i in range(n_obs):
         k = k + 1 if i > 0 and owners[i] == owners[i - 1] else 1
         longest = max(longest, k)
-    terms, k = np.zeros((longest, TERMS)), 0
-    e00, e10, e11, e02, e12 = 0.0, 0.0, 0.0, 0.0, 0.0
+    terms, k = np.zeros((longest, TERMS + n_extra)), 0
     for m in range(len(points)):
         begin, p0, p1, p2 = k, points[m, 0], points[m, 1], points[m, 2]
         v00, v01, v02, v11, v12, v22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        b0, b1, b2, x0, x1, x2, z0, z1, z2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        b0, b1, b2 = 0.0, 0.0, 0.0
+        for e in range(n_extra):
+            cross_extra[m, e, 0], cross_extra[m, e, 1], cross_extra[m, e, 2] = 0.0, 0.0, 0.0
         while k < n_obs and owners[k] == m:
             c, n = cameras[k], k - begin
             k += 1
@@ -103,22 +112,20 @@ def reduce_points(
             if q2 <= MIN_DEPTH:
                 for a in range(12):
                     cross[k - 1, a] = 0.0
-                for a in range(TERMS):
+                for a in range(TERMS + n_extra):
                     terms[n, a] = 0.0
                 continue
             x, y, xr, ex, ey, er = _errors(
-                q0, q1, q2, seen[k - 1, 0], seen[k - 1, 1], seen[k - 1, 2], baseline, extra[0], extra[1], rates[k - 1]
+                q0, q1, q2, seen[k - 1, 0], seen[k - 1, 1], seen[k - 1, 2], baseline, extra, rates[k - 1]
             )
-            # s: derivative of the errors by (x, y); f: of the right one by right x; u: of all by the first correction,
-            # which times h is that by the second
-            s00, s01, s11, f, ux, uy, ur, h = 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            # s: derivative of the errors by (x, y); f: of the right one by right x; u: of all by the first correction
+            s00, s01, s11, f, ux, uy, ur = 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
             if baseline == 0.0:
-                h = x * x + y * y
-                stretch, bend, ux, uy = 1.0 + extra[0] + extra[1] * h, 2.0 * extra[1], x, y
+                stretch, bend, ux, uy = 1.0 + extra[0] + extra[1] * (x * x + y * y), 2.0 * extra[1], x, y
                 s00, s01, s11 = stretch + bend * x * x, bend * x * y, stretch + bend * y * y
             elif seen[k - 1, 2] == seen[k - 1, 2]:
-                h, ur = rates[k - 1], 1.0 + xr * xr
-                f = 1.0 + 2.0 * xr * (extra[0] + extra[1] * h)
+                ur = 1.0
+                f = 1.0 + 2.0 * xr * (extra[1] * rates[k - 1] + extra[2] + 2.0 * extra[3] * xr * xr)
             # By q, x and y have (1, 0, -x) / z and (0, 1, -y) / z, right x has (1, 0, -right) / z.
             w, iz = per / (1.0 + (ex * ex + ey * ey + er * er) * per), 1.0 / q2
             wz = w * iz
@@ -132,8 +139,9 @@ def reduce_points(
             ax, ay, ar = s00 * ux + s01 * uy, s01 * ux + s11 * uy, f * ur
             n0, n1, n2 = wz * (ax + ar), wz * ay, -wz * (ax * x + ay * y + ar * xr)
             terms[n, 0], terms[n, 1], terms[n, 2], terms[n, 3], terms[n, 4], terms[n, 5] = h00, h01, h02, h11, h12, h22
-            terms[n, 6], terms[n, 7], terms[n, 8], terms[n, 9] = g0, g1, g2, h
-            terms[n, 10], terms[n, 11], terms[n, 12] = n0, n1, n2
+            terms[n, 6], terms[n, 7], terms[n, 8] = g0, g1, g2
+            terms[n, 9], terms[n, 10], terms[n, 11] = n0, n1, n2
+            _shares(baseline, x, y, xr, rates[k - 1], terms[n, TERMS:])
             # by the point: the product of the second derivatives with the rotation, and the rotation's with that
             c00, c01, c02 = (
                 h00 * r00 + h01 * r10 + h02 * r20,
@@ -168,9 +176,15 @@ def reduce_points(
                 r01 * n0 + r11 * n1 + r21 * n2,
                 r02 * n0 + r12 * n1 + r22 * n2,
             )
-            x0, x1, x2, z0, z1, z2 = x0 + a0, x1 + a1, x2 + a2, z0 + h * a0, z1 + h * a1, z2 + h * a2
-            e, d = w * (ux * ux + uy * uy + ur * ur), w * (ux * ex + uy * ey + ur * er)
-            e00, e10, e11, e02, e12 = e00 + e, e10 + e * h, e11 + e * h * h, e02 + d, e12 + d * h
+            u2, ue = w * (ux * ux + uy * uy + ur * ur), w * (ux * ex + uy * ey + ur * er)
+            for e in range(n_extra):
+                h = terms[n, TERMS + e]
+                cross_extra[m, e, 0] += h * a0
+                cross_extra[m, e, 1] += h * a1
+                cross_extra[m, e, 2] += h * a2
+                for d in range(e + 1):
+                    corner[e, d] += h * terms[n, TERMS + d] * u2
+                corner[e, n_extra] += h * ue
         # A share of the block: anything fixed, however little, would hold what is far where it was first thought.
         f = 1e-10 * (v00 + v11 + v22)
         v00, v11, v22 = v00 + damping * v00 + f, v11 + damping * v11 + f, v22 + damping * v22 + f
@@ -182,15 +196,12 @@ def reduce_points(
         inverses[m, 0], inverses[m, 1], inverses[m, 2] = i00, i01, i02
         inverses[m, 3], inverses[m, 4], inverses[m, 5] = i11, i12, i22
         gradients[m, 0], gradients[m, 1], gradients[m, 2] = b0, b1, b2
-        cross_extra[m, 0, 0], cross_extra[m, 0, 1], cross_extra[m, 0, 2] = x0, x1, x2
-        cross_extra[m, 1, 0], cross_extra[m, 1, 1], cross_extra[m, 1, 2] = z0, z1, z2
-        a0, a1, a2 = i00 * x0 + i01 * x1 + i02 * x2, i01 * x0 + i11 * x1 + i12 * x2, i02 * x0 + i12 * x1 + i22 * x2
-        e00 -= x0 * a0 + x1 * a1 + x2 * a2
-        e10 -= z0 * a0 + z1 * a1 + z2 * a2
-        e02 -= b0 * a0 + b1 * a1 + b2 * a2
-        a0, a1, a2 = i00 * z0 + i01 * z1 + i02 * z2, i01 * z0 + i11 * z1 + i12 * z2, i02 * z0 + i12 * z1 + i22 * z2
-        e11 -= z0 * a0 + z1 * a1 + z2 * a2
-        e12 -= b0 * a0 + b1 * a1 + b2 * a2
+        for e in range(n_extra):
+            x0, x1, x2 = cross_extra[m, e, 0], cross_extra[m, e, 1], cross_extra[m, e, 2]
+            a0, a1, a2 = i00 * x0 + i01 * x1 + i02 * x2, i01 * x0 + i11 * x1 + i12 * x2, i02 * x0 + i12 * x1 + i22 * x2
+            for d in range(e + 1):
+                corner[e, d] -= cross_extra[m, d, 0] * a0 + cross_extra[m, d, 1] * a1 + cross_extra[m, d, 2] * a2
+            corner[e, n_extra] -= b0 * a0 + b1 * a1 + b2 * a2
         for i in range(begin, k):
             c, n, q0, q1, q2 = cameras[i], i - begin, cross[i, 0], cross[i, 1], cross[i, 2]
             # d: this observation's product with the point, times the inverse of the point's own block
@@ -212,12 +223,13 @@ def reduce_points(
                 f0 * i01 + f1 * i11 + f2 * i12,
                 f0 * i02 + f1 * i12 + f2 * i22,
             )
-            h, n0, n1, n2 = terms[n, 9], terms[n, 10], terms[n, 11], terms[n, 12]
-            for e, g0, g1, g2, f0, f1, f2 in (
-                (0, n0, n1, n2, x0, x1, x2),
-                (1, h * n0, h * n1, h * n2, z0, z1, z2),
-                (2, terms[n, 6], terms[n, 7], terms[n, 8], b0, b1, b2),
-            ):
+            for e in range(n_extra + 1):
+                if e < n_extra:
+                    h = terms[n, TERMS + e]
+                    g0, g1, g2 = h * terms[n, 9], h * terms[n, 10], h * terms[n, 11]
+                    f0, f1, f2 = cross_extra[m, e, 0], cross_extra[m, e, 1], cross_extra[m, e, 2]
+                else:
+                    g0, g1, g2, f0, f1, f2 = terms[n, 6], terms[n, 7], terms[n, 8], b0, b1, b2
                 a0 = g0 - (d00 * f0 + d01 * f1 + d02 * f2)
                 a1 = g1 - (d10 * f0 + d11 * f1 + d12 * f2)
                 a2 = g2 - (d20 * f0 + d21 * f1 + d22 * f2)
@@ -266,13 +278,12 @@ def reduce_points(
                     blocks[o, c, 3, a] -= u1 * a2 - u2 * a1
                     blocks[o, c, 4, a] -= u2 * a0 - u0 * a2
                     blocks[o, c, 5, a] -= u0 * a1 - u1 * a0
-    corner[0, 0], corner[1, 0], corner[1, 1], corner[0, 2], corner[1, 2] = e00, e10, e11, e02, e12
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def point_steps(cameras, owners, inverses, gradients, cross, cross_extra, pose_step, extra_step):
-    """(M, 3), once the steps of the poses (C, 6) and the corrections (2,) are known; changes `gradients`."""
-    out, first, second = np.empty((len(gradients), 3)), extra_step[0], extra_step[1]
+    """(M, 3), once the steps of the poses (C, 6) and the corrections (E,) are known; changes `gradients`."""
+    out = np.empty((len(gradients), 3))
     for k in range(len(cameras)):
         c, m, q0, q1, q2 = cameras[k], owners[k], cross[k, 0], cross[k, 1], cross[k, 2]
         a0 = pose_step[c, 0] + pose_step[c, 4] * q2 - pose_step[c, 5] * q1
@@ -281,9 +292,11 @@ def point_steps(cameras, owners, inverses, gradients, cross, cross_extra, pose_s
         for d in range(3):
             gradients[m, d] += cross[k, 3 + d] * a0 + cross[k, 6 + d] * a1 + cross[k, 9 + d] * a2
     for m in range(len(out)):
-        b0 = -gradients[m, 0] - cross_extra[m, 0, 0] * first - cross_extra[m, 1, 0] * second
-        b1 = -gradients[m, 1] - cross_extra[m, 0, 1] * first - cross_extra[m, 1, 1] * second
-        b2 = -gradients[m, 2] - cross_extra[m, 0, 2] * first - cross_extra[m, 1, 2] * second
+        b0, b1, b2 = -gradients[m, 0], -gradients[m, 1], -gradients[m, 2]
+        for e in range(len(extra_step)):
+            b0 -= cross_extra[m, e, 0] * extra_step[e]
+            b1 -= cross_extra[m, e, 1] * extra_step[e]
+            b2 -= cross_extra[m, e, 2] * extra_step[e]
         out[m, 0] = inverses[m, 0] * b0 + inverses[m, 1] * b1 + inverses[m, 2] * b2
         out[m, 1] = inverses[m, 1] * b0 + inverses[m, 3] * b1 + inverses[m, 4] * b2
         out[m, 2] = inverses[m, 2] * b0 + inverses[m, 4] * b1 + inverses[m, 5] * b2

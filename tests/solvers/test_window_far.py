@@ -18,10 +18,10 @@ def window() -> Window:
     ahead = 2.5 * np.arange(4)
     p = xyz[:, None] - np.column_stack([0 * ahead, 0 * ahead, ahead])
     x, right = p[..., :2] / p[..., 2:], (p[..., 0] - BASELINE) / p[..., 2]
-    seen = np.dstack([x, right + (1 + right**2) * OFFSET_PX / F]) + rng.normal(0, 0.05 / F, (200, 4, 3))
+    seen = np.dstack([x, right + OFFSET_PX / F]) + rng.normal(0, 0.05 / F, (200, 4, 3))
     guess = np.dstack([seen[:, 0, 0], seen[:, 0, 1], np.ones(200)])[0]
     guess *= (BASELINE / np.maximum(seen[:, 0, 0] - seen[:, 0, 2], 1 / 2000))[:, None]
-    sigma = np.array([0.5 / F, 0.005])
+    sigma = np.array([0.5 / F, 0.005, 1e-6, 1e-6])
     return Window(
         np.tile(np.eye(3), (4, 1, 1)),
         np.column_stack([0 * ahead, 0 * ahead, -1.05 * ahead]),
@@ -31,6 +31,7 @@ def window() -> Window:
         seen.reshape(-1, 3),
         np.zeros(800),
         BASELINE,
+        extra=np.zeros(4),
         extra_sigma=sigma,
         prior=anchored(np.eye(3), np.zeros(3), sigma),
     )

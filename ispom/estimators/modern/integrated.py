@@ -378,4 +378,4 @@ def _longer(
 
 def _calibrated(window: JointWindow, stereo: Any) -> JointWindow:
     """With what the stereo estimator's own window found to be wrong with the pair, so that both have one scale."""
-    return replace(window, offset=stereo.map.extra) if isinstance(stereo, ModernStereoState) else window
+    return replace(window, of_pair=stereo.map.extra) if isinstance(stereo, ModernStereoState) else window

@@ -22,7 +22,9 @@ from ispom.solvers.continuous import (
     Spread,
     solve,
 )
+from ispom.solvers.prior import PAIR
 from ispom.solvers.spline import Spline
+from ispom.solvers.window import offset_at
 
 MIN_VIEWS = {True: 3, False: 2}
 """Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
@@ -52,10 +54,10 @@ class View:
     best: Pose | None = None
     """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
 
-    def rectified(self, offset: Array) -> Array:
-        """(N,) disparities without an offset [rad] and a lag [s] of the right camera, (2,)."""
+    def rectified(self, extra: Array) -> Array:
+        """(N,) disparities without what is wrong with the pair, `extra` (4,) of window.Window."""
         right = self.seen[:, 0] - self.disparity
-        return self.disparity + (1 + right**2) * (offset[0] + offset[1] * self.rate_rad_s)
+        return self.disparity + offset_at(right, extra) + (1 + right**2) * extra[1] * self.rate_rad_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +126,8 @@ class JointWindow:
     table: Table = field(default_factory=Table.empty)
     beliefs: tuple[RigModel, ...] = ()
     """What was known of the rig after each of the last adjustments."""
-    offset: Array = field(default_factory=lambda: np.zeros(2))
-    """What stereo found to be wrong with the pair: offset of the right x [rad], lag of its shutter [s]."""
+    of_pair: Array = field(default_factory=lambda: np.zeros(PAIR))
+    """What stereo found to be wrong with the pair (see window.Window.extra)."""
     slid: bool = False
     """Whether views have left it."""
     reference: Reference | None = None
@@ -157,7 +159,7 @@ class JointWindow:
         """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""
         new = self.table.places(view.ids) < 0
         anchor = self.camera_pose(view)
-        depth = view.rectified(self.offset)[new] / baseline_m
+        depth = view.rectified(self.of_pair)[new] / baseline_m
         unknown = ~(depth > 1e-4)
         if unknown.any():
             depth[unknown] = self._neighbours(anchor, view.seen[new][unknown])
@@ -257,7 +259,7 @@ class JointWindow:
         index = index[np.lexsort((exposure[index], owner[index]))]
         camera = np.where(video[exposure[index]], VIDEO, LEFT)
         seen = np.column_stack(
-            [np.concatenate([v.seen for v in views]), np.concatenate([v.rectified(self.offset) for v in views])]
+            [np.concatenate([v.seen for v in views]), np.concatenate([v.rectified(self.of_pair) for v in views])]
         )[index]
         inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
         inverse[np.isnan(seen[:, 2]), 2] = 0.0

@@ -11,7 +11,7 @@ from ispom.estimators.keyframes import Frame, Points
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
 from ispom.solvers.inverse_depth import InverseDepths, intersect
-from ispom.solvers.prior import EXTRA, POSE, Prior
+from ispom.solvers.prior import LENS, POSE, Prior
 from ispom.solvers.window import Adjusted, Window, adjust, marginalise
 
 DYING_SHARE = 0.3
@@ -39,9 +39,9 @@ class Map:
     prior: Prior | None
     """Over the first poses of the window; holds the world and the unit."""
     between: tuple[Between, ...] = ()
-    extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    extra: Array = field(default_factory=lambda: np.zeros(LENS))
     """Correction of the camera, see lens.py; the key frames' coordinates are without it."""
-    extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
     """Its deviations before any data; 0 where it is held."""
 
     @property
@@ -265,7 +265,7 @@ def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, un
     correction. All as widened as the loss is.
     """
     rotations, translations = views(poses)
-    size = POSE * len(poses) + EXTRA
+    size = POSE * len(poses) + LENS
     hessian = np.zeros((size, size))
     apart = poses[-1].translation - poses[0].translation
     unit = float(np.linalg.norm(apart))
@@ -274,5 +274,5 @@ def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, un
     along = -rotations[-1] @ apart / unit  # how a left twist's rho moves the last centre away from the first
     last = slice(POSE * (len(poses) - 1), POSE * len(poses))
     hessian[last, last][:3, :3] += np.outer(along, along) / (unit**2 * (1e-12 + unit_sigma**2))
-    hessian[size - EXTRA :, size - EXTRA :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
-    return Prior(rotations, translations, np.zeros(EXTRA), hessian, np.zeros(size))
+    hessian[size - LENS :, size - LENS :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
+    return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.solvers.motion_only import Located
-from ispom.solvers.prior import EXTRA, POSE
+from ispom.solvers.prior import LENS, POSE
 from ispom.solvers.window import Window, covariance
 
 LOSS = 1.5
@@ -59,15 +59,15 @@ class Spread:
         weighted = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
         first = np.searchsorted(owners, np.arange(len(points)))
         alone = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
-        mixed = np.zeros((len(points), 3, POSE * c + EXTRA))
+        mixed = np.zeros((len(points), 3, POSE * c + LENS))
         for i in range(c):
             mine = k == i
             mixed[owners[mine], :, POSE * i : POSE * (i + 1)] = weighted[mine] @ by_pose[mine]
-        mixed[:, :, -EXTRA:] = np.add.reduceat(weighted @ by_extra, first)
+        mixed[:, :, -LENS:] = np.add.reduceat(weighted @ by_extra, first)
         along = -(alone @ mixed).reshape(-1, mixed.shape[2]) @ root
         along = along.reshape(mixed.shape)
         last = slice(POSE * (c - 1), POSE * c)
-        told = (root[-EXTRA:], all_poses[last, last], *_of_steps(window, all_poses))
+        told = (root[-LENS:], all_poses[last, last], *_of_steps(window, all_poses))
         return Spread(ids[young], alone / LOSS**2, along, *told)
 
     def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: Located, sigma: float) -> Array:

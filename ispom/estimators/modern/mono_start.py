@@ -14,7 +14,7 @@ from ispom.estimators.modern.mono_map import Between, Map, adjusted, anchored_pr
 from ispom.estimators.modern.mono_spread import LOSS
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import locate
-from ispom.solvers.prior import EXTRA, Prior
+from ispom.solvers.prior import LENS, Prior
 from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
 from ispom.solvers.two_view import hypotheses
 from ispom.types import Decision
@@ -55,7 +55,7 @@ class Start:
     """Units per second before a loss, taken for those of the new map's first baseline; None: that is 1 long."""
     points: Points = Points()
     """Of the map before a loss: where tracks go on, they carry the unit over."""
-    extra_sigma: Array = field(default_factory=lambda: np.zeros(EXTRA))
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
     """How far the camera's calibration may be corrected."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6) of the base in the world from before a loss; zero where the base is the world."""

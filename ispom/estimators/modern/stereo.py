@@ -24,6 +24,7 @@ from ispom.frontends.exposure import as_bright
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
+from ispom.solvers.prior import PAIR
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
     Decision,
@@ -41,6 +42,9 @@ from ispom.types import (
     colours_at,
 )
 
+SIDE = 0.5
+"""x/z of the place towards the image's sides for which the bend of the disparity offset is told."""
+
 
 @dataclass(frozen=True)
 class ModernStereoConfig:
@@ -51,9 +55,12 @@ class ModernStereoConfig:
     window: Annotated[int, Range(3, 20)] = 8
     """Key frames adjusted together; older ones become a prior."""
     self_calibration: bool = True
-    """Estimate what is wrong with the rectification: a constant offset of the disparity, and a late right shutter."""
+    """Estimate what is wrong with the rectification: an offset of the disparity, how it grows towards the image's
+    sides, and a late right shutter."""
     offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.5
-    """How far off the disparities may be, before any data."""
+    """How far off the disparities may be in the middle of the image, before any data."""
+    bend_sigma_px: Annotated[float, Range(0.01, 10)] = 1.0
+    """How much farther off they may be at 45 degrees to its side, as a square and as a fourth power of x/z."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """How late the right shutter may be, before any data."""
     loss_px: Annotated[float, Range(0.1, 5)] = 0.31
@@ -183,10 +190,11 @@ class ModernStereo:
 
     @property
     def _extra_sigma(self) -> Array:
-        """Of the offset [rad] and the lag [s]; 0 holds them."""
+        """(4,) see window.Window.extra; 0 holds them."""
         if not self.config.self_calibration:
-            return np.zeros(2)
-        return np.array([self.config.offset_sigma_px / self.rig.camera("left").fx, self.config.lag_sigma_s])
+            return np.zeros(PAIR)
+        c, f = self.config, self.rig.camera("left").fx
+        return np.array([c.offset_sigma_px / f, c.lag_sigma_s, c.bend_sigma_px / f, c.bend_sigma_px / f])
 
     @property
     def _tracker(self) -> PairTracker:
@@ -270,11 +278,17 @@ class ModernStereo:
             )
         ]
         if self.config.self_calibration and world.covariance is not None:
-            sigma_px, sigma_s = np.sqrt(np.diag(world.covariance)[-2:]) * (f, 1.0)
-            offset, lag = world.extra[0] * f, world.extra[1]
+            (offset, lag, square, fourth), spread = world.extra, world.covariance[-PAIR:, -PAIR:]
+            bend = np.array([SIDE**2, SIDE**4])
             decisions += [
-                Decision("disparity offset", offset, 2 * sigma_px, abs(offset) > 2 * sigma_px, "px", ">"),
-                Decision("right shutter late by", 1e3 * lag, 2e3 * sigma_s, abs(lag) > 2 * sigma_s, "ms", ">"),
+                _corrected("disparity offset", f * offset, f**2 * spread[0, 0], "px"),
+                _corrected(
+                    f"disparity offset at {np.degrees(np.arctan(SIDE)):.0f} degrees against the middle",
+                    f * float(bend @ (square, fourth)),
+                    f**2 * float(bend @ spread[2:, 2:] @ bend),
+                    "px",
+                ),
+                _corrected("right shutter late by", 1e3 * lag, 1e6 * spread[1, 1], "ms"),
             ]
         return world, settled, tuple(decisions)
 
@@ -350,3 +364,9 @@ class ModernStereo:
             return spread
         way = (pose @ world.keys[-1].left_from_world.inverse()).adjoint
         return way @ spread @ way.T + np.linalg.inv(sighting.located.information)
+
+
+def _corrected(name: str, value: float, variance: float, unit: str) -> Decision:
+    """What the pair's images say against its calibration, beside two standard deviations of it."""
+    twice = 2 * float(np.sqrt(max(variance, 0.0)))
+    return Decision(name, float(value), twice, abs(value) > twice, unit, ">")

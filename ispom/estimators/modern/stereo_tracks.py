@@ -16,6 +16,7 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.late_shutter import drift
 from ispom.solvers.motion_only import Located, locate
 from ispom.solvers.resection import resect
+from ispom.solvers.window import offset_at
 from ispom.types import Camera, Decision, Image, TrackStatus
 
 
@@ -247,16 +248,15 @@ class PairTracker:
 
     def _freed(self, world: StereoMap, near: Array, seen: Array, rate: Array) -> Array:
         """(N, 3) what was seen, the right x as of a perfect pair, where points are `near` (N, 3) in the left camera."""
-        offset, lag = world.extra
-        square = 1 + seen[:, 2] ** 2
+        right, lag = seen[:, 2], world.extra[1]
         late = drift(near, np.broadcast_to(world.felt(rate), (len(near), 6)), lag, self.baseline_m)
-        return np.column_stack([seen[:, :2], seen[:, 2] - square * (offset + lag * late)])
+        return np.column_stack([seen[:, :2], right - offset_at(right, world.extra) - (1 + right**2) * lag * late])
 
     def intersected(self, world: StereoMap, points: Points, rate: Array) -> Array:
         """(N, 3) in the left camera from disparities, freed of the offset found so far; far ones at 2000 baselines."""
         seen = points.seen_by(self.camera)
-        (offset, lag), rate = world.extra, world.felt(rate)
-        x, y, right = seen[:, 0], seen[:, 1], seen[:, 2] - (1 + seen[:, 2] ** 2) * offset
+        lag, rate = world.extra[1], world.felt(rate)
+        x, y, right = seen[:, 0], seen[:, 1], seen[:, 2] - offset_at(seen[:, 2], world.extra)
         disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
         depth = (self.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, 1 / 2000)
         return np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.solvers.late_shutter import RowFit, drift
-from ispom.solvers.prior import EXTRA, POSE, Prior, anchored
+from ispom.solvers.prior import PAIR, POSE, Prior, anchored
 from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
 
 KEPT_FRAMES = 2
@@ -41,15 +41,15 @@ class StereoMap:
     """(M,) of the points with a place, ascending."""
     xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(M, 3) in the world [m]."""
-    extra: Array = field(default_factory=lambda: np.zeros(EXTRA))
-    """Offset of the right x [rad], lag of the right shutter [s]."""
+    extra: Array = field(default_factory=lambda: np.zeros(PAIR))
+    """What is wrong with the pair (see window.Window.extra)."""
     prior: Prior | None = None
     rows: RowFit = RowFit()
     """What the rows say about the right shutter."""
     late: bool = False
     """They show that it is late: then its place is not that of the pair either. Else only turns are looked at."""
     covariance: Array | None = None
-    """(6 C + 2, 6 C + 2) of the key frames' left twists and the extras; None before a second key frame."""
+    """(6 C + 4, 6 C + 4) of the key frames' left twists and the extras; None before a second key frame."""
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
@@ -82,7 +82,7 @@ def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, spread: Array 
         if spread is not None:
             whole = np.diag(np.concatenate([np.zeros(POSE), np.where(extra_sigma > 0, extra_sigma, 1.0) ** 2]))
             if covariance is not None:
-                whole[POSE:, POSE:] = covariance[-EXTRA:, -EXTRA:]
+                whole[POSE:, POSE:] = covariance[-PAIR:, -PAIR:]
             whole[:POSE, :POSE] = spread
             covariance = whole
             prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(whole))
@@ -94,7 +94,7 @@ def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, spread: Array 
 
 def emptied(state: StereoMap) -> StereoMap:
     """Without key frames and points; what was found out about the pair stays."""
-    covariance = None if state.covariance is None else state.covariance[-EXTRA:, -EXTRA:]
+    covariance = None if state.covariance is None else state.covariance[-PAIR:, -PAIR:]
     return StereoMap(extra=state.extra, rows=state.rows, late=state.late, covariance=covariance)
 
 
