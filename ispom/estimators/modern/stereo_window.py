@@ -99,9 +99,9 @@ def emptied(state: StereoMap) -> StereoMap:
 
 
 def with_rows(state: StereoMap, rows: RowFit) -> StereoMap:
-    """The map that knows what the rows say now; what they have once shown is not taken back."""
+    """The map that knows what the rows say now."""
     information, lag = rows.lag
-    return replace(state, rows=rows, late=state.late or abs(lag) > LEAST_LAG_S + 2 * information**-0.5)
+    return replace(state, rows=rows, late=abs(lag) > LEAST_LAG_S + 2 * information**-0.5)
 
 
 def adjusted(

@@ -138,6 +138,29 @@ def test_kitti_06_is_within_its_limit() -> None:
     assert any("disparity offset" in str(d) for d in steps[-1].decisions + steps[-2].decisions)
 
 
+@pytest.mark.skipif(not (DATA / "kitti").exists(), reason=ABSENT)
+def test_fast_and_without_a_road_the_disparities_offset_is_found() -> None:
+    """A stand-in for a motorway: 2.4 m between pairs, nothing to see on the road, the right image 0.8 px off."""
+    sequence = open_sequence(str(DATA / "kitti" / "sequences" / "06"))
+    pairs = [sequence[i] for i, kind in enumerate(sequence.kinds) if kind == "stereo"][::2]
+    shift = np.array([[1, 0, 0.8], [0, 1, 0.0]])
+
+    def blank(image: np.ndarray) -> np.ndarray:
+        out, road = image.copy(), int(0.62 * len(image))
+        out[road:] = cv2.GaussianBlur(image, (0, 0), 8)[road:]
+        return out
+
+    moved: list[Exposure] = [
+        StereoPair(p.time_ns, blank(p.left), blank(cv2.warpAffine(p.right, shift, p.right.shape[1::-1], flags=2)))
+        for p in pairs
+        if isinstance(p, StereoPair)
+    ]
+    found, steps = run(ModernStereoConfig().build(sequence.rig), moved)
+    assert sequence.truth is not None and all(s.status is Status.TRACKING for s in steps[1:])
+    errors = kitti_errors(found, sequence.truth.select(np.searchsorted(sequence.truth.times_ns, found.times_ns)))
+    assert errors is not None and errors.t_err_percent < 1.2
+
+
 @pytest.mark.skipif(not (DATA / "euroc_v1_01_start").exists(), reason=ABSENT)
 def test_a_drone_at_rest_stays_where_it_is() -> None:
     sequence = open_sequence(str(DATA / "euroc_v1_01_start"))
