@@ -107,8 +107,9 @@ def guessed(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world_from
     if not len(known):
         return np.full((len(uv), 3), np.nan)
     if len(unknown):
-        distance = ((uv[unknown, None] - uv[None, known]) ** 2).sum(axis=2)
-        depth[unknown] = depth[known[np.argmin(distance, axis=1)]]
+        near = uv[known].astype(float)
+        nearness = uv[unknown] @ near.T - 0.5 * (near**2).sum(axis=1)  # the nearest has the largest
+        depth[unknown] = depth[known[np.argmax(nearness, axis=1)]]
     ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
     return world_from_camera.apply(ray * depth[:, None])
 
