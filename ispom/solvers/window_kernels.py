@@ -17,40 +17,31 @@ GROSS = 1e6
 """A point behind its camera costs what an error of a thousand scales does: its square."""
 TERMS = 12
 """Of an observation: second derivatives by q (6 of a symmetric matrix), gradient by q (3), and derivative by the first
-correction times those by q (3), all weighted. After them: the shares of the corrections, see `_shares`."""
+correction times those by q (3), all weighted. After them, per correction: what the derivative
+by it is of that by the first."""
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _errors(q0, q1, q2, seen_x, seen_y, seen_right, baseline, extra, rate):
+def _errors(q0, q1, q2, seen_x, seen_y, seen_right, baseline, e0, e1, e2, e3, rate):
     """Image x, y, right x of a point before its camera, and their errors; without a right place its error is 0."""
     iz = 1.0 / q2
     x, y, right, er = q0 * iz, q1 * iz, 0.0, 0.0
     ex, ey = x - seen_x, y - seen_y
     if baseline == 0.0:
-        stretch = extra[0] + extra[1] * (x * x + y * y)
+        stretch = e0 + e1 * (x * x + y * y)
         ex, ey = ex + stretch * x, ey + stretch * y
     elif seen_right == seen_right:
         right = x - baseline * iz
         square = right * right
-        er = right + extra[0] + extra[1] * rate * (1.0 + square) + (extra[2] + extra[3] * square) * square - seen_right
+        er = right + e0 + e1 * rate * (1.0 + square) + (e2 + e3 * square) * square - seen_right
     return x, y, right, ex, ey, er
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _shares(baseline, x, y, right, rate, shares):
-    """What the derivative of the errors by each correction is of that by the first."""
-    shares[0] = 1.0
-    if baseline == 0.0:
-        shares[1] = x * x + y * y
-    else:
-        square = right * right
-        shares[1], shares[2], shares[3] = rate * (1.0 + square), square, square * square
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def squared_errors(rotations, translations, points, cameras, owners, seen, rates, baseline, extra):
     """(K,) over all images; inf behind the camera."""
-    out = np.empty(len(cameras))
+    out, e0, e1 = np.empty(len(cameras)), extra[0], extra[1]
+    e2, e3 = (extra[2], extra[3]) if len(extra) > 2 else (0.0, 0.0)
     for k in range(len(cameras)):
         c, m = cameras[k], owners[k]
         p0, p1, p2 = points[m, 0], points[m, 1], points[m, 2]
@@ -58,7 +49,9 @@ def squared_errors(rotations, translations, points, cameras, owners, seen, rates
         q1 = rotations[c, 1, 0] * p0 + rotations[c, 1, 1] * p1 + rotations[c, 1, 2] * p2 + translations[c, 1]
         q2 = rotations[c, 2, 0] * p0 + rotations[c, 2, 1] * p1 + rotations[c, 2, 2] * p2 + translations[c, 2]
         if q2 > MIN_DEPTH:
-            _, _, _, ex, ey, er = _errors(q0, q1, q2, seen[k, 0], seen[k, 1], seen[k, 2], baseline, extra, rates[k])
+            _, _, _, ex, ey, er = _errors(
+                q0, q1, q2, seen[k, 0], seen[k, 1], seen[k, 2], baseline, e0, e1, e2, e3, rates[k]
+            )
             out[k] = ex * ex + ey * ey + er * er
         else:
             out[k] = np.inf
@@ -93,7 +86,8 @@ def reduce_points(
     for i in range(n_obs):
         k = k + 1 if i > 0 and owners[i] == owners[i - 1] else 1
         longest = max(longest, k)
-    terms, k = np.zeros((longest, TERMS + n_extra)), 0
+    terms, k, e0, e1 = np.zeros((longest, TERMS + n_extra)), 0, extra[0], extra[1]
+    e2, e3 = (extra[2], extra[3]) if n_extra > 2 else (0.0, 0.0)
     for m in range(len(points)):
         begin, p0, p1, p2 = k, points[m, 0], points[m, 1], points[m, 2]
         v00, v01, v02, v11, v12, v22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -116,16 +110,21 @@ def reduce_points(
                     terms[n, a] = 0.0
                 continue
             x, y, xr, ex, ey, er = _errors(
-                q0, q1, q2, seen[k - 1, 0], seen[k - 1, 1], seen[k - 1, 2], baseline, extra, rates[k - 1]
+                q0, q1, q2, seen[k - 1, 0], seen[k - 1, 1], seen[k - 1, 2], baseline, e0, e1, e2, e3, rates[k - 1]
             )
             # s: derivative of the errors by (x, y); f: of the right one by right x; u: of all by the first correction
-            s00, s01, s11, f, ux, uy, ur = 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
+            s00, s01, s11, f, ux, uy, ur, square = 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, xr * xr
+            terms[n, TERMS], terms[n, TERMS + 1] = 1.0, rates[k - 1] * (1.0 + square)
+            if n_extra > 2:
+                terms[n, TERMS + 2], terms[n, TERMS + 3] = square, square * square
             if baseline == 0.0:
-                stretch, bend, ux, uy = 1.0 + extra[0] + extra[1] * (x * x + y * y), 2.0 * extra[1], x, y
+                square = x * x + y * y
+                terms[n, TERMS + 1] = square
+                stretch, bend, ux, uy = 1.0 + e0 + e1 * square, 2.0 * e1, x, y
                 s00, s01, s11 = stretch + bend * x * x, bend * x * y, stretch + bend * y * y
             elif seen[k - 1, 2] == seen[k - 1, 2]:
                 ur = 1.0
-                f = 1.0 + 2.0 * xr * (extra[1] * rates[k - 1] + extra[2] + 2.0 * extra[3] * xr * xr)
+                f = 1.0 + 2.0 * xr * (e1 * rates[k - 1] + e2 + 2.0 * e3 * square)
             # By q, x and y have (1, 0, -x) / z and (0, 1, -y) / z, right x has (1, 0, -right) / z.
             w, iz = per / (1.0 + (ex * ex + ey * ey + er * er) * per), 1.0 / q2
             wz = w * iz
@@ -141,7 +140,6 @@ def reduce_points(
             terms[n, 0], terms[n, 1], terms[n, 2], terms[n, 3], terms[n, 4], terms[n, 5] = h00, h01, h02, h11, h12, h22
             terms[n, 6], terms[n, 7], terms[n, 8] = g0, g1, g2
             terms[n, 9], terms[n, 10], terms[n, 11] = n0, n1, n2
-            _shares(baseline, x, y, xr, rates[k - 1], terms[n, TERMS:])
             # by the point: the product of the second derivatives with the rotation, and the rotation's with that
             c00, c01, c02 = (
                 h00 * r00 + h01 * r10 + h02 * r20,
