@@ -167,17 +167,12 @@ class Solution:
         full[np.ix_(free, free)] = inverse_factored(factor(hessian[np.ix_(free, free)]))
         return full
 
-    def covariances(self, unknowns: Array) -> Array:
-        """(E, 6, 6) of the poses as twists (rho, phi) on their right, from that of the unknowns."""
-        s, knots = self.sampled, len(self.problem.spline)
-        out = np.empty((len(s.first), 6, 6))
-        for e in range(len(out)):
-            k = 6 * int(s.first[e])
-            j = s.jacobian(e, knots)[:, k : k + 24]
-            turn = np.zeros((6, 24))
-            turn[:3], turn[3:] = s.rotations[e].T @ j[3:], j[:3]
-            out[e] = turn @ unknowns[k : k + 24, k : k + 24] @ turn.T
-        return out
+    def covariance(self, e: int, unknowns: Array) -> Array:
+        """(6, 6) of the pose at exposure e as a twist (rho, phi) on its right, from that of the unknowns."""
+        s, k = self.sampled, 6 * int(self.sampled.first[e])
+        j = s.jacobian(e, len(self.problem.spline))[:, k : k + 24]
+        turn = np.vstack([s.rotations[e].T @ j[3:], j[:3]])
+        return turn @ unknowns[k : k + 24, k : k + 24] @ turn.T
 
     def spread(self, chosen: NDArray[np.int64], unknowns: Array) -> Spread:
         """Of the chosen points (K,), in their values."""

@@ -49,6 +49,27 @@ def located_covariance(
     return inverse @ noise @ inverse + turn @ spread.unknowns @ turn.T
 
 
+def located_information(
+    world_from_rig: Pose, rig_from_camera: Pose, points: Points, seen: Array, sigma: float, loss: float
+) -> Array:
+    """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
+    none = np.zeros((len(seen), 3, 3))
+    return _equations(
+        world_from_rig.rotation,
+        world_from_rig.translation,
+        rig_from_camera.rotation,
+        rig_from_camera.translation,
+        points.anchors_r,
+        points.anchors_t,
+        points.values,
+        np.ascontiguousarray(seen),
+        sigma,
+        loss,
+        none[:, :, :0].copy(),
+        none,
+    )[0]
+
+
 @njit(cache=True)
 def _equations(r, p, camera_r, camera_t, anchors_r, anchors_t, values, seen, sigma, loss, rows, own):
     """Information (6, 6) of the pose, the noise (6, 6) in its right side, and how that follows the window (6, n)."""

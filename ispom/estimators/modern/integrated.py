@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from ispom.chain import Chain, in_order
 from ispom.estimator import Estimator
 from ispom.estimators.modern.joint_told import told
-from ispom.estimators.modern.joint_window import JointWindow, Noise, View
+from ispom.estimators.modern.joint_window import USUAL_KNOT_FRAMES, JointWindow, Noise, View
 from ispom.estimators.modern.stereo import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.anchoring import anchored
 from ispom.solvers.continuous import RigModel
-from ispom.solvers.located import located_covariance
+from ispom.solvers.located import located_covariance, located_information
 from ispom.solvers.resection import Resection, refine_pose, resect
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
@@ -61,8 +61,10 @@ class ModernIntegratedConfig:
     """Stereo pairs adjusted together, with all video frames between them."""
     max_points: Annotated[int, Range(50, 5000)] = 400
     """Points of the video, and as many of the pairs, in one adjustment: those seen most often."""
-    knot_frames: Annotated[float, Range(0.5, 10)] = 2.0
-    """Video frames from one knot of the spline to the next."""
+    knot_frames: Annotated[float, Range(0, 10)] = 0.0
+    """Video frames from one knot of the spline to the next; 0 chooses the most that can follow the motion."""
+    knot_misfit: Annotated[float, Range(0.1, 1000)] = 3.0
+    """How far poses may lie from that spline: mean square, in what the errors of their observations make of them."""
     estimate_rig: bool = False
     """Refine how the video camera is turned on the rig, and where it sits."""
     estimate_clock: bool = False
@@ -186,11 +188,13 @@ class ModernIntegrated:
         else:
             rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
             guess = located.camera_from_world.inverse() @ rig_from_camera.inverse()
-        view = replace(view, world_from_rig=guess)
+        view = replace(view, world_from_rig=guess, placed=located is not None)
+        if located is not None:
+            view = replace(view, information=self._information(window, view))
         window, left = window.with_view(view, self.rig.baseline_m).limited(MAX_VIEWS)
         state = replace(state, window=window, settled=_longer(state.settled, left))
         # The first frames have no points of known depth yet: the pair just before them says where they are.
-        near = located is None and not any(v.covariance is not None for v in window.views)
+        near = located is None and window.reference is None
         return state, located, Status.TRACKING if located is not None or near else Status.LOST
 
     def _rig_model(self) -> RigModel:
@@ -271,12 +275,24 @@ class ModernIntegrated:
         reference, pair = window.reference, self._meeting(state)
         if reference is None or pair is None or reference.time_ns != pair.time_ns:
             return None
-        base = state.metric_covariance if self.config.follow_stereo else pair.covariance
+        base = state.metric_covariance if self.config.follow_stereo else reference.drift
         way = reference.newest if view.best is not None else self._located_covariance(window, view)
         if base is None or way is None:
             return None
         carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
         return carry @ base @ carry.T + way
+
+    def _information(self, window: JointWindow, view: View) -> Array:
+        """(6, 6) of a pose by resection, relative to the points."""
+        place = window.table.places(view.ids)
+        return located_information(
+            view.world_from_rig,
+            window.rig.rig_from_video if view.video else window.rig.rig_from_left,
+            window.table.select(place[place >= 0]).points,
+            view.seen[place >= 0],
+            self._sigma(view.video),
+            self.config.loss,
+        )
 
     def _located_covariance(self, window: JointWindow, view: View) -> Array | None:
         """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
@@ -308,13 +324,17 @@ class ModernIntegrated:
         if len(window.pairs) < 2 or meeting is None:
             return state, (), ()
         config, noise = self.config, self._noise
-        spacing_s = config.knot_frames * (state.frame_s or 0.1)
-        found = window.adjusted(noise, spacing_s, config.max_points, config.iterations, meeting.time_ns)
+        frame_s, frames, why = state.frame_s or 0.1, config.knot_frames or USUAL_KNOT_FRAMES, ()
+        # A clock or a rig that is still wrong looks like motion.
+        if not config.knot_frames and not window.rig.free.any():
+            window, chosen = window.with_knots(frame_s, config.knot_misfit)
+            frames, why = min(window.knots), (chosen,)
+        found = window.adjusted(noise, frames * frame_s, config.max_points, config.iterations, meeting.time_ns)
         if found is None:
             return state, (Decision("points for an adjustment", 0, 1, False),), ()
         window, solution = found
         poses = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in window.views]
-        return replace(state, window=window), told(window, solution), poses
+        return replace(state, window=window), (*why, *told(window, solution)), poses
 
     def _with_metric(self, state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
         known = dict(state.metric)

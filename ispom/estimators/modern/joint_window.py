@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation, Slerp
 
-from ispom.geometry import Array, Pose, so3_exp
+from ispom.geometry import Array, Pose
 from ispom.solvers.continuous import (
     LEFT,
     VIDEO,
@@ -23,11 +22,17 @@ from ispom.solvers.continuous import (
     solve,
 )
 from ispom.solvers.prior import PAIR
-from ispom.solvers.spline import Spline
+from ispom.solvers.spline import ORDER
+from ispom.solvers.spline_fit import fitted, misfits
 from ispom.solvers.window import offset_at
+from ispom.types import Decision
 
 MIN_VIEWS = {True: 3, False: 2}
 """Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
+KNOT_FRAMES = (6.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0)
+"""Video frames from one knot to the next, to choose from."""
+USUAL_KNOT_FRAMES = 2.0
+"""Where the motion cannot tell."""
 HELD = 1e10
 """Information [1/rad^2, 1/m^2] of a pose that others are told relative to."""
 NEIGHBOURS = 5
@@ -49,8 +54,10 @@ class View:
     rate_rad_s: float = 0.0
     """Turn rate about the left camera's y axis."""
     world_from_rig: Pose = field(default_factory=Pose)
-    covariance: Array | None = None
-    """(6, 6) of the twist (rho, phi) on the pose's right; None before the first adjustment."""
+    placed: bool = True
+    """Whether the pose is from what was seen; else it is that of the view before."""
+    information: Array | None = None
+    """(6, 6) of the pose as first located."""
     best: Pose | None = None
     """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
 
@@ -114,6 +121,8 @@ class Reference:
     spread: Spread
     newest: Array
     """(6, 6) covariance of the newest pose that was adjusted."""
+    drift: Array
+    """(6, 6) covariance of the exposure's own pose in the window's world."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +139,8 @@ class JointWindow:
     """What stereo found to be wrong with the pair (see window.Window.extra)."""
     slid: bool = False
     """Whether views have left it."""
+    knots: tuple[float, ...] = ()
+    """Video frames from one knot to the next, as chosen after each pair in it but the first."""
     reference: Reference | None = None
     """Of the last adjustment."""
 
@@ -187,8 +198,6 @@ class JointWindow:
         if problem is None:
             return None
         solution = solve(problem, iterations)
-        unknowns = solution.unknowns(problem.prior)
-        covariances = solution.covariances(unknowns)
         s = solution.sampled
         poses = [Pose(r, p) for r, p in zip(s.rotations, s.positions, strict=True)]
         edge = self.pairs[1]
@@ -196,29 +205,72 @@ class JointWindow:
             replace(
                 v,
                 world_from_rig=poses[i],
-                covariance=v.covariance if v.best is not None and i < edge and self.slid else covariances[i],
                 best=v.best if v.best is not None and i < edge and self.slid else poses[i],
+                placed=True,
+                information=None,
             )
             for i, v in enumerate(self.views)
         )
         values = self.table.points.values.copy()
         values[used] = solution.problem.points.values
         table = replace(self.table, points=replace(self.table.points, values=values))
+        after = replace(self, rig=solution.problem.rig, views=views, table=table)
+        reference, unknowns = after._seen_from(reference_ns, solution, used)
         beliefs = (*self.beliefs, solution.believed(unknowns))[-len(self.pairs) :]
-        after = replace(self, rig=solution.problem.rig, views=views, table=table, beliefs=beliefs)
-        return replace(after, reference=after._seen_from(reference_ns, solution, used)), solution
+        return replace(after, reference=reference, beliefs=beliefs), solution
 
-    def _seen_from(self, time_ns: int, solution: Solution, used: NDArray[np.int64]) -> Reference:
+    def _seen_from(self, time_ns: int, solution: Solution, used: NDArray[np.int64]) -> tuple[Reference, Array]:
         """The errors of the points that may be seen again, and of the newest pose, relative to a pair's."""
-        place = next(
-            i for i in reversed(range(len(self.views))) if self.views[i].time_ns == time_ns and not self.views[i].video
-        )
-        pose = self.views[place].world_from_rig
-        unknowns = solution.unknowns(PosePrior(place, pose, np.eye(6) * HELD))
+        place = {v.time_ns: i for i, v in enumerate(self.views) if not v.video}
+        here = place[time_ns]
+        pose = self.views[here].world_from_rig
+        unknowns = solution.unknowns(PosePrior(here, pose, np.eye(6) * HELD))
         recent = [next((v.ids for v in reversed(self.views) if v.video == video), used[:0]) for video in (True, False)]
         chosen = np.flatnonzero(np.isin(self.table.ids[used], np.concatenate(recent)))
-        newest = solution.covariances(unknowns)[-1]
-        return Reference(time_ns, pose, self.table.ids[used[chosen]], solution.spread(chosen, unknowns), newest)
+        drift, before = np.zeros((6, 6)), self.reference
+        if before is not None:
+            # How unsure the way from the last such pair is, and how unsure that one was.
+            there = place.get(before.time_ns, 0)
+            carry = (pose.inverse() @ self.views[there].world_from_rig).adjoint
+            drift = carry @ (before.drift + solution.covariance(there, unknowns)) @ carry.T
+        spread, newest = solution.spread(chosen, unknowns), solution.covariance(len(self.views) - 1, unknowns)
+        return Reference(time_ns, pose, self.table.ids[used[chosen]], spread, newest, drift), unknowns
+
+    def misfit(self, spacing_s: float) -> float | None:
+        """How far the poses located since the last adjustment lie from a spline with such knots.
+
+        Mean square per degree of freedom, in what their points' errors make of them; None where they are too few.
+        """
+        times_s = _times_s(self.views, self.rig)
+        # Pairs take no part: were the clocks apart, they would look like motion that only fine knots can follow.
+        views = tuple(replace(v, placed=v.placed and v.video) for v in self.views)
+        if sum(v.placed for v in views) < ORDER:
+            return None
+        order, times, rotations, positions = _ways(views, times_s)
+        new = np.array([self.views[i].information is not None for i in order])
+        freedom = new.sum() - (times[new].max() - times[new].min()) / spacing_s if new.any() else 0.0
+        if freedom < 2:
+            return None
+        off = misfits(fitted(times, rotations, positions, spacing_s), times, rotations, positions)[new]
+        information = np.stack([self.views[i].information for i in order[new]])
+        return float(np.einsum("ei,eij,ej->", off, information, off)) / (6 * float(freedom))
+
+    def with_knots(self, frame_s: float, most: float) -> tuple[JointWindow, Decision]:
+        """With the coarsest knots, in frames, that the poses since the last adjustment lie near enough to; and why."""
+        chosen, misfit = KNOT_FRAMES[-1], None
+        for frames in KNOT_FRAMES[:-1]:
+            found = self.misfit(frames * frame_s)
+            misfit = misfit if found is None else found
+            if found is not None and found <= most:
+                chosen = frames
+                break
+        if misfit is None:
+            chosen, misfit = USUAL_KNOT_FRAMES, 0.0
+        # A window has one spacing: that of its liveliest part.
+        knots = (*self.knots, chosen)[1 - len(self.pairs) :]
+        because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", for the motion before")
+        decision = Decision("misfit of the poses to the spline", misfit, most, misfit <= most, "", "<=", because)
+        return replace(self, knots=knots), decision
 
     def shortened(self, pairs: int) -> tuple[JointWindow, tuple[View, ...]]:
         """With this many stereo pairs, and the views that left."""
@@ -265,11 +317,10 @@ class JointWindow:
         inverse[np.isnan(seen[:, 2]), 2] = 0.0
         observations = Observations(exposure[index], camera, owner[index], np.nan_to_num(seen), inverse)
         points = self.table.select(used).points
-        times_s = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
-        first_pose = views[0].world_from_rig
-        prior = PosePrior(0, first_pose, _information(views[0].covariance, first_pose))
+        prior = PosePrior(0, views[0].world_from_rig, np.eye(6) * HELD)
         depth_prior = np.column_stack([points.values[:, 2], np.full(len(points), 1.0)])
-        spline = _spline(views, times_s + np.where(video, self.rig.clock_offset_s, 0.0), spacing_s)
+        times_s = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
+        spline = fitted(*_ways(views, _times_s(views, self.rig))[1:], spacing_s)
         return Problem(
             spline, times_s, video, points, observations, self.rig, self._belief(), prior, depth_prior, loss=noise.loss
         ), used
@@ -282,29 +333,17 @@ def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArr
     return np.sort(np.concatenate([order[video[order]][:most], order[~video[order]][:most]]))
 
 
-def _information(covariance: Array | None, pose: Pose) -> Array:
-    """(6, 6) of the rotation in the rig and the position in the world, of that of a twist (rho, phi)."""
-    if covariance is None:
-        return np.eye(6) * 1e8
-    turn = np.zeros((6, 6))
-    turn[:3, 3:], turn[3:, :3] = np.eye(3), pose.rotation
-    return np.linalg.inv(turn @ covariance @ turn.T + 1e-12 * np.eye(6))
+def _times_s(views: tuple[View, ...], rig: RigModel) -> Array:
+    """(E,) of the exposures since the first, by the clock of the pairs."""
+    stamped = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
+    return stamped + np.where([v.video for v in views], rig.clock_offset_s, 0.0)
 
 
-def _spline(views: tuple[View, ...], times_s: Array, spacing_s: float) -> Spline:
-    """Knots on the way through the poses of the views."""
+def _ways(views: tuple[View, ...], times_s: Array) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """Which views (E,) have poses of their own, in the order of their times; times, rotations, positions."""
     order = np.argsort(times_s, kind="stable")
+    order = order[np.array([views[i].placed for i in order])]
     order = order[np.concatenate([[True], np.diff(times_s[order]) > 1e-6])]
-    times = times_s[order]
-    start = times[0] - 0.25 * spacing_s
-    count = int(np.floor((times[-1] - start) / spacing_s)) + 4
-    at = np.clip(start + spacing_s * (np.arange(count) - 1), times[0], times[-1])
     rotations = np.stack([views[i].world_from_rig.rotation for i in order])
     positions = np.stack([views[i].world_from_rig.translation for i in order])
-    turned = Slerp(times, Rotation.from_matrix(rotations))(at).as_matrix()
-    moved = np.column_stack([np.interp(at, times, positions[:, k]) for k in range(3)])
-    # A knot's spline passes beside it by a sixth of the bend there.
-    steps = Rotation.from_matrix(np.swapaxes(turned[:-1], 1, 2) @ turned[1:]).as_rotvec()
-    turned[1:-1] = turned[1:-1] @ so3_exp(-np.diff(steps, axis=0) / 6)
-    moved[1:-1] -= np.diff(moved, 2, axis=0) / 6
-    return Spline(float(start), spacing_s, np.ascontiguousarray(turned), moved)
+    return order, times_s[order], rotations, positions

@@ -86,6 +86,12 @@ def test_covariances_are_stereos_at_the_pairs_and_grow_from_there(walked: tuple[
             assert np.linalg.eigvalsh(way)[0] > 0 and np.sqrt(way[:3, :3].trace()) < 0.03
 
 
+def test_knots_are_chosen_from_the_motion_and_told(walked: tuple[list, list[Step]]) -> None:
+    told = [d for s in walked[1] for d in s.decisions if d.name.startswith("misfit")]
+    assert told and all("knots every" in d.because for d in told)
+    assert min(walked[0][-1].window.knots) <= 2.5  # a hand shakes
+
+
 def same(a: Trajectory, b: Trajectory) -> bool:
     return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("times_ns", "rotations", "translations"))
 
