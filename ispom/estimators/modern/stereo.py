@@ -63,7 +63,7 @@ class ModernStereoConfig:
     """How much farther off they may be at 45 degrees to its side, as a square and as a fourth power of x/z."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """How late the right shutter may be, before any data."""
-    loss_px: Annotated[float, Range(0.1, 5)] = 0.31
+    loss_px: Annotated[float, Range(0.05, 5)] = 0.17
     """Scale of the Cauchy loss, and the error that covariances take a track to have: errors along it are alike."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Larger reprojection errors end a track."""
@@ -272,11 +272,8 @@ class ModernStereo:
             return world, settled, ()
         f = self.rig.camera("left").fx
         error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
-        decisions = [
-            Decision(
-                "median error after adjustment", error, self.config.loss_px, error <= self.config.loss_px, "px", "<="
-            )
-        ]
+        usual = 2 * self.config.loss_px
+        decisions = [Decision("median error after adjustment", error, usual, error <= usual, "px", "<=")]
         if self.config.self_calibration and world.covariance is not None:
             (offset, lag, square, fourth), spread = world.extra, world.covariance[-PAIR:, -PAIR:]
             bend = np.array([SIDE**2, SIDE**4])

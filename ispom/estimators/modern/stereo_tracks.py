@@ -11,6 +11,7 @@ from ispom.estimators.modern.stereo_window import StereoMap
 from ispom.frontends import sift
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
+from ispom.frontends.patches import align, warps_of
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.late_shutter import drift
@@ -18,6 +19,9 @@ from ispom.solvers.motion_only import Located, locate
 from ispom.solvers.resection import resect
 from ispom.solvers.window import offset_at
 from ispom.types import Camera, Decision, Image, TrackStatus
+
+MIN_CORRELATION, MAX_SHIFT_PX = 0.7, 1.5
+"""Of a patch found again and its origin; and how far from where tracking led."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +186,7 @@ class PairTracker:
             lost = ~np.isfinite(expected).all(1)
             expected[lost] = points.uv[lost]
             uv, status = Klt(levels=2).track(last.left, left, points.uv, expected)
-        uv = self._refined(last, world, left, uv, status)
+        uv = self._refined(last, world, left, uv, status, near, guess)
         alive = np.flatnonzero(status == TrackStatus.ALIVE)
         disparity = np.full(len(points), np.nan, np.float32)
         depth = np.maximum(near[alive, 2], 0.1)
@@ -196,18 +200,31 @@ class PairTracker:
         return Sighting(uv, disparity, status, place, located, alive, lower / camera.fy)
 
     def _refined(
-        self, last: Last, world: StereoMap, left: Image, uv: NDArray[np.float32], status: NDArray[np.uint8]
+        self,
+        last: Last,
+        world: StereoMap,
+        left: Image,
+        uv: NDArray[np.float32],
+        status: NDArray[np.uint8],
+        near: Array,
+        guess: Pose,
     ) -> NDArray[np.float32]:
-        """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest."""
-        if last.key_left is None or last.key_left is last.left:
+        """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest.
+
+        Patches are warped as the points `near` (N, 3) to the camera say, seen from `guess`: unwarped ones that grow
+        drift outwards.
+        """
+        if last.key_left is None:
             return uv
         key, camera = world.keys[-1], self.camera
         _, old, new = np.intersect1d(key.ids, last.points.ids, assume_unique=True, return_indices=True)
         alive = status[new] == TrackStatus.ALIVE
         old, new = old[alive], new[alive]
         start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)
-        again, found = Klt(levels=1).track(last.key_left, left, start, uv[new])
-        good = (found == TrackStatus.ALIVE) & (np.linalg.norm(again - uv[new], axis=1) < 1.5)
+        back = key.left_from_world @ guess.inverse()
+        warps = warps_of(camera, back.rotation[None], back.translation[None], near[new])
+        again, score = align(last.key_left, start, left, uv[new], warps)
+        good = (score > MIN_CORRELATION) & (np.linalg.norm(again - uv[new], axis=1) < MAX_SHIFT_PX)
         out = uv.copy()
         out[new[good]] = again[good]
         return out
