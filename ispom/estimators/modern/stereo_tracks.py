@@ -22,6 +22,8 @@ from ispom.types import Camera, Decision, Image, TrackStatus
 
 MIN_CORRELATION, MAX_SHIFT_PX = 0.7, 1.5
 """Of a patch found again and its origin; and how far from where tracking led."""
+ONE_WAY = Klt(levels=2, max_forward_backward_px=np.inf)
+"""From a good guess; the key frame's patch then checks what was found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +187,8 @@ class PairTracker:
             expected = camera.project(near).astype(np.float32)
             lost = ~np.isfinite(expected).all(1)
             expected[lost] = points.uv[lost]
-            uv, status = Klt(levels=2).track(last.left, left, points.uv, expected)
-        uv = self._refined(last, world, left, uv, status, near, guess)
+            uv, status = ONE_WAY.track(last.left, left, points.uv, expected)
+        uv, status = self._refined(last, world, left, uv, status, near, guess)
         alive = np.flatnonzero(status == TrackStatus.ALIVE)
         disparity = np.full(len(points), np.nan, np.float32)
         depth = np.maximum(near[alive, 2], 0.1)
@@ -208,14 +210,14 @@ class PairTracker:
         status: NDArray[np.uint8],
         near: Array,
         guess: Pose,
-    ) -> NDArray[np.float32]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest.
 
         Patches are warped as the points `near` (N, 3) to the camera say, seen from `guess`: unwarped ones that grow
-        drift outwards.
+        drift outwards. What does not look like its patch any more is lost.
         """
         if last.key_left is None:
-            return uv
+            return uv, status
         key, camera = world.keys[-1], self.camera
         _, old, new = np.intersect1d(key.ids, last.points.ids, assume_unique=True, return_indices=True)
         alive = status[new] == TrackStatus.ALIVE
@@ -225,9 +227,10 @@ class PairTracker:
         warps = warps_of(camera, back.rotation[None], back.translation[None], near[new])
         again, score = align(last.key_left, start, left, uv[new], warps)
         good = (score > MIN_CORRELATION) & (np.linalg.norm(again - uv[new], axis=1) < MAX_SHIFT_PX)
-        out = uv.copy()
-        out[new[good]] = again[good]
-        return out
+        uv, status = uv.copy(), status.copy()
+        uv[new[good]] = again[good]
+        status[new[~good]] = TrackStatus.LOST
+        return uv, status
 
     def _locate(
         self, last: Last, world: StereoMap, place: NDArray[np.int64], seen: Array, guess: Pose, time_ns: int
