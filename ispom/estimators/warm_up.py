@@ -6,7 +6,9 @@ code kept, this takes one or two.
 
 from __future__ import annotations
 
+import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -36,6 +38,16 @@ def warm_up() -> None:
         for exposure in exposures:
             state, _ = ensemble.step(state, exposure)
         ensemble.finish(state)
+    for kernel in kernels():
+        keep(kernel)
+
+
+def keep(kernel: Dispatcher) -> None:
+    """Makes what was kept of it as new as its source: numba goes by contents, and leaves it where they are the same."""
+    changed = Path(kernel.py_func.__code__.co_filename).stat().st_mtime_ns
+    for index in _indices(kernel):
+        with suppress(OSError):
+            os.utime(index, ns=(changed, max(changed, index.stat().st_mtime_ns)))
 
 
 def kernels() -> list[Dispatcher]:
@@ -51,11 +63,15 @@ def compiled_before() -> bool:
 
 
 def _kept(kernel: Dispatcher) -> bool:
-    source = Path(kernel.py_func.__code__.co_filename)
-    name = f"{source.stem}.{kernel.py_func.__qualname__}-{kernel.py_func.__code__.co_firstlineno}.py*.nbi"
-    changed = source.stat().st_mtime
-    folder = Path(str(kernel.stats.cache_path))
-    return any(index.stat().st_mtime >= changed for index in folder.glob(name))
+    changed = Path(kernel.py_func.__code__.co_filename).stat().st_mtime
+    return any(index.stat().st_mtime >= changed for index in _indices(kernel))
+
+
+def _indices(kernel: Dispatcher) -> list[Path]:
+    """The files in which numba tells what machine code it has kept."""
+    code = kernel.py_func.__code__
+    name = f"{Path(code.co_filename).stem}.{kernel.py_func.__qualname__}-{code.co_firstlineno}.py*.nbi"
+    return list(Path(str(kernel.stats.cache_path)).glob(name))
 
 
 def flight(rig: Rig) -> list[Exposure]:

@@ -51,12 +51,14 @@ def test_new_sources_are_to_be_compiled_again(tmp_path: Path) -> None:
     (tmp_path / "made.py").write_text("from numba import njit\n\n\n@njit(cache=True)\ndef one(x):\n    return x + 1\n")
     script = (
         "import os, made\n"
-        "from ispom.estimators.warm_up import _kept\n"
+        "from ispom.estimators.warm_up import _kept, keep\n"
         "assert not _kept(made.one)\n"
         "made.one(1)\n"
         "assert _kept(made.one)\n"
         "os.utime(made.__file__, (2e9, 2e9))\n"
         "assert not _kept(made.one)\n"
+        "keep(made.one)\n"
+        "assert _kept(made.one)\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
