@@ -21,6 +21,8 @@ from ispom.solvers.spline import Sampled, Spline, add_smoothness
 
 VIDEO, LEFT = 0, 1
 """Camera numbers of the observations."""
+WIDER = 3
+"""At most so often a loss that is too narrow for the errors is widened."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +196,35 @@ class Solution:
 def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
     """Minimises the robust reprojection errors.
 
-    Ends early when a step lowers the cost by less than the share `tolerance`.
+    Ends early when a step lowers the cost by less than the share `tolerance`. Where the errors are much wider than the
+    loss (a wrong clock or rig), the loss is first as wide as they are: from there all observations pull.
     """
-    damping = 1e-4
+    before, done = _cost(problem, problem.sampled()), 0
+    for _ in range(WIDER):
+        typical = _typical(problem)
+        if not typical > 2 * problem.loss:
+            break
+        wide, _, _, steps = _descended(replace(problem, loss=typical), iterations, tolerance)
+        problem, done = replace(wide, loss=problem.loss), done + steps
+    problem, sampled, cost, steps = _descended(problem, iterations, tolerance)
+    done += steps
+    hessian, _, points = _normal_equations(
+        replace(problem, prior=replace(problem.prior, information=np.zeros((6, 6)))), sampled, 0.0
+    )
+    return Solution(problem, sampled, hessian, points, np.sqrt(_squares(problem, sampled)), before, cost, done)
+
+
+def _typical(problem: Problem) -> float:
+    """Median error [standard deviations] of the camera that fits worst."""
+    errors, camera = np.sqrt(_squares(problem, problem.sampled())), problem.observations.camera
+    return max((float(np.median(errors[camera == c])) for c in np.unique(camera)), default=0.0)
+
+
+def _descended(problem: Problem, iterations: int, tolerance: float) -> tuple[Problem, Sampled, float, int]:
+    """With better values, sampled, the cost, and the steps that it took."""
+    damping, done = 1e-4, 0
     sampled = problem.sampled()
-    cost = before = _cost(problem, sampled)
-    done = 0
+    cost = _cost(problem, sampled)
     for done in range(1, iterations + 1):  # noqa: B007
         step, point_step = _step(problem, sampled, damping)
         trial = replace(
@@ -219,10 +244,7 @@ def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Sol
             damping *= 30
             if damping > 1e4:
                 break
-    hessian, _, points = _normal_equations(
-        replace(problem, prior=replace(problem.prior, information=np.zeros((6, 6)))), sampled, 0.0
-    )
-    return Solution(problem, sampled, hessian, points, np.sqrt(_squares(problem, sampled)), before, cost, done)
+    return problem, sampled, cost, done
 
 
 def _free(problem: Problem) -> NDArray[np.int64]:
