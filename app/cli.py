@@ -50,7 +50,7 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
 
         return tell(command.open(command.source))
     if isinstance(command, Evaluate):
-        from .evaluate import evaluate
+        from .evaluate.command import evaluate
 
         return evaluate(command)
     if isinstance(command, Export):
@@ -66,11 +66,11 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
 
         return bench(command)
     source = command.source if isinstance(command, App) else "sim:city"
-    from . import warmup
-    from .lean import spare_pandas
+    from .run import warmup
+    from .run.without_pandas import spare_pandas
 
     spare_pandas()
-    from .server import serve
+    from .page.server import serve
 
     return serve(
         command.open,

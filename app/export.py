@@ -24,7 +24,7 @@ from ispom.types import Frame, Trajectory
 
 from .colours import METHOD
 from .options import Export
-from .run_folder import MARKER
+from .run.run_folder import MARKER
 
 Files = dict[str, str | bytes]
 FRAMES: tuple[Frame, ...] = ("rig", "left", "video")

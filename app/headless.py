@@ -24,13 +24,13 @@ from ispom.io.tum import tum_text
 from ispom.sequences.live import without_secrets
 from ispom.types import Sequence
 
-from . import warmup
-from .map_memory import MapMemories
 from .options import Run
-from .playback import Finished, Playback
-from .results import Tally, in_frame, metrics_text, run_text, summary
-from .run_folder import RunFolder
-from .step_log import DECISIONS, STEPS, StepLog
+from .run import warmup
+from .run.map_memory import MapMemories
+from .run.playback import Finished, Playback
+from .run.results import Tally, in_frame, metrics_text, run_text, summary
+from .run.run_folder import RunFolder
+from .run.step_log import DECISIONS, STEPS, StepLog
 
 TERMINATED = 143
 RECORDING, LANDMARKS = "run.rrd", "landmarks.npz"
@@ -101,10 +101,10 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
     with ExitStack() as stack:
         record = None
         if options.recording:
-            from .lean import spare_pandas
+            from .run.without_pandas import spare_pandas
 
             spare_pandas()
-            from .streams import FileRecording  # brings Rerun
+            from .rerun_log.streams import FileRecording  # brings Rerun
 
             stack.callback(folder.keep, RECORDING)
             record = stack.enter_context(FileRecording(folder.part(RECORDING), playback.opened))

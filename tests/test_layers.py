@@ -21,6 +21,18 @@ LAYERS = (
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}
+APP_LAYERS = (
+    {"colours", "options", "uncertainty"},
+    {"run"},
+    {"rerun_log"},
+    {"session"},
+    {"viser_ui"},
+    {"page"},
+    {"bench", "evaluate", "export", "headless", "report", "sources"},
+    {"cli"},
+    {"__main__"},
+)
+"""The same for the app's folders and files."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
 TOP |= {"CHANGELOG.md", ".gitignore", ".ci"}
@@ -77,6 +89,26 @@ def test_only_simulated_sequences_use_the_simulation(path: Path) -> None:
 @pytest.mark.parametrize("path", modules("app"), ids=lambda p: str(p.relative_to(ROOT)))
 def test_the_app_imports_itself_relatively(path: Path) -> None:
     assert not {name.split(".")[0] for name in imported(path)} & {"ispom_app", "app", "evo", "tests"}
+
+
+def app_parts(path: Path) -> Iterator[str]:
+    """Which parts of the app a file of it imports."""
+    package = path.relative_to(ROOT).parent.parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = (*package[: len(package) - node.level + 1], *(node.module or "").split("."))
+            names = [base] if node.module else [(*base[:-1], alias.name) for alias in node.names]
+            yield from (parts[1] for parts in names if len(parts) > 1)
+
+
+@pytest.mark.parametrize("path", modules("app"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_apps_imports_go_down_only(path: Path) -> None:
+    def floor(part: str) -> int:
+        return next(i for i, layer in enumerate(APP_LAYERS) if part in layer)
+
+    own = path.relative_to(ROOT / "app").parts[0].removesuffix(".py")
+    for part in app_parts(path) if own != "__init__" else ():
+        assert part == own or floor(part) < floor(own), f"{path} imports {part}"
 
 
 def test_every_folder_is_in_the_package() -> None:

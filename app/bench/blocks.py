@@ -108,12 +108,12 @@ def rendering() -> Block:
 
 def logging(unit: Unit, folder: Path) -> Block:
     """What the worker spends on each exposure besides estimating: recording, tables, the map, the app's history."""
-    from ..map_memory import MapMemories
-    from ..playback import Playback
-    from ..run_folder import RunFolder
-    from ..state import Moment
-    from ..step_log import StepLog
-    from ..streams import FileRecording  # brings Rerun
+    from ..rerun_log.streams import FileRecording  # brings Rerun
+    from ..run.map_memory import MapMemories
+    from ..run.playback import Playback
+    from ..run.run_folder import RunFolder
+    from ..run.step_log import StepLog
+    from ..session.state import Moment
 
     playback = Playback(next(c for c in CASES if c.key == "sim-city").open(), ("monocular", "stereo", "integrated"))
     memories, history, ms = MapMemories(), [], []

@@ -19,8 +19,8 @@ from ispom.io.rows import read_text
 from ispom.io.tum import read_tum
 from ispom.types import Frame, Rig, Trajectory
 
-from ..run_folder import MARKER
-from ..step_log import DECISIONS, STEPS
+from ..run.run_folder import MARKER
+from ..run.step_log import DECISIONS, STEPS
 from .steps import Said, Steps, read_decisions, read_steps
 
 FRAMES = ("rig", "left", "video")

@@ -12,7 +12,7 @@ import numpy as np
 from ispom.types import TrackStatus, Trajectory
 
 from .. import colours
-from ..step_log import DROPPED
+from ..run.step_log import DROPPED
 from .analysis import drawn, errors, step_scale
 from .folder import Run
 

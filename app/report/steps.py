@@ -15,7 +15,7 @@ from ispom.estimators import ALL_METHODS
 from ispom.io.rows import read_text
 from ispom.types import Decision
 
-from ..step_log import DECISION_COLUMNS, DROPPED, STEP_COLUMNS
+from ..run.step_log import DECISION_COLUMNS, DROPPED, STEP_COLUMNS
 
 NUMBERS = ("error_m", "scale", "inliers", "residual_median_px", "alive", "new", *DROPPED, "seconds")
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
-from ..step_log import DROPPED
+from ..run.step_log import DROPPED
 from .analysis import changes, mattered
 from .folder import Run
 from .markup import details, paragraph, table

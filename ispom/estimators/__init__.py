@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 from ispom.errors import InputError
 from ispom.estimator import Estimator
-from ispom.estimators.integrated import IntegratedConfig
-from ispom.estimators.modern.integrated import ModernIntegratedConfig
-from ispom.estimators.modern.monocular import ModernMonocularConfig
-from ispom.estimators.modern.stereo import ModernStereoConfig
-from ispom.estimators.monocular import MonocularConfig
-from ispom.estimators.stereo import StereoConfig
+from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.paper.integrated import IntegratedConfig
+from ispom.estimators.paper.monocular import MonocularConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.settings import check
 from ispom.types import Exposure, Rig, Step, Trajectory
 

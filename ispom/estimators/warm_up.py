@@ -17,7 +17,7 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ispom.estimators import Config, Method, Variant, build, default_methods
-from ispom.estimators.monocular import MonocularConfig
+from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 

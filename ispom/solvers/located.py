@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
@@ -28,7 +26,14 @@ def located_covariance(
     points' errors do to the pose is followed back to the unknowns of their window, so that it is counted jointly.
     """
     information, noise, pull = _equations(
-        *_arrays(world_from_rig, rig_from_camera, points, seen),
+        world_from_rig.rotation,
+        world_from_rig.translation,
+        rig_from_camera.rotation,
+        rig_from_camera.translation,
+        points.anchors_r,
+        points.anchors_t,
+        points.values,
+        np.ascontiguousarray(seen),
         sigma,
         loss,
         spread.rows,
@@ -50,17 +55,19 @@ def located_information(
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
     none = np.zeros((len(seen), 3, 3))
     return _equations(
-        *_arrays(world_from_rig, rig_from_camera, points, seen),
+        world_from_rig.rotation,
+        world_from_rig.translation,
+        rig_from_camera.rotation,
+        rig_from_camera.translation,
+        points.anchors_r,
+        points.anchors_t,
+        points.values,
+        np.ascontiguousarray(seen),
         sigma,
         loss,
         none[:, :, :0].copy(),
         none,
     )[0]
-
-
-def _arrays(world_from_rig: Pose, rig_from_camera: Pose, points: Points, seen: Array) -> Any:
-    poses = (world_from_rig.rotation, world_from_rig.translation, rig_from_camera.rotation, rig_from_camera.translation)
-    return *poses, points.anchors_r, points.anchors_t, points.values, np.ascontiguousarray(seen)
 
 
 @njit(cache=True)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from ispom_app.session import Session
+from ispom_app.session.session import Session
 
 from ispom.estimators import METHODS, Config, Ensemble, Method
 from ispom.types import Rig

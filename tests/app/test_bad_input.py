@@ -10,9 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from ispom_app import playback, streams
 from ispom_app.cli import main
-from ispom_app.run_folder import MARKER, RunFolder
+from ispom_app.rerun_log import streams
+from ispom_app.run import playback
+from ispom_app.run.run_folder import MARKER, RunFolder
 
 from ispom.estimators import METHODS, Ensemble
 from ispom.io.tum import read_tum

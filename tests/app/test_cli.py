@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ispom_app import server
 from ispom_app.cli import main
+from ispom_app.page import server
 
 from ispom.errors import InputError
 from ispom.estimators import Config

@@ -9,9 +9,9 @@ import numpy as np
 import open3d
 import pytest
 import yaml
-from ispom_app import playback
 from ispom_app.cli import main
-from ispom_app.run_folder import MARKER
+from ispom_app.run import playback
+from ispom_app.run.run_folder import MARKER
 
 from ispom.estimators import METHODS, Ensemble
 from ispom.io.kitti import read_poses, read_times

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from ispom_app import headless, playback
+from ispom_app import headless
 from ispom_app.cli import main
-from ispom_app.results import in_frame
-from ispom_app.run_folder import MARKER
+from ispom_app.run import playback
+from ispom_app.run.results import in_frame
+from ispom_app.run.run_folder import MARKER
 
 from ispom.estimators import METHODS, Ensemble
 from ispom.io.rig import read_rig

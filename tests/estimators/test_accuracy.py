@@ -10,8 +10,8 @@ import pytest
 
 from ispom.estimator import run
 from ispom.estimators import Config
-from ispom.estimators.monocular import MonocularConfig
-from ispom.estimators.stereo import StereoConfig
+from ispom.estimators.paper.monocular import MonocularConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.geometry import Pose
 from ispom.solvers.alignment import umeyama
 from ispom.types import Exposure, Sequence, StereoPair, TrackStatus, Trajectory, VideoFrame

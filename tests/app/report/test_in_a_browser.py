@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests.app.page.test_browser import browser, pytestmark
 from tests.app.report.test_report import made, report
-from tests.app.test_browser import browser, pytestmark
 
 __all__ = ["browser", "made", "pytestmark"]
 RECOLOURED = """(dark) => new Promise((done) => {

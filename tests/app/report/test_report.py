@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app import playback
 from ispom_app.cli import main
-from ispom_app.run_folder import MARKER
+from ispom_app.run import playback
+from ispom_app.run.run_folder import MARKER
 
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.integrated import ModernIntegrated, ModernIntegratedConfig
-from ispom.estimators.modern.monocular import ModernMonocularConfig
-from ispom.estimators.modern.stereo import ModernStereoConfig
+from ispom.estimators.modern.integrated.estimator import ModernIntegrated, ModernIntegratedConfig
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
 from ispom.simulation.faults import with_late_video, with_turned_video

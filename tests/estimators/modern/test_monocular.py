@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from ispom.estimator import run
-from ispom.estimators.keyframes import Frame
-from ispom.estimators.modern.mono_start import Start, advance
-from ispom.estimators.modern.monocular import ModernMonocular, ModernMonocularConfig
+from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
+from ispom.estimators.modern.monocular.start import Start, advance
+from ispom.estimators.paper.keyframes import Frame
 from ispom.geometry import Pose, so3_log
 from ispom.sequences import open_sequence
 from ispom.solvers.alignment import umeyama

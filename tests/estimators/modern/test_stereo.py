@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.stereo import ModernStereo, ModernStereoConfig
+from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.evaluation.kitti import kitti_errors
 from ispom.sequences import open_sequence
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory

@@ -1,0 +1,1 @@
+"""`ispom evaluate`: trajectories of any program beside a reference."""

@@ -1,0 +1,190 @@
+"""What the recorder draws: pure functions from the library's values to Rerun's. Conversions to Rerun live here.
+
+Rerun's pixel coordinates count from the corner of the top-left pixel, ours from its centre: half a pixel apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose, Similarity
+from ispom.types import Camera, Image, Step, Tracks, TrackStatus
+
+from .. import colours
+from ..uncertainty import Ellipsoid, told
+
+JPEG_QUALITY = 80
+SHOWN_PX = 640 * 480
+"""Larger images are shown, and kept, at about this many pixels."""
+TRAIL_LENGTH = 5
+"""Earlier positions of a track that its trail shows."""
+
+
+def shown_scale(width: int, height: int) -> float:
+    """The factor (<= 1) by which an image is shrunk for display."""
+    return min(1.0, (SHOWN_PX / (width * height)) ** 0.5)
+
+
+def transform(pose: Pose) -> rr.Transform3D:
+    """parent_from_entity."""
+    return rr.Transform3D(translation=pose.translation, mat3x3=pose.rotation)
+
+
+def placement(parent_from_entity: Similarity) -> rr.Transform3D:
+    """parent_from_entity, with its change of unit."""
+    pose = parent_from_entity.pose
+    return rr.Transform3D(translation=pose.translation, mat3x3=parent_from_entity.scale * pose.rotation)
+
+
+def jpeg(image: Image) -> rr.EncodedImage:
+    """The image, at `shown_scale`."""
+    scale = shown_scale(image.shape[1], image.shape[0])
+    if scale < 1:
+        size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+
+
+def shown_uv(uv: NDArray, camera: Camera) -> NDArray[np.float32]:
+    """Rerun's coordinates (..., 2) on the shown image of our pixels (..., 2)."""
+    return ((np.asarray(uv) + 0.5) * shown_scale(camera.width, camera.height)).astype(np.float32)
+
+
+def strips(places: NDArray[np.float32]) -> pa.Array:
+    """Polylines (N, K, 2 or 3) as Rerun stores them; given as numbers, Rerun goes through them one by one."""
+    count, length, dimension = places.shape
+    kind = _STRIPS[dimension]
+    flat = pa.array(np.ascontiguousarray(places, np.float32).reshape(-1))
+    inner = pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type)
+    return pa.ListArray.from_arrays(pa.array(np.arange(count + 1, dtype=np.int32) * length), inner, type=kind)
+
+
+def statuses() -> rr.AnnotationContext:
+    """What the class ids of `points` mean: shown on hovering."""
+    return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])
+
+
+def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """Every track where it is, or was last seen; its class is its status."""
+    radii = np.where(tracks.status >= TrackStatus.LOST, np.float32(-2.5), np.float32(-2.0))
+    return rr.Points2D(
+        shown_uv(tracks.uv, camera), class_ids=tracks.status.astype(np.uint16), radii=radii, show_labels=False
+    )
+
+
+def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
+    """The last places of the tracks that live, `recent` being this camera's Tracks, oldest first, now last."""
+    now = recent[-1]
+    kept = (now.status < TrackStatus.LOST) & ~np.isnan(now.uv_prev[:, 0])
+    places = [now.uv[kept]]
+    for earlier in reversed(recent[:-1]):
+        order = np.argsort(earlier.ids)
+        at = np.minimum(np.searchsorted(earlier.ids, now.ids[kept], sorter=order), max(len(earlier) - 1, 0))
+        rows = order[at] if len(order) else at[:0]
+        if not len(rows):
+            break
+        found = earlier.ids[rows] == now.ids[kept]
+        places.append(np.where(found[:, None], earlier.uv[rows], places[-1]))
+    if len(places) == 1:
+        places.append(now.uv_prev[kept])
+    drawn = strips(shown_uv(np.stack(places, 1), camera))
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.TRAIL), radii=[-0.75])
+
+
+def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
+    """From each point to where the right image has it: longer is nearer."""
+    known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
+    right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
+    drawn = strips(shown_uv(np.stack([tracks.uv[known], right], 1), camera))
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
+
+
+def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """Beside or below the image: how many tracks have which status, in its colour."""
+    counts = np.bincount(tracks.status, minlength=len(TrackStatus))
+    present = [s for s in TrackStatus if counts[s]]
+    size, places = np.array([camera.width, camera.height]), np.arange(len(present))
+    if _legend_below(camera):
+        row, column = np.divmod(places, 4)
+        at = np.stack([(column + 0.5) / 4, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
+    else:
+        at = np.stack([np.full(len(present), 1.17), 0.03 + 0.13 * places], 1)
+    return rr.Points2D(
+        at * size * shown_scale(camera.width, camera.height),
+        class_ids=[int(s) for s in present],
+        labels=[f"{counts[s]} {_SHORT.get(s, s.name.lower())}" for s in present],
+        radii=-4.0,
+        show_labels=True,
+    )
+
+
+def shown_size(camera: Camera) -> Array:
+    """Width and height (2,), in Rerun's coordinates, of the shown image with its legend."""
+    width, height = camera.width, camera.height
+    size = [width, height + 3 * 0.085 * width] if _legend_below(camera) else [1.34 * width, height]
+    return np.array(size) * shown_scale(width, height)
+
+
+def _legend_below(camera: Camera) -> bool:
+    """Labels keep their size on the screen, so a legend takes what room the image's shape leaves."""
+    return camera.width > 1.7 * camera.height
+
+
+_STRIPS = {
+    2: rr.components.LineStrip2DBatch(np.zeros((1, 2, 2), np.float32)).as_arrow_array().type,
+    3: rr.components.LineStrip3DBatch(np.zeros((1, 2, 3), np.float32)).as_arrow_array().type,
+}
+_SHORT = {
+    TrackStatus.LOST: "not found",
+    TrackStatus.FORWARD_BACKWARD: "fwd-bwd",
+    TrackStatus.OUT_OF_IMAGE: "left image",
+    TrackStatus.NO_DISPARITY: "no disparity",
+}
+
+
+def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
+    """One polyline (10, 3), in the frame, around what the camera sees up to a depth."""
+    w, h = camera.width - 0.5, camera.height - 0.5
+    rays = camera.normalise(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
+    top_left, top_right, bottom_right, bottom_left = np.column_stack([rays, np.ones(4)]) * depth
+    centre = np.zeros(3)
+    strip = [top_right, top_left, centre, top_right, bottom_right, centre, bottom_left, bottom_right, bottom_left]
+    return frame_from_camera.apply(np.stack([*strip, top_left]))
+
+
+def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
+    """In the world of the pose, as a few lines."""
+    return rr.Ellipsoids3D(
+        half_sizes=[found.half_sizes],
+        centers=[found.centre],
+        quaternions=[found.pose.xyzw],
+        colors=colours.packed(colour),
+        line_radii=[-0.75],
+    )
+
+
+def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float]) -> str:
+    """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units, where not 1."""
+    parts = []
+    for method, step in steps.items():
+        facts = [f"**{method}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
+        facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
+        if len(step.residuals_px):
+            facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
+        facts += [text] if (text := told(step, units_m.get(method, 1.0))) else []
+        rows = [
+            f"| {d.name} | {d.value:.4g} {d.unit} | {d.relation} {d.threshold:.4g} | {'yes' if d.passed else 'no'} | "
+            f"{d.because} |"
+            for d in step.decisions
+        ]
+        table = ["| test | value | asked | passed | so |", "| --- | --- | --- | --- | --- |", *rows] if rows else []
+        parts += [" · ".join(facts), "", *table, ""]
+    return "\n".join(parts)

@@ -1,0 +1,1 @@
+"""One run: its events, its folder and its numbers."""

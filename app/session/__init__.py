@@ -1,0 +1,1 @@
+"""The worker behind the page: commands in, states out."""

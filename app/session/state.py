@@ -1,0 +1,226 @@
+"""What the screen shows, as one frozen value, and how events change it. No viewer, thread or file in here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+from ispom.estimators import Config, Method, possible_methods
+from ispom.geometry import Similarity
+from ispom.types import Exposure, Kind, Status, Step, VideoFrame
+
+from ..run.playback import Finished, Opened, Stepped
+
+MAX_NOTICES = 5
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """How a method does at an exposure: that of its latest step up to there."""
+
+    status: Status
+    error_m: float | None = None
+    """Distance from the truth; None where that is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One exposure in the history: everything of Stepped except the images, which the sequence can give again."""
+
+    index: int
+    time_ns: int
+    kind: Kind
+    steps: tuple[Step, ...]
+    placements: Mapping[str, Similarity]
+    errors_m: Mapping[str, float]
+    lamps: Mapping[str, Lamp]
+
+    @staticmethod
+    def of(event: Stepped, before: Moment | None) -> Moment:
+        lamps = dict(before.lamps) if before else {}
+        for step in event.steps:
+            lamps[step.method] = Lamp(step.status, event.errors_m.get(step.method))
+        kind = "video" if isinstance(event.exposure, VideoFrame) else "stereo"
+        time_ns = event.exposure.time_ns
+        return Moment(event.index, time_ns, kind, event.steps, event.placements, event.errors_m, lamps)
+
+    def stepped(self, exposure: Exposure) -> Stepped:
+        """The event that this moment came from, with its exposure read again."""
+        return Stepped(self.index, exposure, self.steps, self.placements, self.errors_m)
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something that a person must be told."""
+
+    number: int
+    text: str
+    kind: Literal["info", "error"] = "error"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The recording that is being written."""
+
+    name: str
+    size_bytes: int
+    written: int
+    """Exposures in the file so far."""
+    closing: bool = False
+
+
+@dataclass(frozen=True)
+class RecordedFile:
+    """A finished recording in the recordings folder."""
+
+    name: str
+    size_bytes: int
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Something under way that may take long: what, and since when (time.monotonic)."""
+
+    text: str
+    since_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All that is on the screen, apart from what each viewer draws of the history."""
+
+    source: str
+    phase: Literal["opening", "ready", "failed"] = "opening"
+    name: str = ""
+    """Of the sequence, as a person knows it."""
+    notes: tuple[str, ...] = ()
+    possible: tuple[Method, ...] = ()
+    methods: tuple[Method, ...] = ()
+    config: Config = field(default_factory=Config)
+    run: int = 0
+    """Counts runs; viewers start afresh when it changes."""
+    total: int = 0
+    head: int = 0
+    """Exposures computed."""
+    start_ns: int = 0
+    """The first exposure's time."""
+    moment: Moment | None = None
+    """The exposure that is shown."""
+    playing: bool = False
+    speed: float | None = 1.0
+    """Times the recorded time; None for as fast as possible."""
+    target: int | None = None
+    """The exposure that a seek is computing towards."""
+    ended: bool = False
+    """Whether every exposure was computed."""
+    activity: Activity | None = None
+    recording: Recording | None = None
+    recordings: tuple[RecordedFile, ...] = ()
+    notices: tuple[Notice, ...] = ()
+    told: int = 0
+    """Notices so far, those no longer shown included."""
+
+    @property
+    def index(self) -> int:
+        """Of the exposure that is shown; -1 for none yet."""
+        return self.moment.index if self.moment else -1
+
+    @property
+    def time_s(self) -> float:
+        """Of the exposure that is shown, since the first one."""
+        return (self.moment.time_ns - self.start_ns) * 1e-9 if self.moment else 0.0
+
+    @property
+    def lamps(self) -> Mapping[str, Lamp]:
+        return self.moment.lamps if self.moment else MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A source is being opened, or (the same source again) its run started again."""
+
+    source: str
+
+
+@dataclass(frozen=True)
+class OpeningFailed:
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """One more exposure is in the history."""
+
+    moment: Moment
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """Another exposure of the history is shown."""
+
+    moment: Moment
+
+
+@dataclass(frozen=True)
+class Told:
+    """A person must be told something."""
+
+    text: str
+    kind: Literal["info", "error"] = "error"
+
+
+@dataclass(frozen=True)
+class Changed:
+    """Plain fields took new values: playing, speed, target, activity, recording, recordings, and of a live source total
+    and notes."""
+
+    values: Mapping[str, object]
+
+
+Event = Opening | OpeningFailed | Opened | Computed | Shown | Finished | Told | Changed
+_CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings", "total", "notes"}
+
+
+def changed(**values: object) -> Changed:
+    """The event that sets these fields; KeyError for one that only other events may set."""
+    if unknown := values.keys() - _CHANGEABLE:
+        raise KeyError(f"not changeable: {sorted(unknown)}")
+    return Changed(values)
+
+
+def reduce(state: State, event: Event) -> State:
+    """The state after an event."""
+    match event:
+        case Opening(source):
+            return replace(
+                state, source=source, phase="opening", playing=False, target=None, ended=False, moment=None, head=0
+            )
+        case OpeningFailed(reason):
+            return reduce(replace(state, phase="failed", playing=False, activity=None), Told(reason))
+        case Opened(sequence, methods, config):
+            return replace(
+                state,
+                phase="ready",
+                name=sequence.name,
+                notes=sequence.notes,
+                possible=possible_methods(sequence.rig, config.variant),
+                methods=methods,
+                config=config,
+                run=state.run + 1,
+                total=len(sequence),
+                start_ns=int(sequence.times_ns[0]) if len(sequence) else 0,
+                activity=None,
+            )
+        case Computed(moment):
+            return replace(state, moment=moment, head=moment.index + 1)
+        case Shown(moment):
+            return replace(state, moment=moment)
+        case Finished():
+            return replace(state, ended=True, playing=False)
+        case Told(text, kind):
+            notice = Notice(state.told + 1, text, kind)
+            return replace(state, told=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
+        case Changed(values):
+            return replace(state, **values)  # type: ignore[arg-type]

@@ -1,0 +1,71 @@
+"""View: which layers and methods are drawn, in both 3-D views and on the images, and what the colours mean."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import viser
+
+from ispom.estimators import ALL_METHODS
+from ispom.types import TrackStatus
+
+from ... import colours
+from ...session.state import State
+from ..controls import label_of
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+log = logging.getLogger(__name__)
+LAYERS = {
+    "truth": "true path",
+    "cameras": "camera frusta",
+    "spread": "95 % ellipsoids of the poses",
+    "key_frames": "key frames",
+    "clouds": "point clouds",
+    "tracks": "tracks on images",
+    "trails": "trails of tracks",
+    "disparity": "disparity",
+}
+
+
+class ViewPanel:
+    """`changed` is called with what is hidden: names of layers and methods."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, changed: Callable[[frozenset[str]], None]) -> None:
+        self._changed = changed
+        self._boxes = {method: gui.add_checkbox(label_of(method), True) for method in ALL_METHODS}
+        self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
+        for box in self._boxes.values():
+            box.on_update(lambda _: self._changed(self.hidden))
+        gui.add_html(legend())
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        return frozenset(name for name, box in self._boxes.items() if not box.value)
+
+    def show(self, state: State) -> None:
+        for method in ALL_METHODS:
+            if self._boxes[method].disabled != (method not in state.methods):
+                self._boxes[method].disabled = method not in state.methods
+
+
+def legend() -> str:
+    """What the colours mean, as HTML."""
+    methods = [(colours.METHOD[m], label_of(m)) for m in ALL_METHODS] + [(colours.TRUTH, "truth")]
+    by_colour: dict[colours.Rgb, list[str]] = {}
+    for status, colour in colours.TRACK.items():
+        by_colour.setdefault(colour, []).append(TrackStatus(status).reason)
+    tracks = [(colour, "; ".join(reasons)) for colour, reasons in by_colour.items()]
+    return f'<div style="padding:4px 14px 10px;font-size:12px">{_list("Paths", methods)}{_list("Tracks", tracks)}</div>'
+
+
+def _list(title: str, items: list[tuple[colours.Rgb, str]]) -> str:
+    rows = "".join(
+        f'<div style="display:flex;gap:8px;align-items:baseline"><i style="width:9px;height:9px;border-radius:50%;'
+        f'flex:none;background:{colours.css(colour)}"></i><span>{text}</span></div>'
+        for colour, text in items
+    )
+    return f'<div style="font-weight:600;margin:8px 0 3px">{title}</div>{rows}'

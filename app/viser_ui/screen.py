@@ -1,0 +1,117 @@
+"""viser's side of the page: the panels and the scene, painted from the session's state by a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import time
+from threading import Event, Thread
+
+import numpy as np
+import rich
+import viser
+
+from ispom.types import Trajectory
+
+from ..rerun_log.streams import LiveStream
+from ..session import commands as do
+from ..session.session import Session
+from .panels.methods import MethodsPanel
+from .panels.record import RecordPanel
+from .panels.run import RunPanel
+from .panels.view import ViewPanel
+from .panels.why import WhyPanel
+from .scene import Scene
+
+log = logging.getLogger(__name__)
+PAINT_S = 1 / 30
+PLAYING_S = 0.1
+"""Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
+SCENE_S = 0.25
+"""The scene is costlier than the panels, and Rerun shows the same beside it."""
+
+
+class Screen:
+    """The viser server on 127.0.0.1, and the thread that keeps it up to date."""
+
+    def __init__(self, session: Session, live: LiveStream | None = None) -> None:
+        self._session, self._live = session, live
+        rich.get_console().quiet = True  # viser's banner names a port that is nobody's business
+        self.server = viser.ViserServer(host="127.0.0.1", port=0, label="ISPOM", verbose=False)
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(52, 148, 208))
+        self.server.gui.main_panel.dock_left()
+        self.server.gui.main_panel.set_width(380)
+        self.panels = self._panels(self.server.gui)
+        self.server.scene.world_axes.visible = False
+        self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
+        self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
+        self.scene_wanted = True
+        self._stop = Event()
+        self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
+
+    @property
+    def port(self) -> int:
+        return self.server.get_port()
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def show_scene(self, wanted: bool) -> None:
+        """Whether anybody can see the scene."""
+        self.scene_wanted = wanted
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(1.0)
+        self.server.stop()
+
+    def _panels(self, gui: viser.GuiApi) -> list[RunPanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel]:
+        run = RunPanel(gui, self._session)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Why", viser.Icon.HELP):
+            why = WhyPanel(gui)
+        with tabs.add_tab("Methods", viser.Icon.ADJUSTMENTS):
+            methods = MethodsPanel(gui, self._session)
+        with tabs.add_tab("View", viser.Icon.EYE):
+            self._view = ViewPanel(gui, self._session, self._arrange)
+        with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
+            record = RecordPanel(gui, self._session)
+        return [run, why, methods, self._view, record]
+
+    def _look_at(self, truth: Trajectory | None) -> None:
+        """From behind and above, the whole true path in sight; without truth, the first metres ahead."""
+        xyz = truth.translations if truth is not None and len(truth) else np.array([[-5.0, 0, 0], [5.0, 0, 15.0]])
+        low, high = xyz.min(0), xyz.max(0)
+        centre, extent = (low + high) / 2, max(float(np.linalg.norm(high - low)), 2.0)
+        self.server.initial_camera.up = (0.0, -1.0, 0.0)
+        for camera in (self.server.initial_camera, *(c.camera for c in self.server.get_clients().values())):
+            camera.position = tuple(centre + extent * np.array([-0.35, -0.6, -0.75]))
+            camera.look_at = tuple(centre)
+
+    def _arrange(self, hidden: frozenset[str]) -> None:
+        if self._live is not None and self._session.opened is not None:
+            self._live.arrange(self._session.opened, hidden)
+
+    def _paint_on(self) -> None:
+        while not self._stop.wait(PAINT_S):
+            try:
+                self.paint()
+            except Exception:
+                log.exception("painting failed")
+
+    def paint(self) -> None:
+        """Brings the panels and, less often, the scene up to date."""
+        state, history = self._session.state, self._session.history
+        if state is not self._painted and (not state.playing or time.monotonic() >= self._due_s):
+            self._painted, self._due_s = state, time.monotonic() + PLAYING_S
+            for panel in self.panels:
+                panel.show(state)
+        if not self.scene_wanted or time.monotonic() < self._scene_due_s:
+            return
+        self._scene_due_s = time.monotonic() + SCENE_S
+        opened = self._session.opened
+        if state.run != self._run and opened is not None:
+            self._run = state.run
+            self._scene.start(opened.sequence.rig, opened.truth)
+            self._look_at(opened.truth)
+        if state.index < len(history):
+            self._scene.show(history, state.index, self._view.hidden)

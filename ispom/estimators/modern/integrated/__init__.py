@@ -1,0 +1,1 @@
+"""The modern integrated method; its steps are the file names."""

@@ -1,0 +1,401 @@
+"""Integrated, modern: one windowed problem over the raw observations of both cameras, each at its own time.
+
+A cumulative cubic B-spline through the last few stereo pairs is adjusted to all that the video and the stereo camera
+saw in that time. They need not see the same points: pairs make the spline metric, the video shapes it between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.chain import Chain, in_order
+from ispom.estimator import Estimator
+from ispom.estimators.modern.integrated.joint_report import told
+from ispom.estimators.modern.integrated.joint_window import USUAL_KNOT_FRAMES, JointWindow, Noise, View
+from ispom.estimators.modern.stereo.estimator import ModernStereoState
+from ispom.geometry import Array, Pose
+from ispom.settings import Range
+from ispom.solvers.anchoring import anchored
+from ispom.solvers.continuous import RigModel
+from ispom.solvers.located import located_covariance, located_information
+from ispom.solvers.resection import Resection, refine_pose, resect
+from ispom.stopwatch import Stopwatch
+from ispom.types import (
+    Decision,
+    Exposure,
+    Landmarks,
+    Rig,
+    Status,
+    Step,
+    StereoPair,
+    Tracks,
+    TrackStatus,
+    Trajectory,
+    VideoFrame,
+    colours_at,
+)
+
+MIN_POINTS = 8
+"""Fewer known points than this, and an exposure is placed by the motion before it."""
+
+ENOUGH_POINTS = 30
+"""Of points that were adjusted: with so many, an exposure is placed by them alone."""
+
+INLIER = 8.0
+"""Of a resection: larger reprojection errors, in those of an observation, are wrong points."""
+
+MAX_VIEWS = 240
+"""More exposures than this are never adjusted together, however rare the pairs are."""
+
+
+@dataclass(frozen=True)
+class ModernIntegratedConfig:
+    """Settings of the modern integration."""
+
+    window_pairs: Annotated[int, Range(2, 12)] = 5
+    """Stereo pairs adjusted together, with all video frames between them."""
+    max_points: Annotated[int, Range(50, 5000)] = 400
+    """Points of the video, and as many of the pairs, in one adjustment: those seen most often."""
+    knot_frames: Annotated[float, Range(0, 10)] = 0.0
+    """Video frames from one knot of the spline to the next; 0 chooses the most that can follow the motion."""
+    knot_misfit: Annotated[float, Range(0.1, 1000)] = 3.0
+    """How far poses may lie from that spline: mean square, in what the errors of their observations make of them."""
+    estimate_rig: bool = False
+    """Refine how the video camera is turned on the rig, and where it sits."""
+    estimate_clock: bool = False
+    """Estimate how late the video camera's time stamps are."""
+    rig_sigma_deg: Annotated[float, Range(0.001, 30)] = 2.0
+    """How far the video camera may be turned from what the calibration says, before any data."""
+    rig_sigma_m: Annotated[float, Range(0.0001, 1)] = 0.03
+    """How far it may sit from where the calibration says; found only where the rig turns."""
+    clock_sigma_s: Annotated[float, Range(1e-5, 1)] = 0.03
+    """How far off the video's clock may be, before any data."""
+    video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.13
+    """Error of a point tracked in the video."""
+    stereo_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
+    """Error of a point followed from pair to pair."""
+    disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
+    """Error of its match in the right image."""
+    loss: Annotated[float, Range(0.5, 20)] = 1.0
+    """Scale of the Cauchy loss, in these errors."""
+    iterations: Annotated[int, Range(1, 30)] = 6
+    """Of each adjustment, at most."""
+    follow_stereo: bool = True
+    """Meet the stereo estimator's pose at every pair, so that both share one drift; else the drift is its own."""
+
+    def build(self, rig: Rig, monocular: Any, stereo: Any) -> ModernIntegrated:
+        """With the settings of any monocular and stereo estimator whose Steps have their tracks."""
+        return ModernIntegrated(rig, self, monocular.build(rig), stereo.build(rig))
+
+
+@dataclass(frozen=True, eq=False)
+class ModernIntegratedState:
+    monocular: Any
+    stereo: Any
+    window: JointWindow
+    frame_s: float | None = None
+    """Between two video frames."""
+    last_ns: int | None = None
+    """The last video frame."""
+    metric: tuple[tuple[int, Pose], ...] = ()
+    """The stereo estimator's poses in the window."""
+    metric_covariance: Array | None = None
+    """(6, 6) of the newest of them."""
+    settled: Chain[tuple[int, Pose, bool]] | None = None
+    """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModernIntegrated:
+    """Metric at video rate. World: the rig at the first stereo pair."""
+
+    rig: Rig
+    config: ModernIntegratedConfig
+    monocular: Estimator
+    stereo: Estimator
+    method: str = "integrated"
+
+    def uses(self, exposure: Exposure) -> bool:
+        return isinstance(exposure, StereoPair | VideoFrame)
+
+    def start(self) -> ModernIntegratedState:
+        return ModernIntegratedState(
+            self.monocular.start(), self.stereo.start(), JointWindow(self._rig_model(), self._rig_model())
+        )
+
+    def finish(self, state: ModernIntegratedState) -> Trajectory:
+        """Poses of the video exposures from the first stereo pair to the last."""
+        views = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in state.window.views]
+        return self._video_poses([*in_order(state.settled), *views], self.stereo.finish(state.stereo))
+
+    def finish_parts(self, state: ModernIntegratedState) -> dict[str, Trajectory]:
+        """The trajectories of the two estimators inside."""
+        return {
+            "monocular": self.monocular.finish(state.monocular),
+            "stereo": self.stereo.finish(state.stereo),
+        }
+
+    def step(self, state: ModernIntegratedState, exposure: Exposure) -> tuple[ModernIntegratedState, Step]:
+        """One exposure: see, place, and after a pair adjust the window."""
+        if isinstance(exposure, StereoPair):
+            stereo, part = self.stereo.step(state.stereo, exposure)
+            state = self._with_metric(replace(state, stereo=stereo, window=_calibrated(state.window, stereo)), part)
+        else:
+            monocular, part = self.monocular.step(state.monocular, exposure)
+            state = self._timed(replace(state, monocular=monocular), exposure)
+        watch = Stopwatch()
+        state, located, status = self._place(state, self._view(state, part))
+        watch.lap("place")
+        state, decisions, revised = self._adjust(state) if isinstance(exposure, StereoPair) else (state, (), ())
+        watch.lap("adjust")
+        newest = state.window.views[-1] if status == Status.TRACKING else None
+        onto = self._onto_stereo(state)
+        return state, Step(
+            self.method,
+            exposure.time_ns,
+            status,
+            "rig",
+            None if newest is None else onto @ newest.world_from_rig,
+            None if newest is None else self._covariance(state, part),
+            key_frame=bool(revised),
+            landmarks=Landmarks.empty() if newest is None else self._landmarks(state.window, onto, exposure, part),
+            residuals_px=np.zeros(0)
+            if located is None
+            else self._residuals_px(located, isinstance(exposure, VideoFrame)),
+            revised=self._video_poses(revised, Trajectory.of(list(state.metric))),
+            seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
+            decisions=decisions,
+            parts=(part,),
+        )
+
+    def _place(
+        self, state: ModernIntegratedState, view: View
+    ) -> tuple[ModernIntegratedState, Resection | None, Status]:
+        """The window with one more view, whose pose is that of the points known by now, or that of the view before."""
+        window = state.window
+        if not window.views:
+            if view.video or len(view.ids) < MIN_POINTS:
+                return state, None, Status.INITIALISING
+            return replace(state, window=window.with_view(view, self.rig.baseline_m)), None, Status.TRACKING
+        located = self._locate(window, view)
+        if located is None:
+            guess = window.views[-1].world_from_rig
+        else:
+            rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
+            guess = located.camera_from_world.inverse() @ rig_from_camera.inverse()
+        view = replace(view, world_from_rig=guess, placed=located is not None)
+        if located is not None:
+            view = replace(view, information=self._information(window, view))
+        window, left = window.with_view(view, self.rig.baseline_m).limited(MAX_VIEWS)
+        state = replace(state, window=window, settled=_longer(state.settled, left))
+        # The first frames have no points of known depth yet: the pair just before them says where they are.
+        near = located is None and window.reference is None
+        return state, located, Status.TRACKING if located is not None or near else Status.LOST
+
+    def _rig_model(self) -> RigModel:
+        c, r = self.config, self.rig
+        sigma = np.array([np.radians(c.rig_sigma_deg)] * 3 + [c.rig_sigma_m] * 3 + [c.clock_sigma_s])
+        free = np.array([c.estimate_rig] * 6 + [c.estimate_clock])
+        return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
+
+    def _timed(self, state: ModernIntegratedState, exposure: VideoFrame) -> ModernIntegratedState:
+        """Keeps the shortest time between two frames: some may be missing."""
+        frame_s = state.frame_s
+        if state.last_ns is not None and exposure.time_ns > state.last_ns:
+            passed_s = (exposure.time_ns - state.last_ns) * 1e-9
+            frame_s = passed_s if frame_s is None else min(frame_s, passed_s)
+        return replace(state, frame_s=frame_s, last_ns=exposure.time_ns)
+
+    def _turn_rate(self, state: ModernIntegratedState) -> float:
+        """About the left camera's y axis [rad/s], between the last two pairs that the stereo estimator located."""
+        if len(state.metric) < 2:
+            return 0.0
+        (before_ns, before), (now_ns, now) = state.metric[-2:]
+        left_from_before = (now @ self.rig.rig_from_left).inverse() @ before @ self.rig.rig_from_left
+        return float(left_from_before.rotvec[1] / ((now_ns - before_ns) * 1e-9))
+
+    def _view(self, state: ModernIntegratedState, part: Step) -> View:
+        """The raw observations of one exposure."""
+        video = part.method == "monocular"
+        name = "video" if video else "left"
+        camera, tracks = self.rig.camera(name), part.tracks.get(name, Tracks.of(np.zeros(0), np.zeros((0, 2))))
+        alive = tracks.status < TrackStatus.LOST
+        if not video:
+            alive &= tracks.disparity_px > 0
+        order = np.flatnonzero(alive)[np.argsort(tracks.ids[alive], kind="stable")]
+        uv = tracks.uv[order].astype(float)
+        seen = camera.normalise(uv)
+        if video:
+            return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan))
+        disparity = tracks.disparity_px[order].astype(float) / camera.fx
+        return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, self._turn_rate(state))
+
+    def _locate(self, window: JointWindow, view: View) -> Resection | None:
+        """camera_from_world by resection from the points known by now."""
+        place = window.table.places(view.ids)
+        known = place >= 0
+        if window.reference is not None:
+            adjusted = known & np.isin(view.ids, window.reference.ids, assume_unique=True)
+            # The depth of a new point is a guess.
+            known = adjusted if adjusted.sum() >= ENOUGH_POINTS else known
+        if known.sum() < MIN_POINTS:
+            return None
+        xyz = window.table.select(place[known]).points.xyz_in_world
+        sigma = self._sigma(view.video)
+        threshold, scale = INLIER * sigma, self.config.loss * sigma
+        guess = replace(view, world_from_rig=window.predicted(view.time_ns))
+        found = refine_pose(xyz, view.seen[known], window.camera_pose(guess).inverse(), threshold, scale=scale)
+        if found is None or found.inliers.mean() < 0.5:
+            again = resect(xyz, view.seen[known], threshold, scale)
+            if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
+                found = again
+        return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
+
+    @property
+    def _noise(self) -> Noise:
+        disparity = self.config.disparity_sigma_px / self.rig.camera("left").fx
+        return Noise(self._sigma(True), self._sigma(False), disparity, self.config.loss)
+
+    def _sigma(self, video: bool) -> float:
+        """Error of an observation in normalised units."""
+        if video:
+            return self.config.video_sigma_px / self.rig.camera("video").fx
+        return self.config.stereo_sigma_px / self.rig.camera("left").fx
+
+    def _covariance(self, state: ModernIntegratedState, part: Step) -> Array | None:
+        """(6, 6) of the newest pose as told: that of the pair it is told relative to, and of the way from there."""
+        window, view = state.window, state.window.views[-1]
+        if self.config.follow_stereo and not view.video and part.world_from_frame is not None:
+            return part.covariance
+        reference, pair = window.reference, self._meeting(state)
+        if reference is None or pair is None or reference.time_ns != pair.time_ns:
+            return None
+        base = state.metric_covariance if self.config.follow_stereo else reference.drift
+        way = reference.newest if view.best is not None else self._located_covariance(window, view)
+        if base is None or way is None:
+            return None
+        carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
+        return carry @ base @ carry.T + way
+
+    def _information(self, window: JointWindow, view: View) -> Array:
+        """(6, 6) of a pose by resection, relative to the points."""
+        place = window.table.places(view.ids)
+        return located_information(
+            view.world_from_rig,
+            window.rig.rig_from_video if view.video else window.rig.rig_from_left,
+            window.table.select(place[place >= 0]).points,
+            view.seen[place >= 0],
+            self._sigma(view.video),
+            self.config.loss,
+        )
+
+    def _located_covariance(self, window: JointWindow, view: View) -> Array | None:
+        """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
+        assert window.reference is not None
+        spread = window.reference.spread
+        _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
+        if len(mine) < MIN_POINTS:
+            return None
+        return located_covariance(
+            view.world_from_rig,
+            window.rig.rig_from_video if view.video else window.rig.rig_from_left,
+            view.video,
+            window.table.select(window.table.places(view.ids[mine])).points,
+            view.seen[mine],
+            self._sigma(view.video),
+            self.config.loss,
+            replace(spread, rows=spread.rows[its], own=spread.own[its]),
+        )
+
+    def _adjust(
+        self, state: ModernIntegratedState
+    ) -> tuple[ModernIntegratedState, tuple[Decision, ...], Sequence[tuple[int, Pose, bool]]]:
+        """The window with its oldest pair gone, adjusted; why; and the poses in it."""
+        window, left = state.window.shortened(self.config.window_pairs)
+        since = window.views[0].time_ns if window.views else 0
+        metric = tuple(item for item in state.metric if item[0] >= since)
+        state = replace(state, window=window, settled=_longer(state.settled, left), metric=metric)
+        meeting = self._meeting(state)
+        if len(window.pairs) < 2 or meeting is None:
+            return state, (), ()
+        config, noise = self.config, self._noise
+        frame_s, frames, why = state.frame_s or 0.1, config.knot_frames or USUAL_KNOT_FRAMES, ()
+        # A clock or a rig that is still wrong looks like motion.
+        if not config.knot_frames and not window.rig.free.any():
+            window, chosen = window.with_knots(frame_s, config.knot_misfit)
+            frames, why = min(window.knots), (chosen,)
+        found = window.adjusted(noise, frames * frame_s, config.max_points, config.iterations, meeting.time_ns)
+        if found is None:
+            return state, (Decision("points for an adjustment", 0, 1, False),), ()
+        window, solution = found
+        poses = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in window.views]
+        return replace(state, window=window), (*why, *told(window, solution)), poses
+
+    def _with_metric(self, state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
+        known = dict(state.metric)
+        known |= {t: pose for t, pose in part.revised.items() if t in known}
+        if part.world_from_frame is not None:
+            known[part.time_ns] = part.world_from_frame
+            state = replace(state, metric_covariance=part.covariance)
+        return replace(state, metric=tuple(sorted(known.items(), key=lambda item: item[0])))
+
+    def _meeting(self, state: ModernIntegratedState) -> View | None:
+        """The last pair, of those that the stereo estimator located where it is followed: poses are told from there."""
+        metric = dict(state.metric)
+        pairs = [v for v in state.window.views if not v.video]
+        if self.config.follow_stereo:
+            pairs = [v for v in pairs if v.time_ns in metric] or pairs
+        return pairs[-1] if pairs else None
+
+    def _onto_stereo(self, state: ModernIntegratedState) -> Pose:
+        """What carries the window's world onto that of the stereo estimator, at the last pair of both."""
+        pair, metric = self._meeting(state), dict(state.metric)
+        if not self.config.follow_stereo or pair is None or pair.time_ns not in metric:
+            return Pose()
+        return metric[pair.time_ns] @ pair.world_from_rig.inverse()
+
+    def _video_poses(self, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory) -> Trajectory:
+        """Those of the video, up to the last pair, in the world of the stereo estimator's poses."""
+        last = max((t for t, _, video in poses if not video), default=0)
+        inside = [(t, pose) for t, pose, video in poses if not video or t <= last]
+        own = Trajectory.of(inside)
+        if self.config.follow_stereo:
+            own = anchored(own, metric)
+        return own.select(np.isin(own.times_ns, [t for t, _, video in poses if video]))
+
+    def _residuals_px(self, located: Resection, video: bool) -> Array:
+        return located.residuals[located.inliers] * self.rig.camera("video" if video else "left").fx
+
+    def _landmarks(self, window: JointWindow, onto: Pose, exposure: Exposure, part: Step) -> Landmarks:
+        """The points seen in this exposure, with their names of the estimator inside."""
+        view = window.views[-1]
+        place = window.table.places(view.ids)
+        known = place >= 0
+        image = exposure.image if isinstance(exposure, VideoFrame) else exposure.left
+        tracks = part.tracks["video" if view.video else "left"]
+        uv = tracks.uv[_places(tracks.ids, view.ids[known] // 2)]
+        points = window.table.select(place[known]).points
+        return Landmarks(view.ids[known], onto.apply(points.xyz_in_world), colours_at(image, uv))
+
+
+def _places(ids: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
+    order = np.argsort(ids, kind="stable")
+    return order[np.searchsorted(ids[order], wanted)]
+
+
+def _longer(
+    chain: Chain[tuple[int, Pose, bool]] | None, views: tuple[View, ...]
+) -> Chain[tuple[int, Pose, bool]] | None:
+    for view in views:
+        chain = Chain((view.time_ns, view.best or view.world_from_rig, view.video), chain)
+    return chain
+
+
+def _calibrated(window: JointWindow, stereo: Any) -> JointWindow:
+    """With what the stereo estimator's own window found to be wrong with the pair, so that both have one scale."""
+    return replace(window, of_pair=stereo.map.extra) if isinstance(stereo, ModernStereoState) else window

@@ -1,0 +1,1 @@
+"""The modern monocular method; its steps are the file names."""

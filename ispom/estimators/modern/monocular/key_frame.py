@@ -1,0 +1,141 @@
+"""What makes a frame a key frame of the monocular estimator, and what a key frame does to the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.monocular.covariance import Spread
+from ispom.estimators.modern.monocular.lens import FOCAL_SIGMA
+from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
+from ispom.estimators.paper.keyframes import Frame, Points, parallax_deg
+from ispom.geometry import rotation_angle_rad
+from ispom.types import Decision
+
+ITERATIONS = 5
+"""Of each bundle adjustment: the next key frame goes on from there."""
+MIN_SIGNIFICANCE = 5.0
+"""A point has a place once its inverse depth is so many times its deviation."""
+MAX_DRIFT = 10.0
+"""A unit that may have drifted by more [%] is to be noticed."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Thresholds of the key-frame tests, as the config has them; `sigma` in normalised units."""
+
+    parallax_deg: float
+    share: float
+    view_angle_deg: float
+    interval_s: float
+    sigma: float
+
+
+def key_frame_tests(world: Map, frame: Frame, limits: Limits) -> tuple[Decision, ...]:
+    """Each of them, when passed, makes `frame` the next key frame of the map; it has a pose."""
+    key = world.keys[-1]
+    assert key.world_from_camera is not None and frame.world_from_camera is not None
+    parallax = parallax_deg(key, frame, limits.sigma)
+    placed = key.ids[np.isfinite(world.known(key.ids)[:, 0])]
+    # Tracks without a place may be on what moves by itself, and outlast the scene.
+    share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
+    turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
+    angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
+    late = interval >= limits.interval_s and parallax >= limits.parallax_deg / 4
+    return (
+        Decision("parallax", parallax, limits.parallax_deg, parallax >= limits.parallax_deg, "deg"),
+        Decision("share of the last key frame's points left", share, limits.share, share < limits.share, relation="<"),
+        Decision("view angle", angle, limits.view_angle_deg, angle >= limits.view_angle_deg, "deg"),
+        Decision(
+            "time since the last key frame",
+            interval,
+            limits.interval_s,
+            late,
+            "s",
+            because="" if late == (interval >= limits.interval_s) else "too little parallax for a key frame",
+        ),
+    )
+
+
+def _share_left(before: NDArray[np.int64], now: NDArray[np.int64]) -> float:
+    return len(np.intersect1d(before, now, assume_unique=True)) / max(1, len(before))
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """The map with one more key frame."""
+
+    map: Map
+    dropped: NDArray[np.int64]
+    """Tracks that are no images of one still point."""
+    spread: Spread
+    """Of the map."""
+    scale: float | None
+    decisions: tuple[Decision, ...]
+
+
+def extended(world: Map, frame: Frame, min_parallax_rad: float, sigma: float) -> Extended:
+    """New points where the parallax suffices, and windowed bundle adjustment."""
+    known = world.points.ids
+    world = replace(world, keys=(*world.keys, frame))
+    open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
+    new = intersected(world, open_ids, sigma)
+    wide = (new.parallax_rad > min_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
+    good = wide & (new.depth > 0) & (new.worst < 4 * sigma)
+    points = world.points.merged(Points(open_ids[good], new.xyz_in_world[good]))
+    world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
+    moving = (wide | (new.depth <= 0)) & (new.worst > 8 * sigma)
+    dropped = np.concatenate([open_ids[moving], np.setdiff1d(before.ids, world.points.ids)])
+    cost = Decision(
+        "bundle cost after / before",
+        bundle.cost_after / max(bundle.cost_before, 1e-12),
+        1.0,
+        bundle.cost_after < bundle.cost_before,
+        relation="<",
+        because=f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations",
+    )
+    spread = Spread.of(bundle.window, before.ids, sigma)
+    scale, drift = _scale(world, known, sigma, spread)
+    return Extended(world, dropped, spread, scale, (cost, *drift, *_correction(world)))
+
+
+def _correction(world: Map) -> tuple[Decision, ...]:
+    """What the camera's images say against its calibration."""
+    if not world.extra_sigma.any():
+        return ()
+    focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
+    limit = 300 * FOCAL_SIGMA
+    because = f"focal length {focal:+.2f} %, radial distortion {radial:+.4f}"
+    return (Decision("correction of the focal length", abs(focal), limit, abs(focal) <= limit, "%", "<=", because),)
+
+
+def _scale(
+    world: Map, known: NDArray[np.int64], sigma: float, spread: Spread
+) -> tuple[float | None, tuple[Decision, ...]]:
+    """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
+    last two key frames alone give. How sure that and the unit since the start are, say the normal equations."""
+    since = Decision(
+        "scale drift since the start, one sigma",
+        100 * spread.unit,
+        MAX_DRIFT,
+        100 * spread.unit <= MAX_DRIFT,
+        "%",
+        "<=",
+        f"of this step against the one before {100 * spread.step:.2g} %",
+    )
+    pair = replace(world, keys=world.keys[-2:])
+    ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
+    found = intersected(pair, ids, sigma)
+    sure = (found.depth > 0) & (found.significance > 10)
+    if sure.sum() < 8:
+        return None, (since,)
+    depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
+    scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))
+    limit = max(3 * spread.step, 0.005)
+    because = f"depth ratio {scale:.4f} +- {spread.step:.4f} of {int(sure.sum())} points"
+    step = Decision(
+        "scale drift of this step", abs(scale - 1), limit, abs(scale - 1) <= limit, relation="<=", because=because
+    )
+    return scale, (step, since)

@@ -1,0 +1,1 @@
+"""The modern stereo method; its steps are the file names."""

@@ -1,0 +1,271 @@
+"""The page in a real browser, the app a process of its own. Software graphics are slow: one of each is shared."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from aiohttp import ClientSession
+
+playwright = pytest.importorskip("playwright.sync_api")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+ROOT = Path(__file__).parents[3]
+FLAGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-dev-shm-usage",
+]
+PATIENCE_MS = 60_000
+TOTAL = 44
+
+
+@dataclass
+class App:
+    """The process, where it is, and where it records to."""
+
+    process: subprocess.Popen[str]
+    url: str
+    recordings: Path
+
+
+def start(folder: Path, port: int = 0) -> App:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.app.page.serve_double", str(folder), str(port)],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if found := re.search(r"ISPOM is at (\S+)", line):
+            return App(process, found[1], folder)
+    raise AssertionError(f"the app ended with code {process.wait()}")
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    found = start(tmp_path_factory.mktemp("recordings"))
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with playwright.sync_playwright() as p:
+        found = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield found
+        found.close()
+
+
+class Page:
+    """A page that was opened, with what its console said."""
+
+    def __init__(self, browser, url: str, *, viewer: str | None = None) -> None:
+        """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time."""
+        self.faults: list[str] = []
+        self.requests: list[str] = []
+        self.tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="dark")
+        self.tab.set_default_timeout(PATIENCE_MS)
+        self.tab.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
+        self.tab.on("pageerror", lambda e: self.faults.append(str(e)))
+        self.tab.on("request", lambda r: self.requests.append(r.url))
+        if viewer is not None:
+            script = {"body": viewer, "content_type": "text/javascript"}
+            self.tab.route("**/viewer/re_viewer.js", lambda route: route.fulfill(**script))
+            self.tab.route("**/viewer/re_viewer_bg.wasm", lambda route: route.fulfill(body=""))
+        self.tab.goto(url)
+        self.until("state.total > 0", "the first state")
+
+    @property
+    def state(self) -> dict:
+        return json.loads(self.tab.evaluate("JSON.stringify(window.ispom.state)"))
+
+    def until(self, condition: str, what: str, patience_ms: float = 0) -> None:
+        # Not wait_for_function: that evaluates strings inside the page, which the page's security policy forbids.
+        script = f"(() => {{ const state = window.ispom?.state; return Boolean(state && ({condition})); }})()"
+        until = time.monotonic() + (patience_ms or PATIENCE_MS) / 1000
+        while not self.tab.evaluate(script):
+            assert time.monotonic() < until, f"timed out waiting for {what}; {self.state}; console {self.faults}"
+            self.tab.wait_for_timeout(50)
+
+    def send(self, message: str) -> None:
+        """As the page's own keys and bar do it."""
+        self.tab.evaluate(f"window.ispom.send({message})")
+
+    @property
+    def controls(self):
+        return self.tab.frame_locator("#controls")
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Page:
+    return Page(browser, app.url)
+
+
+def test_it_plays_by_itself(page: Page):
+    first = page.state["index"]
+    page.until(f"state.ended || state.index > {first} + 3", "the exposure counter to advance")
+    page.until("state.ended && !state.playing", "the end")
+    assert page.state["head"] == TOTAL
+    assert page.tab.locator("#exposure").inner_text() == f"{TOTAL} / {TOTAL}"
+    assert page.tab.locator(".lamp").count() == 3
+    assert re.search(r"stereo.*\d mm?$", page.tab.locator(".lamp").nth(1).inner_text().replace("\n", " "))
+
+
+def test_viser_shows_its_panels(page: Page):
+    page.controls.get_by_text("play / pause").wait_for()
+    page.controls.get_by_text("of 3 methods use it").wait_for()
+    for name in ("Methods", "View", "Record", "Why"):
+        page.controls.get_by_role("tab", name=name).wait_for()
+
+
+def test_rerun_starts_and_follows_the_time_shown(page: Page):
+    page.tab.locator("#cover").wait_for(state="hidden")
+    page.send("{do: 'seek', index: 12}")
+    page.until("window.ispom.viewer.sync.seen === 12", "Rerun to stand at the exposure shown")
+
+
+def test_a_hand_on_reruns_timeline_moves_our_time(page: Page):
+    page.until("state.index === 12", "the exposure shown before")
+    box = page.tab.locator("#canvas").bounding_box()
+    for share in (0.8, 0.5):  # while Rerun has not taken in the whole stream, one of them may be where we are
+        page.tab.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] - 14)
+        with suppress(AssertionError):
+            page.until("state.index !== 12", "our time to follow", 8000)
+            break
+    assert page.state["index"] != 12
+    page.until("window.ispom.viewer.sync.seen === state.index", "both to agree")
+
+
+def test_keys_step_forward_and_back(page: Page):
+    page.send("{do: 'seek', index: 10}")
+    page.until("state.index === 10", "the seek")
+    page.tab.locator("#bar").click(position={"x": 600, "y": 15})
+    page.tab.keyboard.press("ArrowRight")
+    page.until("state.index === 11", "a step forward")
+    page.tab.keyboard.press("ArrowLeft")
+    page.until("state.index === 10", "a step back")
+    page.tab.keyboard.press("Space")
+    page.until("state.playing || state.index > 10", "playing")
+    page.until("!state.playing && state.index === 43", "the end")
+
+
+def test_the_buttons_of_the_panel_work(page: Page):
+    page.controls.get_by_role("button", name="◀ step").click()
+    page.until("state.index === 42", "a step back")
+    page.controls.get_by_role("button", name="step ▶").click()
+    page.until("state.index === 43", "a step forward")
+
+
+def test_the_bar_seeks(page: Page):
+    page.tab.locator("#track").click(position={"x": 640, "y": 4})
+    page.until("Math.abs(state.index - 21) <= 1", "the middle")
+
+
+def test_a_second_browser_shows_the_same(page: Page, browser, app: App):
+    page.send("{do: 'seek', index: 17}")
+    page.until("state.index === 17", "the seek")
+    other = Page(browser, app.url, viewer="")
+    other.until("state.index === 17 && state.head === 44", "the same state")
+    other.send("{do: 'seek', index: 5}")
+    page.until("state.index === 5", "the other's seek")
+    assert not other.faults
+    other.tab.close()
+
+
+def test_recording_leaves_a_sound_file(page: Page, app: App):
+    page.controls.get_by_role("tab", name="Record").click()
+    page.controls.get_by_role("textbox").first.wait_for()
+    page.controls.get_by_role("button", name="Record", exact=True).click()
+    page.until("state.recording", "the recording")
+    page.controls.get_by_role("button", name="Stop recording").click()
+    page.until("!state.recording", "the end of the recording")
+    link = page.controls.get_by_role("link", name="double-1.rrd")
+    link.wait_for()
+    assert link.get_attribute("href") == "/recordings/double-1.rrd"
+    rerun = Path(sys.executable).with_name("rerun")
+    subprocess.run([str(rerun), "rrd", "verify", str(app.recordings / "double-1.rrd")], check=True, capture_output=True)
+
+
+def test_the_page_asks_nobody_else_and_complains_of_nothing(page: Page, app: App):
+    own = (app.url, app.url.replace("http", "ws"), "data:", "blob:")
+    foreign = {url for url in page.requests if not url.startswith(own)}
+    assert not foreign
+    assert not page.faults
+
+
+def test_closed_and_opened_again_it_shows_the_same(page: Page, browser, app: App):
+    index = page.state["index"]
+    page.tab.close()
+    again = Page(browser, app.url)
+    again.until(f"state.index === {index} && state.head === 44", "the same state")
+    again.tab.locator("#cover").wait_for(state="hidden")
+    again.tab.close()
+
+
+def test_a_taken_port_is_said_and_the_next_one_used(app: App, tmp_path: Path):
+    taken = int(app.url.rsplit(":", 1)[1].strip("/"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.app.page.serve_double", str(tmp_path), str(taken)],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline() == f"port {taken} is taken, trying the next one\n"
+    process.kill()
+    process.wait()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_closes_the_recording_within_three_seconds(tmp_path: Path, number: signal.Signals):
+    app = start(tmp_path)
+    press_record(app.url)
+    until = time.monotonic() + 20
+    while not (files := list(tmp_path.glob("*.rrd"))) or files[0].stat().st_size < 20_000:
+        assert time.monotonic() < until, "nothing was recorded"
+        time.sleep(0.01)
+    began = time.monotonic()
+    app.process.send_signal(number)
+    assert app.process.wait(10) == 0
+    assert time.monotonic() - began < 3.0
+    rerun = Path(sys.executable).with_name("rerun")
+    subprocess.run([str(rerun), "rrd", "verify", str(files[0])], check=True, capture_output=True)
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", int(app.url.rsplit(":", 1)[1].strip("/")))) != 0
+
+
+def press_record(url: str) -> None:
+    """Presses record without a browser."""
+
+    async def main() -> None:
+        async with ClientSession() as client, client.ws_connect(f"{url}ws") as ws:
+            await ws.receive()
+            await ws.send_str('{"do": "record"}')
+            while True:
+                if json.loads((await ws.receive()).data)["recording"]:
+                    return
+
+    # In a thread of its own: playwright has a loop running in this one.
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(main(), 20))).result()

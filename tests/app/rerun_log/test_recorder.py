@@ -1,0 +1,209 @@
+"""Events -> entities, read back from a recording: what is there, when, and where."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow
+import pytest
+import rerun as rr
+from ispom_app import colours
+from ispom_app.rerun_log import entities
+from ispom_app.rerun_log.memory import Cloud
+from ispom_app.rerun_log.memory import Path as Memory
+from ispom_app.rerun_log.recorder import Entry, Recorder
+from ispom_app.rerun_log.streams import FileRecording
+from ispom_app.run import playback
+from numpy.testing import assert_allclose, assert_array_equal
+from rerun.chunk import RrdReader
+
+from ispom.estimators import ALL_METHODS, METHODS, Ensemble
+from ispom.geometry import Pose, Similarity
+from ispom.types import Camera, Landmarks, StereoPair, Tracks, TrackStatus, Trajectory, VideoFrame
+from tests import doubles
+
+rr.set_strict_mode(True)
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch) -> playback.Playback:
+    ensemble = Ensemble(METHODS, {m: doubles.FakeEstimator(m) for m in METHODS})
+    monkeypatch.setattr(playback, "build", lambda config, methods, rig: ensemble)
+    return playback.Playback(doubles.sequence(), METHODS)
+
+
+def events(run: playback.Playback) -> list[playback.Stepped]:
+    return [run.step() for _ in range(len(run.sequence))]
+
+
+def read(path: Path) -> dict[str, list[dict]]:
+    """By entity: its rows as dictionaries, of the recording alone (the layout is stored as a second one)."""
+    rows = defaultdict(list)
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        entity = batch.schema.metadata[b"rerun:entity_path"].decode()
+        for at, name in enumerate(batch.schema.names):  # Python's times have no nanoseconds
+            if pyarrow.types.is_temporal(batch.schema.field(at).type):
+                batch = batch.set_column(at, name, batch.column(at).cast("int64"))
+        rows[entity.lstrip("/")] += batch.to_pylist()
+    return rows
+
+
+def column(rows: list[dict], ending: str) -> list:
+    return [value for row in rows for key, value in row.items() if key.endswith(ending) and value is not None]
+
+
+@pytest.fixture
+def recorded(run: playback.Playback, tmp_path: Path) -> tuple[dict[str, list[dict]], list, playback.Finished]:
+    with FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        stepped = events(run)
+        for event in stepped:
+            file.write(event)
+        finished = run.finish()
+        file.write(finished)
+    return read(tmp_path / "run.rrd"), stepped, finished
+
+
+def test_every_thing_that_the_page_shows_is_there(recorded):
+    rows, stepped, _ = recorded
+    wanted = ["world", "world/truth/path", "world/truth/rig", "decisions", "log", "video/image", "left/image"]
+    wanted += [f"{c}/{kind}" for c in ("video", "left") for kind in ("tracks", "trails", "legend")] + ["left/disparity"]
+    wanted += [f"world/{m}{kind}" for m in METHODS for kind in ("/camera", "/path/0", "/key_frames/0", "/cloud/0")]
+    wanted.append("world/monocular")
+    wanted += [f"plots/{kind}/{m}" for m in METHODS for kind in ("error", "inliers", "residual", "ms")]
+    wanted += [f"plots/scale/{m}/transferred" for m in METHODS]
+    assert not set(wanted) - set(rows)
+    videos = [event for event in stepped if isinstance(event.exposure, VideoFrame)]
+    assert len(column(rows["video/image"], "blob")) == len(videos)
+    assert len(column(rows["left/image"], "blob")) == len(stepped) - len(videos)
+
+
+def test_both_timelines_carry_the_exposure(recorded):
+    rows, stepped, _ = recorded
+    assert [row["exposure"] for row in rows["decisions"]] == [e.index for e in stepped]
+    assert [row["time"] for row in rows["decisions"]] == [
+        e.exposure.time_ns - stepped[0].exposure.time_ns for e in stepped
+    ]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_final_trajectory_reads_back(recorded, method):
+    rows, stepped, finished = recorded
+    wanted = finished.trajectories[method]
+    found = sorted(rows[f"world/{method}/final"], key=lambda row: row["exposure"])
+    first = stepped[0].exposure.time_ns
+    assert_array_equal([row["time"] + first for row in found], wanted.times_ns)
+    assert_allclose(np.squeeze(column(found, "translation")), wanted.translations, rtol=1e-6, atol=1e-6)
+    assert_allclose(np.squeeze(column(found, "quaternion")), wanted.xyzw, atol=1e-6)
+    line = np.squeeze(column(rows[f"world/{method}/path/final"], "strips"))
+    assert_allclose(line, wanted.translations, rtol=1e-6, atol=1e-6)
+
+
+def test_truth_is_never_ahead_of_the_cursor(recorded):
+    rows, stepped, _ = recorded
+    moving = [row for row in rows["world/truth/rig"] if row.get("exposure") is not None]
+    assert [row["exposure"] for row in moving] == [e.index for e in stepped]
+    for row, event in zip(moving, stepped, strict=True):
+        found = next(v for k, v in row.items() if k.endswith("translation"))
+        assert_allclose(found[0], stepped_truth(event, stepped), atol=1e-6)
+
+
+def stepped_truth(event, stepped):
+    stereo = next(e for e in stepped if isinstance(e.exposure, StereoPair))
+    start = doubles.pose_at(stereo.exposure.time_ns)
+    return (start.inverse() @ doubles.pose_at(event.exposure.time_ns)).translation
+
+
+def test_images_are_jpeg_in_true_colours(recorded):
+    rows, stepped, _ = recorded
+    data = np.frombuffer(bytes(column(rows["video/image"], "blob")[0][0]), np.uint8)
+    shown = cv2.cvtColor(cv2.imdecode(data, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    image = next(e.exposure.image for e in stepped if isinstance(e.exposure, VideoFrame))
+    assert shown.shape == image.shape
+    assert_allclose(shown.mean((0, 1)), image.mean((0, 1)), atol=4)
+
+
+def test_what_is_shown_of_a_large_image_shrinks_with_its_points():
+    camera = Camera(1280, 960, 700, 700, 639.5, 479.5)
+    data = entities.jpeg(np.zeros((960, 1280), np.uint8)).blob.as_arrow_array().to_pylist()[0]
+    assert cv2.imdecode(np.frombuffer(bytes(data), np.uint8), cv2.IMREAD_GRAYSCALE).shape == (480, 640)
+    assert_allclose(entities.shown_uv(np.array([[-0.5, -0.5], [1279.5, 959.5]]), camera), [[0, 0], [640, 480]])
+
+
+def test_trails_follow_ids_and_stop_at_birth():
+    camera = Camera(100, 100, 50, 50, 49.5, 49.5)
+    one = Tracks.of(np.array([5, 3]), np.array([[10, 10], [20, 20]]))
+    two = Tracks.of(np.array([3, 5, 9]), np.array([[21, 20], [11, 10], [1, 1]]), uv_prev=np.zeros((3, 2)))
+    strips = np.array(entities.trails([one, two], camera).strips.as_arrow_array().to_pylist())
+    assert_allclose(strips - 0.5, [[[21, 20], [20, 20]], [[11, 10], [10, 10]], [[1, 1], [1, 1]]])
+
+
+def test_a_frustum_sees_the_image_corners():
+    camera = Camera(80, 60, 60.0, 60.0, 39.5, 29.5, (-0.05, 0.01, 0.0, 0.0))
+    outline = entities.frustum(camera, Pose(), 2.0)
+    corners = outline[np.abs(outline[:, 2] - 2) < 1e-9]
+    assert_allclose(camera.project(corners)[:2], [[79.5, -0.5], [-0.5, -0.5]], atol=1e-3)
+
+
+def test_revised_poses_replace_the_drawn_ones():
+    times = np.arange(250, dtype=np.int64)
+    memory = Memory(times)
+    straight = Trajectory(times, np.broadcast_to(np.eye(3), (250, 3, 3)), np.outer(times, [1.0, 0, 0]))
+    assert memory.update(straight) == {0, 1, 2}
+    assert_allclose(memory.line(1), straight.translations[99:200])
+    raised = straight.select(np.arange(90, 100)).moved(left=Pose(translation=np.array([0, 5.0, 0])))
+    assert memory.update(raised) == {0, 1}
+    assert_allclose(memory.line(1)[0], [99, 5, 0])
+    assert memory.update(straight.select(np.arange(240, 250))) == {2}
+
+
+def test_landmarks_are_replaced_by_id_and_only_changed_blocks_told():
+    cloud, grey = Cloud(), np.zeros((3, 3), np.uint8)
+    cloud.update(Landmarks(np.array([7, 8, 9]), np.array([[1.0, 1, 1], [2, 2, 2], [np.nan, 0, 0]]), grey))
+    assert cloud.changed() == {0} and cloud.changed() == set()
+    cloud.update(Landmarks(np.array([8]), np.array([[5.0, 5, 5]]), grey[:1]))
+    assert_allclose(cloud.points(0)[0], [[1, 1, 1], [5, 5, 5]])
+
+
+def test_a_new_placement_redraws_the_monocular_world(run):
+    recorder, event = Recorder(run.opened), run.step()
+    recorder.batch(event)
+    moved = replace(run.step(), placements={"monocular": Similarity(2.5, Pose(translation=np.array([1.0, 0, 0])))})
+    entry = next(e for e in recorder.batch(moved).entries if e.path == "world/monocular")
+    assert isinstance(entry, Entry) and isinstance(entry.value, rr.Transform3D)
+    assert entry.value.mat3x3 is not None
+    assert_allclose(entry.value.mat3x3.as_arrow_array().to_pylist()[0], 2.5 * np.eye(3).ravel())
+
+
+def test_without_a_pose_no_camera_is_left_standing(run):
+    recorder, first, second, third = Recorder(run.opened), run.step(), run.step(), run.step()
+    lost = replace(second, steps=tuple(replace(s, world_from_frame=None) for s in first.steps))
+    found = replace(third, steps=first.steps)
+    shown = [
+        [type(e.value) for e in recorder.batch(event).entries if e.path == f"world/{first.steps[0].method}/camera"]  # type: ignore[union-attr]
+        for event in (first, lost, found)
+    ]
+    assert shown == [[rr.Transform3D, rr.LineStrips3D], [rr.Clear], [rr.Transform3D, rr.LineStrips3D]]
+
+
+def test_what_is_logged_per_exposure_does_not_grow(run):
+    recorder = Recorder(run.opened)
+    counts = [len(recorder.batch(event).entries) for event in events(run)]
+    assert max(counts[10:]) <= max(counts[:10]) <= 45
+
+
+def test_every_status_has_a_colour_and_methods_read_in_both_themes():
+    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL_METHODS)
+    for colour in [*colours.METHOD.values(), colours.TRUTH]:
+        assert _contrast(colour, (255, 255, 255)) >= 3 and _contrast(colour, (13, 16, 17)) >= 3
+
+
+def _contrast(a, b) -> float:
+    """WCAG 2.1, relative luminance and contrast ratio."""
+    linear = [[c / 3294.6 if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4 for c in colour] for colour in (a, b)]
+    dark, light = sorted(float(np.dot([0.2126, 0.7152, 0.0722], rgb)) for rgb in linear)
+    return (light + 0.05) / (dark + 0.05)

@@ -1,0 +1,59 @@
+"""steps.csv and decisions.csv: one row for each thing that was said, whole even where the run was not."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+from ispom_app.run import step_log
+from ispom_app.run.playback import Playback
+from ispom_app.run.run_folder import RunFolder
+
+from ispom.errors import InputError
+from ispom.types import TrackStatus
+from tests import doubles
+from tests.app import helpers
+
+
+@pytest.fixture
+def playback(monkeypatch: pytest.MonkeyPatch) -> Playback:
+    monkeypatch.setattr("ispom_app.run.playback.build", helpers.build)
+    return Playback(doubles.sequence(8), ("monocular", "stereo"))
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_one_row_per_method_and_exposure(playback: Playback, tmp_path: Path) -> None:
+    folder, events = RunFolder(tmp_path), []
+    with step_log.StepLog(folder) as log:
+        while not playback.done:
+            events.append(playback.step())
+            log.add(events[-1])
+        assert not (tmp_path / step_log.STEPS).exists(), "a file that still grows must not look finished"
+    found, said = rows(tmp_path / step_log.STEPS), rows(tmp_path / step_log.DECISIONS)
+    assert len(found) == len(events) == len(said)
+    for event, row in zip(events, found, strict=True):
+        (step,) = event.steps
+        (tracks,) = step.tracks.values()
+        assert int(row["time_ns"]) == step.time_ns and row["method"] == step.method
+        assert int(row["exposure"]) == event.index and int(row["inliers"]) == len(step.residuals_px)
+        assert int(row["dropped_epipolar"]) == int((tracks.status == TrackStatus.EPIPOLAR).sum())
+        counted = sum(int(row[name]) for name in ("alive", "new", *step_log.DROPPED))
+        assert counted == len(tracks)
+        assert float(row["seconds"]) == pytest.approx(0.005) and row["stages"] == "track=0.004;pose=0.001"
+    assert said[0]["name"] == "parallax" and float(said[0]["value"]) == 14.2 and said[0]["passed"] == "0"
+
+
+def test_a_full_disk_is_told_in_one_sentence(playback: Playback, tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.part(step_log.STEPS).symlink_to("/dev/full")
+    with (
+        pytest.raises(InputError, match=r"steps\.csv cannot be written \(No space left"),
+        step_log.StepLog(folder) as log,
+    ):
+        for _ in range(8):
+            log.add(playback.step())

@@ -1,0 +1,68 @@
+"""One unreadable image in a long run is left out and told; several end it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ispom_app.cli import main
+from ispom_app.options import Run
+from ispom_app.run import playback
+from ispom_app.run.playback import Playback
+
+from ispom.errors import InputError, UnreadableImage
+from ispom.estimators import METHODS, Ensemble
+from ispom.io.tum import read_tum
+from ispom.types import Exposure, Sequence
+from tests import doubles
+
+
+@pytest.fixture(autouse=True)
+def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def build(_config, methods, _rig) -> Ensemble:
+        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
+
+    monkeypatch.setattr(playback, "build", build)
+
+
+def spoilt(*bad: int) -> Sequence:
+    whole = doubles.sequence(150)
+
+    def load(i: int) -> Exposure:
+        if i in bad:
+            raise UnreadableImage(f"image {i} is not a whole image: restore it")
+        return whole.load(i)
+
+    return replace(whole, load=load)
+
+
+def test_the_run_goes_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    sequence = spoilt(40)
+    monkeypatch.setattr(Run, "open", lambda *_: sequence)
+    assert main(["run", "made", "--out", str(tmp_path / "out"), "--recording"]) == 0
+    assert "left out: image 40 is not a whole image" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["skipped"] == [
+        "image 40 is not a whole image: restore it"
+    ]
+    kind = sequence.kinds[40]
+    poses = read_tum(tmp_path / "out" / ("monocular.tum" if kind == "video" else "stereo.tum"))
+    assert len(poses) == sequence.kinds.count(kind) - 1
+
+
+def test_a_second_in_less_than_two_hundred_ends_it() -> None:
+    run = Playback(spoilt(40, 41), METHODS)
+    with pytest.raises(InputError, match=r"image 41 is not a whole image: restore it \(left out before it: 1\)"):
+        while not run.done:
+            run.step()
+    assert run.position == 41
+
+
+def test_a_wrong_image_still_ends_it() -> None:
+    def load(_: int) -> Exposure:
+        raise InputError("image 0 is 20 x 10, not 80 x 60: restore it")
+
+    run = Playback(replace(doubles.sequence(150), load=load), METHODS)
+    with pytest.raises(InputError, match="20 x 10"):
+        run.step()

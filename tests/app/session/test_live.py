@@ -1,0 +1,129 @@
+"""A live camera in `ispom run`, `ispom sources` and the app: it ends when a person says so, and nothing is lost."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from ispom_app import headless
+from ispom_app.cli import main
+from ispom_app.rerun_log.memory import Path as PathMemory
+from ispom_app.run.run_folder import MARKER
+from ispom_app.session import commands as do
+
+from ispom.geometry import Pose
+from ispom.sequences import live, open_sequence
+from ispom.types import Trajectory
+from tests import doubles
+from tests.app.helpers import build, started, wait_for
+from tests.sequences.folders import images
+from tests.sequences.live_stream import streaming
+from tests.sequences.own_folders import CAMERA
+
+N = 12
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ispom_app.run.playback.build", build)
+    monkeypatch.setattr(live, "PATIENCE_S", 1.0)
+
+
+@pytest.fixture
+def calibration(tmp_path: Path) -> Path:
+    path = tmp_path / "camera.yaml"
+    path.write_text(CAMERA)
+    return path
+
+
+def run(url: str, calibration: Path, out: Path, *options: str) -> int:
+    return main(["run", url, "--camera", str(calibration), "--out", str(out), "--no-recording", *options])
+
+
+def test_a_run_of_a_stream_that_ends_is_complete(calibration: Path, tmp_path: Path) -> None:
+    with streaming(images(N, 0)) as stream:
+        url = stream.url.replace("//", "//me:secret@")
+        assert run(url, calibration, tmp_path / "out") == 0
+    out = tmp_path / "out"
+    told = yaml.safe_load((out / "run.yaml").read_text())
+    assert told["exposures"] == {"video": N, "stereo": 0} and "ended by itself" in told["notes"][-1]
+    assert told["source"] == stream.url and not any("secret" in p.read_text() for p in out.glob("*.[yjct]*"))
+    assert len((out / "monocular.tum").read_text().splitlines()) == N and not (out / MARKER).exists()
+
+
+def test_the_images_asked_for_and_no_more(calibration: Path, tmp_path: Path) -> None:
+    with streaming(images(N, 0), holds=True) as stream:
+        assert run(stream.url, calibration, tmp_path / "out", "--max-exposures", "5") == 0
+    assert len((tmp_path / "out" / "monocular.tum").read_text().splitlines()) == 5
+
+
+def test_an_interrupt_ends_the_recording_and_what_came_is_run(
+    calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Interrupted(headless.StepLog):
+        def add(self, event) -> None:
+            super().add(event)
+            if event.index == N - 1:
+                signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(headless, "StepLog", Interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    with streaming(images(N, 0), holds=True) as stream:
+        assert run(stream.url, calibration, tmp_path / "out") == 0
+    assert len((tmp_path / "out" / "monocular.tum").read_text().splitlines()) == N
+    assert not (tmp_path / "out" / MARKER).exists() and signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_stall_keeps_what_came_and_says_why(
+    calibration: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with streaming(images(N, 0), holds=True) as stream:
+        assert run(stream.url, calibration, tmp_path / "out") == 2
+    assert "gave no image for 1 s after 12" in capsys.readouterr().err
+    assert "Stopped after 12 of 12 exposures: http" in (tmp_path / "out" / MARKER).read_text()
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]["monocular"]["poses"] == N
+
+
+def test_what_is_seen_of_it_is_told(calibration: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with streaming(images(N, 0), holds=True) as stream:
+        assert main(["sources", stream.url, "--camera", str(calibration)]) == 0
+    assert "video   96 x 64 px" in capsys.readouterr().out
+
+
+def test_the_app_follows_it_and_another_source_ends_it(calibration: Path, tmp_path: Path) -> None:
+    def opener(source: str):
+        return doubles.sequence(20) if source.startswith("double") else open_sequence(source, camera=calibration)
+
+    with streaming(images(N, 0), holds=True) as stream:
+        session = started(tmp_path, stream.url, opener=opener)
+        session.post(do.Speed(None))
+        wait_for(lambda: session.state.head == N and session.state.total == N, "all images")
+        assert session.state.playing and not session.state.ended
+        session.post(do.Seek(3))
+        wait_for(lambda: session.state.index == 3 and not session.state.playing, "a look back")
+        session.post(do.Open("double:20"))
+        wait_for(lambda: session.state.source == "double:20" and session.state.phase == "ready", "the other source")
+        assert session.close(5.0)
+
+
+def test_the_app_ends_with_the_stream(calibration: Path, tmp_path: Path) -> None:
+    with streaming(images(N, 0)) as stream:
+        session = started(tmp_path, stream.url, opener=lambda source: open_sequence(source, camera=calibration))
+        session.post(do.Speed(None))
+        wait_for(lambda: session.state.ended, "the end")
+        assert session.state.head == session.state.total == N and "ended by itself" in session.state.notes[-1]
+        session.post(do.Restart(("monocular",), session.state.config))
+        wait_for(lambda: session.state.run == 2 and session.state.ended, "the same again")
+        assert session.state.head == N and session.close(5.0)
+
+
+def test_paths_grow_by_exposures_that_were_not_known() -> None:
+    path = PathMemory(np.array([10, 20], np.int64))
+    for index, time_ns in enumerate((10, 20, 30, 40)):
+        path.know(index, time_ns)
+    path.update(Trajectory.of([(t, Pose(translation=np.array([t, 0.0, 0]))) for t in (10, 30, 40)]))
+    assert path.line(0)[:, 0].tolist() == [10, 30, 40] and path.indices(np.array([30, 40])).tolist() == [2, 3]

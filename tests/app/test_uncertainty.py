@@ -1,0 +1,72 @@
+"""Ellipsoids of poses: where, how large, drawn while a method tells a covariance, hidden as a layer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import rerun as rr
+from ispom_app import uncertainty
+from ispom_app.rerun_log import blueprint
+from ispom_app.rerun_log.recorder import Recorder
+from ispom_app.run.playback import Opened, Stepped
+from ispom_app.session.state import Moment
+from ispom_app.viser_ui.panels.why import report
+
+from ispom.estimators import Config
+from ispom.geometry import Pose, Similarity
+from ispom.types import Status, Step
+from tests import doubles
+
+COVARIANCE = np.diag([1e-6, 4e-6, 9e-4, 1e-6, 1e-6, 4e-6])
+POSE = Pose.from_rotvec(np.array([0.3, -0.5, 0.2]), np.array([1.0, 2.0, 3.0]))
+
+
+def test_the_ellipsoid_holds_95_percent_of_the_poses_around():
+    found = uncertainty.ellipsoid(POSE, COVARIANCE)
+    assert found is not None and np.isclose(np.linalg.det(found.axes), 1)
+    twists = np.random.default_rng(0).multivariate_normal(np.zeros(6), COVARIANCE, 4000)
+    positions = np.array([(POSE @ Pose.exp(twist)).translation for twist in twists])
+    inside = np.linalg.norm((positions - found.centre) @ found.axes / found.half_sizes, axis=1) <= 1
+    assert abs(inside.mean() - 0.95) < 0.012
+    np.testing.assert_allclose(abs(found.axes[:, 2]), abs(POSE.rotation[:, 2]), atol=1e-12)
+
+
+def test_what_is_told_is_the_largest_of_each():
+    step = Step("stereo", 0, Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE)
+    assert uncertainty.told(step, 1.0) == "95 % within 83.9 mm and 0.32°"
+    assert uncertainty.told(step, 10.0) == "95 % within 0.839 m and 0.32°"
+    assert uncertainty.told(replace(step, covariance=None), 1.0) == ""
+    assert uncertainty.told(replace(step, covariance=np.full((6, 6), np.inf)), 1.0) == ""
+
+
+def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
+    sequence = doubles.sequence()
+    recorder = Recorder(Opened(sequence, ("stereo",), Config(), None))
+    step = Step("stereo", int(sequence.times_ns[0]), Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE)
+    logged = []
+    for index, given in enumerate((step, replace(step, covariance=None), replace(step, covariance=None))):
+        event = Stepped(index, sequence[index], (given,), {"stereo": Similarity()}, {})
+        entries = {entry.path: entry.value for entry in recorder.batch(event).entries if hasattr(entry, "value")}
+        logged.append(entries.get("world/stereo/spread"))
+        assert ("95 % within" in report(Moment.of(event, None), 1)) == (index == 0)
+    assert isinstance(logged[0], rr.Ellipsoids3D) and isinstance(logged[1], rr.Clear) and logged[2] is None
+
+
+def test_it_is_a_layer_that_can_be_hidden():
+    opened = Opened(doubles.sequence(), ("stereo",), Config(), None)
+    assert "spread" in blueprint.LAYERS
+    assert "world/stereo/spread" in blueprint._world(opened, {"spread"}).visualizer_overrides
+
+
+def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
+    sequence = doubles.sequence()
+    recorder = Recorder(Opened(sequence, ("monocular",), Config(), None))
+    step = Step("monocular", int(sequence.times_ns[0]), Status.TRACKING, "video", POSE, scale=1.002, scale_sigma=0.015)
+    placed = {"monocular": Similarity()}
+    first, second = (recorder.batch(Stepped(i, sequence[i], (step,), placed, {})).entries for i in range(2))
+    series, band = [e.value for e in first if e.path == "plots/scale/monocular/drift"]
+    assert isinstance(series, rr.SeriesLines) and isinstance(band, rr.Scalars)
+    assert [e.static for e in second if e.path == "plots/scale/monocular/drift"] == [False]
+    text = report(Moment.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
+    assert "× 1.0020 carried over, ± 1.5 % since the start" in text

@@ -1,0 +1,104 @@
+"""Inputs made from a config dataclass, and back. viser without a browser: setting a value calls the callbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Annotated, Any, Literal
+
+import pytest
+import viser
+from ispom_app.session import commands as do
+from ispom_app.session.state import State
+from ispom_app.viser_ui.controls import ConfigForm, label_of
+from ispom_app.viser_ui.panels.methods import FRESH, PENDING, MethodsPanel
+
+from ispom.estimators import COMPARED, METHODS, Config
+from ispom.settings import Range
+from tests import doubles
+
+
+@dataclass(frozen=True)
+class Example:
+    choice: Literal["norm", "vector"] = "norm"
+    """How."""
+    flag: bool = False
+    """Whether."""
+    count: Annotated[int, Range(50, 2000)] = 400
+    """How many."""
+    parallax_px: Annotated[float, Range(1, 200)] = 12.0
+    """How far."""
+    tolerance: Annotated[float, Range(1e-9, 1.0)] = 1e-6
+    free: float = 0.5
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield found
+    found.stop()
+
+
+def test_every_kind_of_field_has_its_input(server: viser.ViserServer):
+    form = ConfigForm(server.gui, Example())
+    kinds = {name: type(handle).__name__ for name, handle in form._inputs.items()}
+    assert kinds == {
+        "choice": "GuiDropdownHandle",
+        "flag": "GuiCheckboxHandle",
+        "count": "GuiSliderHandle",
+        "parallax_px": "GuiSliderHandle",
+        "tolerance": "GuiNumberHandle",
+        "free": "GuiNumberHandle",
+    }
+    assert form._inputs["parallax_px"].label == "parallax [px]"
+    assert form._inputs["choice"].hint == "How."
+    assert form.value == Example()
+
+
+def test_values_go_both_ways(server: viser.ViserServer):
+    heard: list[Example] = []
+    form = ConfigForm(server.gui, Example(), heard.append)
+    form._inputs["count"].value = 120
+    assert heard == [Example(count=120)]
+    form.show(Example(choice="vector", flag=True))
+    assert form.value == Example(choice="vector", flag=True)
+    assert len(heard) == 1, "showing is not changing"
+
+
+def test_the_real_settings_survive_the_round_trip(server: viser.ViserServer):
+    modern = Config().modern
+    for config in (Config().monocular, Config().stereo, Config().integrated, modern.monocular, modern.integrated):
+        assert ConfigForm(server.gui, config).value == config
+
+
+@pytest.mark.parametrize(
+    ("name", "label"), [("min_parallax_px", "min parallax [px]"), ("max_tracks", "max tracks"), ("px", "px")]
+)
+def test_labels_carry_units(name: str, label: str):
+    assert label_of(name) == label
+
+
+def test_the_methods_panel_switches_the_variant(server: viser.ViserServer):
+    asked: list[do.Command] = []
+    opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
+    state = State("double:20", methods=METHODS, config=Config(variant="paper"), run=1)
+    session: Any = SimpleNamespace(state=state, opened=opened, post=asked.append)
+    panel = MethodsPanel(server.gui, session)
+    panel.show(state)
+    assert panel._text.content == FRESH and not panel._on[COMPARED].visible
+    panel._variant.value = "modern"
+    panel._on[COMPARED].value = True
+    panel._forms["modern", "stereo"]._inputs["max_tracks"].value = 321
+    assert panel._text.content == PENDING and panel._on[COMPARED].visible
+    assert {key for key, folder in panel._folders.items() if folder.visible} == {
+        key for key in panel._folders if key[0] == "modern"
+    }
+    for press in panel._apply._impl.update_cb:
+        press(SimpleNamespace())
+    restart = asked[-1]
+    assert isinstance(restart, do.Restart) and COMPARED in restart.methods
+    assert restart.config.variant == "modern" and restart.config.of("stereo").max_tracks == 321
+    panel._forms["paper", "stereo"]._inputs["min_inliers"].value = 77
+    panel.show(replace(state, config=restart.config, methods=restart.methods, run=2))
+    assert panel._variant.value == "modern" and panel._on[COMPARED].value
