@@ -104,7 +104,7 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
             from .run.without_pandas import spare_pandas
 
             spare_pandas()
-            from .rerun_log.streams import FileRecording  # brings Rerun
+            from .rerun_log.file_recording import FileRecording  # brings Rerun
 
             stack.callback(folder.keep, RECORDING)
             record = stack.enter_context(FileRecording(folder.part(RECORDING), playback.opened))

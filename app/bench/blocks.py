@@ -108,7 +108,7 @@ def rendering() -> Block:
 
 def logging(unit: Unit, folder: Path) -> Block:
     """What the worker spends on each exposure besides estimating: recording, tables, the map, the app's history."""
-    from ..rerun_log.streams import FileRecording  # brings Rerun
+    from ..rerun_log.file_recording import FileRecording  # brings Rerun
     from ..run.map_memory import MapMemories
     from ..run.playback import Playback
     from ..run.run_folder import RunFolder

@@ -10,7 +10,7 @@ from threading import Event, Thread
 
 from ispom.errors import InputError, UnreadableImage
 
-from ..rerun_log.streams import FileRecording
+from ..rerun_log.file_recording import FileRecording
 from ..run.playback import Finished, Opened, Stepped, blank
 from .state import Moment, RecordedFile, Recording
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.cli import main
-from ispom_app.rerun_log import streams
+from ispom_app.rerun_log import file_recording
 from ispom_app.run import playback
 from ispom_app.run.run_folder import MARKER, RunFolder
 
@@ -229,13 +229,13 @@ def test_disk_full_while_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The recording ends, the run does not: all else is written."""
-    write = streams.FileRecording.write
+    write = file_recording.FileRecording.write
 
-    def full(self: streams.FileRecording, event: streams.Event) -> None:
+    def full(self: file_recording.FileRecording, event: file_recording.Event) -> None:
         write(self, event)
         self.failure = f"{self.path} could not be written on (No space left on device): free some space"
 
-    monkeypatch.setattr(streams.FileRecording, "write", full)
+    monkeypatch.setattr(file_recording.FileRecording, "write", full)
     out = tmp_path / "out"
     assert main(["run", str(make_drive(tmp_path / "kitti")), "--out", str(out)]) == 2
     assert "No space left on device): free some space" in capsys.readouterr().err

@@ -13,10 +13,10 @@ import pytest
 import rerun as rr
 from ispom_app import colours
 from ispom_app.rerun_log import entities
+from ispom_app.rerun_log.file_recording import FileRecording
 from ispom_app.rerun_log.memory import Cloud
 from ispom_app.rerun_log.memory import Path as Memory
 from ispom_app.rerun_log.recorder import Entry, Recorder
-from ispom_app.rerun_log.streams import FileRecording
 from ispom_app.run import playback
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader

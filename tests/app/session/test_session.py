@@ -224,7 +224,7 @@ def test_a_full_disk_stops_the_recording_not_the_run(paused: Session, monkeypatc
     def full(self, event) -> None:
         self.failure = "full.rrd could not be written on (No space left on device): free some space and record again"
 
-    monkeypatch.setattr("ispom_app.rerun_log.streams.FileRecording.write", full)
+    monkeypatch.setattr("ispom_app.rerun_log.file_recording.FileRecording.write", full)
     go(paused, do.StepBy(1), 1)
     wait_for(lambda: paused.state.recording is None, "the end of the recording")
     assert "No space left" in paused.state.notices[0].text
