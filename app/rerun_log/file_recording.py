@@ -4,7 +4,7 @@
         for event in events:                 # Stepped ..., and Finished at the end
             file.write(event)
 
-`file.failure` says why a recording stopped on its own (disk full): the run goes on, and what was written stays readable.
+`file.failure` says why a recording stopped on its own (disk full): the run goes on, what was written stays readable.
 """
 
 from __future__ import annotations
