@@ -1,5 +1,5 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
-import { showState, showOffline } from "./bar.js";
+import { showState, showOffline } from "./status_bar.js";
 import { openViewer } from "./rerun.js";
 import { makeSplitter } from "./splitter.js";
 

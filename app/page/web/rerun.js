@@ -1,7 +1,7 @@
 // The Rerun viewer in its canvas, and the two time cursors: ours sets Rerun's, and a hand on Rerun's timeline sets ours.
 // Rerun tells of every change of its cursor, up to half a second late, and not who made it. A change is the person's only
 // where a touch of the canvas is newer than all that we asked for, and the change is nothing that we asked for.
-import { wake } from "./pace.js";
+import { wake } from "./render_throttle.js";
 import { setTimeCursor, PAUSED, FOLLOWING } from "./viewer_control.js";
 
 const TIMELINE = "exposure";
