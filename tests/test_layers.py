@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"errors", "geometry"},
     {"settings", "types"},
-    {"estimator", "stopwatch", "chain"},
+    {"estimator", "stopwatch", "chain", "persistent_list"},
     {"solvers", "io"},
     {"frontends", "sequences", "simulation", "calibration", "evaluation"},
     {"estimators"},

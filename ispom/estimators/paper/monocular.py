@@ -8,13 +8,13 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.chain import Chain, in_order
 from ispom.estimators.paper.keyframes import Frame, Window, common_points, parallax_deg
 from ispom.estimators.paper.refinement import adjust_window, fill_between
 from ispom.estimators.paper.scale import ScaleStep, transfer_scale
 from ispom.frontends import corners
 from ispom.frontends.klt import Klt
 from ispom.geometry import Pose
+from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.interpolation import Interpolation
 from ispom.solvers.resection import Resection, refine_pose, resect
@@ -79,7 +79,7 @@ class MonocularState:
     window: Window = Window()
     scale: ScaleStep | None = None
     """What the next triple takes its unit from."""
-    settled: Chain[tuple[int, Pose]] | None = None
+    settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Poses that nothing will revise."""
 
 
@@ -98,7 +98,7 @@ class Monocular:
         return MonocularState()
 
     def finish(self, state: MonocularState) -> Trajectory:
-        return Trajectory.of([*in_order(state.settled), *state.window.poses()], "video")
+        return Trajectory.of([*state.settled, *state.window.poses()], "video")
 
     def step(self, state: MonocularState, exposure: Exposure) -> tuple[MonocularState, Step]:
         """One frame, as the steps of section 6.1."""
@@ -235,9 +235,6 @@ class Monocular:
             fresh = corners.detect(grey, self.config.max_tracks - int(alive.sum()), uv[alive])
             window = window.with_new_points(state.next_id + np.arange(len(fresh)), camera.normalise(fresh))
         window, settled = window.settle(self.config.bundle_key_frames if self.config.local_bundle else 3)
-        chain = state.settled
-        for item in settled:
-            chain = Chain(item, chain)
         new_ids = state.next_id + np.arange(len(fresh), dtype=np.int64)
         after = MonocularState(
             grey,
@@ -246,7 +243,7 @@ class Monocular:
             state.next_id + len(fresh),
             window,
             revision.scale,
-            chain,
+            state.settled.extended(settled),
         )
         pose = window.frames[-1].world_from_camera if window.frames else None
         inlier_px = residual[np.isfinite(residual) & (status == TrackStatus.ALIVE)]

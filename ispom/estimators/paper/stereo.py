@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.chain import Chain, in_order
 from ispom.frontends import corners, sift
 from ispom.frontends.disparity import RowSearch
 from ispom.frontends.klt import Klt
 from ispom.geometry import Array, Pose
+from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.rigid import RigidMotion, rigid_motion
 from ispom.solvers.triangulation import points_from_disparity
@@ -86,7 +86,7 @@ class StereoState:
     """Of the last located pair."""
     lost_pairs: int = 0
     next_id: int = 0
-    poses: Chain[tuple[int, Pose]] | None = None
+    poses: PersistentList[tuple[int, Pose]] = PersistentList()
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class Stereo:
         return StereoState()
 
     def finish(self, state: StereoState) -> Trajectory:
-        return Trajectory.of(list(in_order(state.poses)))
+        return Trajectory.of(list(state.poses))
 
     def step(self, state: StereoState, exposure: Exposure) -> tuple[StereoState, Step]:
         """One pair, as the steps of section 6.2."""
@@ -230,7 +230,7 @@ class Stereo:
         self, state: StereoState, time_ns: int, cloud: Cloud, world_from_rig: Pose | None, next_id: int
     ) -> StereoState:
         if world_from_rig is not None:
-            return StereoState(cloud, world_from_rig, 0, next_id, Chain((time_ns, world_from_rig), state.poses))
+            return StereoState(cloud, world_from_rig, 0, next_id, state.poses.appended((time_ns, world_from_rig)))
         if state.lost_pairs + 1 > self.config.max_lost_pairs and len(cloud) >= self.config.min_inliers:
             return replace(state, reference=cloud, lost_pairs=0, next_id=next_id)
         return replace(state, lost_pairs=state.lost_pairs + 1, next_id=next_id)

@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.chain import Chain, in_order
 from ispom.estimators.modern.monocular import start as mono_start
 from ispom.estimators.modern.monocular.covariance import LOSS, Spread
 from ispom.estimators.modern.monocular.key_frame import Limits, extended, key_frame_tests
@@ -110,7 +109,7 @@ class ModernMonocular:
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
         held = mono_start.poses_held(state.start.frames) if state.start is not None else ()
-        return Trajectory.of([*in_order(state.settled), *held, *current], "video")
+        return Trajectory.of([*state.settled, *held, *current], "video")
 
     def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:
         """One frame: follow, locate, and at a key frame extend and adjust the map."""
@@ -341,9 +340,6 @@ class ModernMonocular:
                 world = world.with_new_tracks(ids, x)
             elif start is not None:
                 start = start.with_new_tracks(ids, x)
-        chain = state.settled
-        for item in outcome.settled:
-            chain = Chain(item, chain)
         waiting = outcome.missed > 0
         # Without a map the origins stay.
         compared = np.ones(len(followed.status), bool) if outcome.compared is None else outcome.compared
@@ -359,7 +355,7 @@ class ModernMonocular:
             outcome.missed,
             state.spread if outcome.spread is None else outcome.spread,
             state.covariance if outcome.covariance is None else outcome.covariance,
-            chain,
+            state.settled.extended(outcome.settled),
         )
         unknown, revised = np.full(len(followed.status), np.nan, np.float32), outcome.spread is not None
         residual = unknown if outcome.residual_px is None else outcome.residual_px

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.chain import Chain
 from ispom.estimators.modern.monocular.covariance import Spread
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.modern.monocular.tracks import Followed, Live
 from ispom.geometry import Array, Pose
+from ispom.persistent_list import PersistentList
 from ispom.types import Decision, Status
 
 
@@ -30,7 +30,7 @@ class ModernMonocularState:
     """How sure the map is, since the last key frame."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6) of the last pose."""
-    settled: Chain[tuple[int, Pose]] | None = None
+    settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Poses that nothing will revise."""
 
 

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 
-from ispom.chain import Chain, in_order
 from ispom.estimators.modern.stereo.tracks import Last, PairTracker, Points, Sighting
 from ispom.estimators.modern.stereo.window import (
     KeyFrame,
@@ -23,6 +22,7 @@ from ispom.frontends import corners
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
+from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.prior import PAIR
 from ispom.stopwatch import Stopwatch
@@ -88,9 +88,9 @@ class ModernStereoState:
     map: StereoMap = StereoMap()
     next_id: int = 0
     lost_pairs: int = 0
-    poses: Chain[tuple[int, int, Pose]] | None = None
+    poses: PersistentList[tuple[int, int, Pose]] = PersistentList()
     """Time, the key frame's time, left_from_key of every located pair."""
-    settled: Chain[tuple[int, Pose]] | None = None
+    settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """left_from_world of the key frames that have left the window."""
 
 
@@ -109,8 +109,8 @@ class ModernStereo:
         return ModernStereoState(Last(left_from_world=self._left_from_rig))
 
     def finish(self, state: ModernStereoState) -> Trajectory:
-        keys = dict(in_order(state.settled)) | {k.time_ns: k.left_from_world for k in state.map.keys}
-        world_from_left = {t: (pose @ keys[key]).inverse() for t, key, pose in in_order(state.poses)}
+        keys = dict(state.settled) | {k.time_ns: k.left_from_world for k in state.map.keys}
+        world_from_left = {t: (pose @ keys[key]).inverse() for t, key, pose in state.poses}
         return Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
 
     def step(self, state: ModernStereoState, exposure: Exposure) -> tuple[ModernStereoState, Step]:
@@ -179,7 +179,7 @@ class ModernStereo:
             self._covariance(world, pose, sighting, is_key),
         )
         way = (time_ns, newest.time_ns, pose @ newest.left_from_world.inverse())
-        after = ModernStereoState(last, world, next_id, poses=Chain(way, state.poses), settled=settled)
+        after = ModernStereoState(last, world, next_id, poses=state.poses.appended(way), settled=settled)
         status = Status.TRACKING if located is not None else Status.INITIALISING
         step = self._step(exposure, status, pose, after, sighting, decisions, watch, state, fresh, is_key)
         return after, step
@@ -223,10 +223,7 @@ class ModernStereo:
         limit = self.config.max_lost_pairs
         if state.lost_pairs <= limit:
             return state, sighting, ()
-        keys = [(k.time_ns, k.left_from_world) for k in state.map.keys]
-        settled = state.settled
-        for key in keys:
-            settled = Chain(key, settled)
+        settled = state.settled.extended((k.time_ns, k.left_from_world) for k in state.map.keys)
         fresh = replace(state.last, points=Points())
         state = replace(state, last=fresh, map=emptied(state.map), settled=settled)
         decision = Decision(
@@ -259,14 +256,14 @@ class ModernStereo:
         return fresh, pose.inverse().apply(self._tracker.intersected(world, fresh, rate))
 
     def _adjusted(
-        self, world: StereoMap, settled: Chain[tuple[int, Pose]] | None
-    ) -> tuple[StereoMap, Chain[tuple[int, Pose]] | None, tuple[Decision, ...]]:
+        self, world: StereoMap, settled: PersistentList[tuple[int, Pose]]
+    ) -> tuple[StereoMap, PersistentList[tuple[int, Pose]], tuple[Decision, ...]]:
         """The window adjusted; what is too much for it becomes a prior."""
         baseline, sigma = self.rig.baseline_m, self._extra_sigma
         world, result = adjusted(world, baseline, sigma, self._loss, self._limit, self.config.iterations)
         while len(world.keys) > self.config.window:
             oldest = world.keys[0]
-            settled = Chain((oldest.time_ns, oldest.left_from_world), settled)
+            settled = settled.appended((oldest.time_ns, oldest.left_from_world))
             world = without_oldest(world, baseline, sigma, self._loss)
         if result is None:
             return world, settled, ()
