@@ -9,9 +9,11 @@ from typing import Annotated
 import tyro
 
 from ispom.errors import InputError
+from ispom.estimators import build
 
 from .bench.options import Bench
 from .options import App, Demo, Evaluate, Export, Report, Run, Serve, Sources
+from .run.playback import Builder
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
@@ -26,12 +28,13 @@ Command = (
 MISUSE, INTERRUPTED = 2, 130
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs a command and returns its exit code: 2 after a mistake of the user, told in one sentence."""
+def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
+    """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user, told in
+    one sentence."""
     description = "Compare image-only position-and-orientation estimators."
     command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
     try:
-        return _execute(command)
+        return _execute(command, builder)
     except InputError as error:
         sys.stderr.write(f"ispom: {error}\n")
         return MISUSE
@@ -39,12 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench) -> int:
+def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench, builder: Builder) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
 
-        return run(command)
+        return run(command, builder)
     if isinstance(command, Sources):
         from .sources import tell
 
@@ -81,6 +84,7 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
         methods=command.methods or None,
         config=command.config if command.variant else warmup.at_first(command.config),
         compiling=warmup.start,
+        builder=builder,
     )
 
 

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS, Method, default_methods
+from ispom.estimators import ALL_METHODS, Method, build, default_methods
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
@@ -26,9 +26,10 @@ from ispom.types import Sequence
 
 from .options import Run
 from .run import warmup
-from .run.map_memory import MapMemories
-from .run.playback import Finished, Playback
-from .run.results import Tally, in_frame, metrics_text, run_text, summary
+from .run.events import Finished
+from .run.map_memory import MapCollectors
+from .run.playback import Builder, Playback
+from .run.results import RunStatistics, in_frame, metrics_text, run_text, summary
 from .run.run_folder import RunFolder
 from .run.step_log import DECISIONS, STEPS, StepLog
 
@@ -47,13 +48,16 @@ OUTPUTS = [
 ]
 
 
-def run(options: Run) -> int:
-    """Runs and writes; the exit code is 0, or InputError is raised after what was computed has been written."""
+def run(options: Run, builder: Builder = build) -> int:
+    """Runs and writes, with estimators from `builder`.
+
+    The exit code is 0, or InputError is raised after what was computed has been written.
+    """
     sequence = options.open(options.source)
     methods = _asked(options, sequence)
     # The integration is measured between stereo poses; it computes those anyway.
     played: tuple[Method, ...] = (*methods, "stereo") if "integrated" in methods else methods
-    playback = Playback(sequence, tuple(dict.fromkeys(played)), options.config)
+    playback = Playback(sequence, tuple(dict.fromkeys(played)), options.config, builder)
     warmup.start(options.config)
     folder = RunFolder(options.out or _default_folder(sequence.name))
     folder.remove(OUTPUTS)
@@ -61,11 +65,11 @@ def run(options: Run) -> int:
     told |= {"stereo_every": options.stereo_every, "video_scale": options.video_scale}
     told |= {"max_exposures": options.max_exposures, "recording": options.recording}
     told |= {"camera": None if options.camera is None else str(options.camera)}
-    source, tally = without_secrets(options.source), Tally()
+    source, statistics = without_secrets(options.source), RunStatistics()
     folder.write("run.yaml", run_text(source, sequence, told, options.config))
     folder.write("rig.yaml", rig_text(sequence.rig))
     try:
-        finished = _play(playback, methods, options, folder, tally)
+        finished = _play(playback, methods, options, folder, statistics)
         _require_poses(source, finished, methods)
     except BaseException as error:
         with suppress(InputError):
@@ -75,7 +79,7 @@ def run(options: Run) -> int:
     finally:
         if sequence.stop is not None:
             sequence.stop()
-    seen = tally.images.hexdigest()
+    seen = statistics.images.hexdigest()
     folder.write("run.yaml", run_text(source, playback.sequence, told, options.config, seen))
     folder.complete()
     _tell(folder, playback.sequence)
@@ -95,9 +99,11 @@ def _default_folder(name: str) -> Path:
     return Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}"
 
 
-def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder, tally: Tally) -> Finished:
+def _play(
+    playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder, statistics: RunStatistics
+) -> Finished:
     """Steps through the sequence. Whatever ends that, what was computed is written."""
-    memories = MapMemories()
+    memories = MapCollectors()
     with ExitStack() as stack:
         record = None
         if options.recording:
@@ -117,7 +123,7 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
             with _terminable(), _ended_by_interrupt(playback.sequence), _progress(total) as advance:
                 while playback.more():
                     event = playback.step()
-                    tally.add(event)
+                    statistics.add(event)
                     memories.add(event.steps)
                     log.add(event)
                     if record:
@@ -127,7 +133,7 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
             finished = playback.finish()
             if record:
                 record.write(finished)
-            _write(playback, finished, methods, options, folder, tally)
+            _write(playback, finished, methods, options, folder, statistics)
             maps = memories.scenes(finished.trajectories, methods, playback.sequence.rig)
             folder.write(LANDMARKS, map_bytes(maps))
     if record and record.failure:
@@ -136,7 +142,12 @@ def _play(playback: Playback, methods: tuple[Method, ...], options: Run, folder:
 
 
 def _write(
-    playback: Playback, finished: Finished, methods: tuple[Method, ...], options: Run, folder: RunFolder, tally: Tally
+    playback: Playback,
+    finished: Finished,
+    methods: tuple[Method, ...],
+    options: Run,
+    folder: RunFolder,
+    statistics: RunStatistics,
 ) -> None:
     rig, frame = playback.sequence.rig, options.frame
     for method in methods:
@@ -146,7 +157,7 @@ def _write(
         folder.write(f"{method}.tum", tum_text(in_frame(finished.trajectories[method], rig, frame, unit_m)))
     if playback.truth is not None:
         folder.write("truth.tum", tum_text(in_frame(playback.truth, rig, frame)))
-    folder.write("metrics.json", metrics_text(playback.opened, finished, methods, tally))
+    folder.write("metrics.json", metrics_text(playback.opened, finished, methods, statistics))
 
 
 def _require_poses(source: str, finished: Finished, methods: tuple[Method, ...]) -> None:

@@ -109,14 +109,14 @@ def rendering() -> Block:
 def logging(unit: Unit, folder: Path) -> Block:
     """What the worker spends on each exposure besides estimating: recording, tables, the map, the app's history."""
     from ..rerun_log.file_recording import FileRecording  # brings Rerun
-    from ..run.map_memory import MapMemories
+    from ..run.map_memory import MapCollectors
     from ..run.playback import Playback
     from ..run.run_folder import RunFolder
     from ..run.step_log import StepLog
-    from ..session.state import Moment
+    from ..session.state import ExposureRecord
 
     playback = Playback(next(c for c in CASES if c.key == "sim-city").open(), ("monocular", "stereo", "integrated"))
-    memories, history, ms = MapMemories(), [], []
+    memories, history, ms = MapCollectors(), [], []
     with ExitStack() as stack:
         record = stack.enter_context(FileRecording(folder / "bench.rrd", playback.opened))
         log = stack.enter_context(StepLog(RunFolder(folder / "run")))
@@ -127,7 +127,7 @@ def logging(unit: Unit, folder: Path) -> Block:
             memories.add(event.steps)
             log.add(event)
             record.write(event)
-            history.append(Moment.of(event, history[-1] if history else None))
+            history.append(ExposureRecord.of(event, history[-1] if history else None))
             ms.append(1e3 * (time.thread_time() - start))
     median, p95 = np.percentile(ms, [50, 95]).tolist()
     note = f"p95 {p95:.1f} ms; sim:city, three methods, CPU time of the worker's thread"

@@ -45,7 +45,7 @@ class Backends:
     assets: Callable[[], Path]
     """The folder of the Rerun viewer's files; may take seconds the first time."""
     show_scene: Callable[[bool], None] = lambda _: None
-    """Told whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
+    """NoticeAdded whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
 
 
 class Gateway:

@@ -29,7 +29,7 @@ def message_of(state: State) -> dict[str, Any]:
         "phase": state.phase,
         "run": state.run,
         "total": state.total,
-        "head": state.head,
+        "computed": state.computed,
         "index": state.index,
         "time_s": round(state.time_s, 3),
         "playing": state.playing,
@@ -40,8 +40,8 @@ def message_of(state: State) -> dict[str, Any]:
             {
                 "name": method,
                 "colour": colours.css(colours.METHOD[method]),
-                "status": str(lamp.status) if (lamp := state.lamps.get(method)) else None,
-                "error_m": lamp.error_m if lamp else None,
+                "status": str(now.status) if (now := state.statuses.get(method)) else None,
+                "error_m": now.error_m if now else None,
             }
             for method in state.methods
         ],

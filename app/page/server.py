@@ -18,9 +18,10 @@ from pathlib import Path
 from aiohttp import web
 
 from ispom.errors import InputError
-from ispom.estimators import Config, Method
+from ispom.estimators import Config, Method, build
 from ispom.types import Sequence
 
+from ..run.playback import Builder
 from ..session.session import Session
 from .gateway import Backends, Gateway
 from .rerun_assets import viewer_assets
@@ -46,15 +47,29 @@ def serve(
     recordings_dir: Path = Path("recordings"),
     autoplay: bool = True,
     compiling: Callable[[Config], None] = lambda _: None,
+    builder: Builder = build,
 ) -> int:
     """Runs the app until SIGINT or SIGTERM, then ends the process with code 0 (in the main thread; else it returns).
 
     `sequence_opener` opens a source that the person names, now `source` and later what is typed in the page; it runs
     in the worker thread and raises InputError for what cannot be opened. `methods` None means all that the source has
-    the cameras for. `compiling` begins to compile what settings need. InputError where `host` cannot be listened on.
+    the cameras for. `compiling` begins to compile what settings need; `builder` makes the estimators. InputError where
+    `host` cannot be listened on.
     """
     code = asyncio.run(
-        _serve(sequence_opener, source, host, port, open_browser, methods, config, recordings_dir, autoplay, compiling)
+        _serve(
+            sequence_opener,
+            source,
+            host,
+            port,
+            open_browser,
+            methods,
+            config,
+            recordings_dir,
+            autoplay,
+            compiling,
+            builder,
+        )
     )
     if threading.current_thread() is threading.main_thread():
         # Viewers' and renderers' threads may hang for seconds at exit, and nothing of theirs is worth waiting for.
@@ -75,12 +90,13 @@ async def _serve(
     recordings: Path,
     autoplay: bool,
     compiling: Callable[[Config], None],
+    builder: Builder,
 ) -> int:
     listener = _listener(host, port)
     stopped = asyncio.Event()
     _on_signals(stopped)
     live, session, screen = await asyncio.to_thread(
-        _start, opener, source, methods, config, recordings, autoplay, compiling
+        _start, opener, source, methods, config, recordings, autoplay, compiling, builder
     )
     backends = Backends(screen.port, live.port, viewer_assets, screen.show_scene)
     runner = web.AppRunner(
@@ -103,12 +119,13 @@ async def _serve(
     return 0
 
 
-def _start(opener, source, methods, config, recordings, autoplay, compiling):
+def _start(opener, source, methods, config, recordings, autoplay, compiling, builder):
     from ..rerun_log.streams import LiveStream
     from ..viser_ui.screen import Screen
 
     live = LiveStream()
     options = {"methods": methods, "config": config, "live": live, "autoplay": autoplay, "compiling": compiling}
+    options |= {"builder": builder}
     session = Session(opener, source, recordings, **options)
     session.start()
     screen = Screen(session, live)

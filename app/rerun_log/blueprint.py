@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ..run.playback import Opened
+from ..run.events import Opened
 from . import entities
 
 LAYERS = ("truth", "cameras", "spread", "key_frames", "clouds", "tracks", "trails", "disparity")

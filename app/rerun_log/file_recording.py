@@ -20,9 +20,9 @@ import rerun as rr
 
 from ispom.errors import InputError
 
-from ..run.playback import Opened
+from ..run.events import Event, Opened
 from . import blueprint
-from .recorder import Event, Recorder
+from .recorder import Recorder
 from .streams import APPLICATION, send
 
 FLUSH_S = 5.0

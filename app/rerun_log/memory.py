@@ -14,7 +14,7 @@ NEW_POINTS_PER_STEP = 400
 """Of more new landmarks in one step, every n-th is shown."""
 
 
-class Path:
+class PoseHistory:
     """The latest pose of one method at every exposure, the revised ones replaced."""
 
     def __init__(self, times_ns: NDArray[np.int64]) -> None:

@@ -29,11 +29,10 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Frame, Step, StereoPair, Tracks, Trajectory
 
 from .. import colours, uncertainty
-from ..run.playback import Finished, Opened, Stepped
+from ..run.events import Event, Finished, Opened, Stepped
 from . import entities
-from .memory import Cloud, Path
+from .memory import Cloud, PoseHistory
 
-Event = Stepped | Finished
 SCALES = {"monocular": "unit carried on", "stereo": "unit", "integrated": "m per monocular unit"}
 SCALES["integrated_paper"] = SCALES["integrated"]
 """What Step.scale means."""
@@ -77,7 +76,7 @@ class Recorder:
         self.opened = opened
         self.recording_id = str(uuid4())
         self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
-        self._paths = {m: Path(opened.sequence.times_ns) for m in opened.methods}
+        self._paths = {m: PoseHistory(opened.sequence.times_ns) for m in opened.methods}
         self._clouds = {m: Cloud() for m in opened.methods}
         self._placements: dict[str, Similarity] = {}
         self._recent: dict[str, list[Tracks]] = {}

@@ -16,16 +16,13 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 import rerun as rr
 
-from ispom.types import StereoPair, VideoFrame
-
-from ..run.playback import Opened, Stepped
+from ..run.events import Event, Opened, without_images
 from . import blueprint
-from .recorder import Batch, Columns, Event, Recorder
+from .recorder import Batch, Columns, Recorder
 
 APPLICATION = "ispom"
 PICTURES_WAITING = 30
@@ -132,15 +129,6 @@ def send(stream: rr.RecordingStream, batch: Batch) -> None:
             _send_columns(stream, entry)
         else:
             stream.log(entry.path, entry.value, static=entry.static)
-
-
-def without_images(event: Event) -> Event:
-    """The event with empty images: its pictures are not drawn, all else is."""
-    if not isinstance(event, Stepped):
-        return event
-    time_ns, nothing = event.exposure.time_ns, np.zeros((0, 0), np.uint8)
-    stereo = isinstance(event.exposure, StereoPair)
-    return replace(event, exposure=StereoPair(time_ns, nothing, nothing) if stereo else VideoFrame(time_ns, nothing))
 
 
 def free_port() -> int:

@@ -13,7 +13,7 @@ from ispom.types import Frame, Landmarks, Rig, Step, TrackStatus, Trajectory
 
 
 @dataclass
-class MapMemory:
+class MapCollector:
     """Grows with the landmarks and key frames of one method, by some 40 bytes for each point seen."""
 
     camera: Frame | None = None
@@ -61,14 +61,14 @@ def _latest(found: list[Landmarks]) -> Landmarks:
 
 
 @dataclass
-class MapMemories:
+class MapCollectors:
     """Of all methods."""
 
-    _methods: dict[str, MapMemory] = field(default_factory=dict)
+    _methods: dict[str, MapCollector] = field(default_factory=dict)
 
     def add(self, steps: tuple[Step, ...]) -> None:
         for step in steps:
-            self._methods.setdefault(step.method, MapMemory()).add(step)
+            self._methods.setdefault(step.method, MapCollector()).add(step)
 
     def scenes(self, trajectories: Mapping[str, Trajectory], methods: tuple[str, ...], rig: Rig) -> dict[str, SceneMap]:
-        return {m: self._methods.get(m, MapMemory()).scene(trajectories[m], rig) for m in methods}
+        return {m: self._methods.get(m, MapCollector()).scene(trajectories[m], rig) for m in methods}

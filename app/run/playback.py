@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,45 +11,14 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.estimators import Config, Ensemble, Method, build
 from ispom.evaluation.placement import first_segment_placement
 from ispom.geometry import Pose, Similarity
-from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Rig, Sequence, Step, Trajectory
 
+from .events import Finished, Opened, Stepped, blank
+
+Builder = Callable[[Config, tuple[Method, ...], Rig], Ensemble]
+"""Makes the estimators of the asked methods; InputError as `ispom.estimators.build`."""
 UNREADABLE_SHARE = 0.01
 """A run goes on without this share of its exposures; more that are unreadable end it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Opened:
-    """A sequence was opened and its estimators built."""
-
-    sequence: Sequence
-    methods: tuple[Method, ...]
-    config: Config
-    truth: Trajectory | None
-    """world_from_rig, moved so that it starts at the pose where the estimates start."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stepped:
-    """One exposure went through the estimators."""
-
-    index: int
-    """Of the exposure in the sequence."""
-    exposure: Exposure
-    steps: tuple[Step, ...]
-    placements: Mapping[str, Similarity]
-    """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
-    errors_m: Mapping[str, float]
-    """By method: distance of this step's rig position from the truth's, where both are known."""
-    skipped: str = ""
-    """Why no estimator saw it: the image that is unreadable. Its images are empty then."""
-
-
-@dataclass(frozen=True, eq=False)
-class Finished:
-    """The sequence ended, or the run was closed early: the final trajectories, each in its own world and frame."""
-
-    trajectories: Mapping[str, Trajectory]
-    placements: Mapping[str, Similarity]
 
 
 @dataclass
@@ -59,9 +28,10 @@ class Playback:
     sequence: Sequence
     methods: tuple[Method, ...]
     config: Config = field(default_factory=Config)
+    builder: Builder = build
 
     def __post_init__(self) -> None:
-        self.ensemble: Ensemble = build(self.config, self.methods, self.sequence.rig)
+        self.ensemble: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
         self.truth = _truth_from_start(self.sequence)
         self.position = 0
         self.skipped: list[str] = []
@@ -157,14 +127,6 @@ class Playback:
         )
         if placement is not None:
             self._placements["monocular"], self._placed = placement, True
-
-
-def blank(sequence: Sequence, index: int) -> Exposure:
-    """An exposure with empty images, which nobody draws."""
-    time_ns, nothing = int(sequence.times_ns[index]), np.zeros((0, 0), np.uint8)
-    if sequence.kinds[index] == "stereo":
-        return StereoPair(time_ns, nothing, nothing)
-    return VideoFrame(time_ns, nothing)
 
 
 def _truth_from_start(sequence: Sequence) -> Trajectory | None:

@@ -18,13 +18,13 @@ from ispom.estimators import Method
 from ispom.evaluation import metrics
 from ispom.types import Frame, Rig, Sequence, Status, StereoPair, Trajectory
 
-from .playback import Finished, Opened, Stepped
+from .events import Finished, Opened, Stepped
 
 PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "open3d", "rerun-sdk")
 
 
 @dataclass
-class Tally:
+class RunStatistics:
     """What is counted while a run goes on."""
 
     ms: dict[str, list[float]] = field(default_factory=dict)
@@ -60,16 +60,16 @@ def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | Non
     return trajectory.moved(right=own_from_frame.scaled(1 / unit_m if unit_m else 0.0), frame=frame)
 
 
-def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...], tally: Tally) -> str:
+def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...], statistics: RunStatistics) -> str:
     """metrics.json. Without truth: only what can be said without it."""
     sequence, truth = opened.sequence, opened.truth
     report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes)}
-    report |= {"skipped": tally.skipped, "methods": {}}
+    report |= {"skipped": statistics.skipped, "methods": {}}
     if truth is not None:
         report["path_length_m"] = truth.select(truth.times_ns <= sequence.times_ns[-1]).length
     for method in methods:
         trajectory = finished.trajectories[method]
-        entry = {"poses": len(trajectory), **tally.of(method)}
+        entry = {"poses": len(trajectory), **statistics.of(method)}
         if truth is not None:
             entry |= metrics.errors(trajectory, truth, sequence.rig, metric=method != "monocular")
         if truth is not None and method == "integrated":

@@ -13,7 +13,7 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.types import Step, TrackStatus
 
-from .playback import Stepped
+from .events import Stepped
 from .run_folder import RunFolder
 
 STEPS, DECISIONS = "steps.csv", "decisions.csv"

@@ -11,8 +11,8 @@ from threading import Event, Thread
 from ispom.errors import InputError, UnreadableImage
 
 from ..rerun_log.file_recording import FileRecording
-from ..run.playback import Finished, Opened, Stepped, blank
-from .state import Moment, RecordedFile, Recording
+from ..run.events import Finished, Opened, Stepped, blank
+from .state import ExposureRecord, RecordedFile, Recording
 
 log = logging.getLogger(__name__)
 KEPT = 16
@@ -46,10 +46,10 @@ def list_recordings(folder: Path) -> tuple[RecordedFile, ...]:
     return tuple(RecordedFile(path.relative_to(folder).as_posix(), path.stat().st_size) for path in files)
 
 
-class Writer:
+class RecordingWriter:
     """Writes a history into a file, from its first exposure on, in a thread of its own: a slow disk stops nobody."""
 
-    def __init__(self, path: Path, opened: Opened, history: list[Moment]) -> None:
+    def __init__(self, path: Path, opened: Opened, history: list[ExposureRecord]) -> None:
         """OSError or InputError where the file cannot be made."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self._sequence, self._history = path, opened.sequence, history
@@ -118,12 +118,12 @@ class Writer:
         if self._file.failure:
             raise InputError(self._file.failure)
 
-    def _event(self, moment: Moment) -> Stepped:
+    def _event(self, record: ExposureRecord) -> Stepped:
         """With the images that are at hand, or read again."""
-        fresh = next((event for event in tuple(self._fresh) if event.index == moment.index), None)
+        fresh = next((event for event in tuple(self._fresh) if event.index == record.index), None)
         if fresh:
             return fresh
         try:
-            return moment.stepped(self._sequence[moment.index])
+            return record.stepped(self._sequence[record.index])
         except UnreadableImage:  # it was left out of the run, too, or went missing since
-            return moment.stepped(blank(self._sequence, moment.index))
+            return record.stepped(blank(self._sequence, record.index))

@@ -11,14 +11,27 @@ from threading import Thread
 from typing import Any, Protocol
 
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS, Config, Method, Variant, default_methods, possible_methods
+from ispom.estimators import ALL_METHODS, Config, Method, Variant, build, default_methods, possible_methods
 from ispom.types import Sequence
 
 from ..run import warmup
-from ..run.playback import Finished, Opened, Playback, Stepped
+from ..run.events import Finished, Opened, Stepped
+from ..run.playback import Builder, Playback
 from . import commands as do
-from .recordings import Writer, list_recordings, recording_path
-from .state import Activity, Computed, Event, Moment, Opening, OpeningFailed, Shown, State, Told, changed, reduce
+from .recordings import RecordingWriter, list_recordings, recording_path
+from .state import (
+    Activity,
+    Computed,
+    Displayed,
+    Event,
+    ExposureRecord,
+    NoticeAdded,
+    Opening,
+    OpeningFailed,
+    State,
+    changed,
+    reduce,
+)
 
 log = logging.getLogger(__name__)
 IDLE_S = 0.5
@@ -28,7 +41,7 @@ CLOSE_S = 1.0
 """For a recording to be closed at the end."""
 
 
-class Live(Protocol):
+class EventSink(Protocol):
     """Where viewers in the browser get the run from. Never blocks."""
 
     def open(self, opened: Opened) -> None: ...
@@ -46,22 +59,24 @@ class Session:
         *,
         methods: tuple[Method, ...] | None = None,
         config: Config | None = None,
-        live: Live | None = None,
+        live: EventSink | None = None,
         autoplay: bool = True,
         compiling: Callable[[Config], None] = lambda _: None,
+        builder: Builder = build,
     ) -> None:
         """`methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
-        need, when they are about to run."""
+        need, when they are about to run; `builder` makes the estimators."""
         self.state = State(source, config=config or Config())
-        self.history: list[Moment] = []
+        self.history: list[ExposureRecord] = []
         """Only ever appended to, and replaced by a new list when a run starts: safe to read from any thread."""
         self.truth: Any = None
         self.opened: Opened | None = None
         self._opener, self._wanted, self._live, self._autoplay = opener, methods, live, autoplay
         self._folder, self._compiling, self._unready = recordings_dir, compiling, False
+        self._builder = builder
         self._inbox: SimpleQueue[do.Command] = SimpleQueue()
         self._playback: Playback | None = None
-        self._writer: Writer | None = None
+        self._writer: RecordingWriter | None = None
         self._due_s = 0.0
         self._closing = False
         self._thread = Thread(target=self._run, name="session", daemon=True)
@@ -130,7 +145,7 @@ class Session:
 
     def _stop(self, reason: str) -> None:
         self._emit(changed(playing=False, target=None, activity=None))
-        self._emit(Told(reason))
+        self._emit(NoticeAdded(reason))
 
     def _emit(self, event: Event) -> None:
         self.state = reduce(self.state, event)
@@ -167,7 +182,9 @@ class Session:
         self._busy(f"opening {source}")
         try:
             sequence = self._opener(source)
-            playback = Playback(sequence, self._methods_for(source, sequence, before.config.variant), before.config)
+            playback = Playback(
+                sequence, self._methods_for(source, sequence, before.config.variant), before.config, self._builder
+            )
         except InputError as mistake:
             self._opening_failed(before, str(mistake))
         except Exception as fault:
@@ -196,7 +213,9 @@ class Session:
             raise InputError("there is nothing to run yet: open a source first")
         if not methods:
             raise InputError("no method is chosen: switch on at least one")
-        playback = Playback(self._playback.sequence, tuple(m for m in ALL_METHODS if m in methods), config)
+        playback = Playback(
+            self._playback.sequence, tuple(m for m in ALL_METHODS if m in methods), config, self._builder
+        )
         self._wanted = playback.methods
         self._emit(Opening(self.state.source))
         self._begin(playback)
@@ -213,14 +232,14 @@ class Session:
         self._to_viewers(lambda live: live.open(opened))
         self._emit(opened)
         if self._unready:
-            self._emit(Told(warmup.MEANWHILE, "info"))
+            self._emit(NoticeAdded(warmup.MEANWHILE, "info"))
 
     # Moving
 
     def _play(self, on: bool) -> None:
         at_end = self._playback is not None and self._playback.done and self.state.index >= self.state.total - 1
         if on and at_end and self.history:
-            self._emit(Shown(self.history[0]))
+            self._emit(Displayed(self.history[0]))
         self._due_s = 0.0
         self._emit(changed(playing=on and self._playback is not None, target=None))
 
@@ -229,7 +248,7 @@ class Session:
             return
         index = min(max(index, 0), len(self._playback.sequence) - 1)
         if index < len(self.history):
-            self._emit(Shown(self.history[index]))
+            self._emit(Displayed(self.history[index]))
             self._emit(changed(playing=False, target=None))
         else:
             self._emit(changed(playing=False, target=index))
@@ -238,11 +257,11 @@ class Session:
         """One exposure on, where it is time for that."""
         if self.state.target is not None:
             self._compute()
-            if self.state.target is not None and self.state.head > self.state.target:
+            if self.state.target is not None and self.state.computed > self.state.target:
                 self._emit(changed(target=None))
         elif self.state.playing and time.monotonic() >= self._due_s:
             if self.state.index + 1 < len(self.history):
-                self._emit(Shown(self.history[self.state.index + 1]))
+                self._emit(Displayed(self.history[self.state.index + 1]))
             elif self._playback is not None and self._more(self._playback):
                 self._compute()
             elif self._playback is None or self._playback.done:
@@ -250,7 +269,7 @@ class Session:
             self._schedule()
 
     def _more(self, playback: Playback) -> bool:
-        """Whether there is an exposure to compute; a live source is waited for a moment."""
+        """Whether there is an exposure to compute; a live source is waited for a while."""
         live = not playback.done and playback.sequence.grow is not None
         found = playback.more(WATCH_S)
         if live:
@@ -282,11 +301,11 @@ class Session:
             return
         self._busy(f"{self._work} exposure {self._playback.position + 1}")
         event = self._playback.step()
-        moment = Moment.of(event, self.history[-1] if self.history else None)
-        self.history.append(moment)
-        self._emit(Computed(moment))
+        record = ExposureRecord.of(event, self.history[-1] if self.history else None)
+        self.history.append(record)
+        self._emit(Computed(record))
         if event.skipped:
-            self._emit(Told(f"exposure {event.index + 1} is left out: {event.skipped}"))
+            self._emit(NoticeAdded(f"exposure {event.index + 1} is left out: {event.skipped}"))
         self._to_viewers(lambda live: live.write(event))
         if self._writer is not None:
             self._writer.offer(event)
@@ -305,7 +324,7 @@ class Session:
         self._to_viewers(lambda live: live.write(finished))
         self._emit(finished)
 
-    def _to_viewers(self, action: Callable[[Live], None]) -> None:
+    def _to_viewers(self, action: Callable[[EventSink], None]) -> None:
         """A fault in what draws never stops what computes; the person is told once a run."""
         if self._live is None:
             return
@@ -314,7 +333,9 @@ class Session:
         except Exception as fault:
             log.exception("the live stream failed")
             self._live = None
-            self._emit(Told(f"the Rerun viewer is no longer fed, the run goes on ({type(fault).__name__}: {fault})"))
+            self._emit(
+                NoticeAdded(f"the Rerun viewer is no longer fed, the run goes on ({type(fault).__name__}: {fault})")
+            )
 
     def _busy(self, text: str) -> None:
         self._emit(changed(activity=Activity(text, time.monotonic())))
@@ -327,7 +348,7 @@ class Session:
         if self._writer is not None:
             raise InputError(f"{self._writer.path.name} is being recorded: stop it before the next one")
         try:
-            self._writer = Writer(
+            self._writer = RecordingWriter(
                 recording_path(self._folder, name, self.opened.sequence.name), self.opened, self.history
             )
         except OSError as fault:
@@ -345,7 +366,7 @@ class Session:
         """Tells that what this run did not wait for is ready, be the run still going on or not."""
         if self._unready and warmup.finished():
             self._unready = False
-            self._emit(Told(warmup.READY, "info"))
+            self._emit(NoticeAdded(warmup.READY, "info"))
 
     def _watch_recording(self) -> None:
         """Shows how the recording goes, and what became of it."""
@@ -359,7 +380,7 @@ class Session:
         self._writer = None
         self._emit(changed(recording=None))
         if writer.failure:
-            self._emit(Told(f"recording {writer.path.name} stopped: {writer.failure}"))
+            self._emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
         self._list_recordings()
 
     def _list_recordings(self) -> None:

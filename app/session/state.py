@@ -11,13 +11,13 @@ from ispom.estimators import Config, Method, possible_methods
 from ispom.geometry import Similarity
 from ispom.types import Exposure, Kind, Status, Step, VideoFrame
 
-from ..run.playback import Finished, Opened, Stepped
+from ..run.events import Finished, Opened, Stepped
 
 MAX_NOTICES = 5
 
 
 @dataclass(frozen=True)
-class Lamp:
+class MethodStatus:
     """How a method does at an exposure: that of its latest step up to there."""
 
     status: Status
@@ -26,7 +26,7 @@ class Lamp:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class ExposureRecord:
     """One exposure in the history: everything of Stepped except the images, which the sequence can give again."""
 
     index: int
@@ -35,25 +35,25 @@ class Moment:
     steps: tuple[Step, ...]
     placements: Mapping[str, Similarity]
     errors_m: Mapping[str, float]
-    lamps: Mapping[str, Lamp]
+    statuses: Mapping[str, MethodStatus]
 
     @staticmethod
-    def of(event: Stepped, before: Moment | None) -> Moment:
-        lamps = dict(before.lamps) if before else {}
+    def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
+        statuses = dict(before.statuses) if before else {}
         for step in event.steps:
-            lamps[step.method] = Lamp(step.status, event.errors_m.get(step.method))
+            statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method))
         kind = "video" if isinstance(event.exposure, VideoFrame) else "stereo"
         time_ns = event.exposure.time_ns
-        return Moment(event.index, time_ns, kind, event.steps, event.placements, event.errors_m, lamps)
+        return ExposureRecord(event.index, time_ns, kind, event.steps, event.placements, event.errors_m, statuses)
 
     def stepped(self, exposure: Exposure) -> Stepped:
-        """The event that this moment came from, with its exposure read again."""
+        """The event that this record came from, with its exposure read again."""
         return Stepped(self.index, exposure, self.steps, self.placements, self.errors_m)
 
 
 @dataclass(frozen=True)
 class Notice:
-    """Something that a person must be told."""
+    """A message to the person."""
 
     number: int
     text: str
@@ -102,11 +102,11 @@ class State:
     run: int = 0
     """Counts runs; viewers start afresh when it changes."""
     total: int = 0
-    head: int = 0
+    computed: int = 0
     """Exposures computed."""
     start_ns: int = 0
     """The first exposure's time."""
-    moment: Moment | None = None
+    displayed: ExposureRecord | None = None
     """The exposure that is shown."""
     playing: bool = False
     speed: float | None = 1.0
@@ -119,22 +119,22 @@ class State:
     recording: Recording | None = None
     recordings: tuple[RecordedFile, ...] = ()
     notices: tuple[Notice, ...] = ()
-    told: int = 0
+    notice_count: int = 0
     """Notices so far, those no longer shown included."""
 
     @property
     def index(self) -> int:
         """Of the exposure that is shown; -1 for none yet."""
-        return self.moment.index if self.moment else -1
+        return self.displayed.index if self.displayed else -1
 
     @property
     def time_s(self) -> float:
         """Of the exposure that is shown, since the first one."""
-        return (self.moment.time_ns - self.start_ns) * 1e-9 if self.moment else 0.0
+        return (self.displayed.time_ns - self.start_ns) * 1e-9 if self.displayed else 0.0
 
     @property
-    def lamps(self) -> Mapping[str, Lamp]:
-        return self.moment.lamps if self.moment else MappingProxyType({})
+    def statuses(self) -> Mapping[str, MethodStatus]:
+        return self.displayed.statuses if self.displayed else MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -153,19 +153,19 @@ class OpeningFailed:
 class Computed:
     """One more exposure is in the history."""
 
-    moment: Moment
+    record: ExposureRecord
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class Displayed:
     """Another exposure of the history is shown."""
 
-    moment: Moment
+    record: ExposureRecord
 
 
 @dataclass(frozen=True)
-class Told:
-    """A person must be told something."""
+class NoticeAdded:
+    """Something that a person must know of."""
 
     text: str
     kind: Literal["info", "error"] = "error"
@@ -179,7 +179,7 @@ class Changed:
     values: Mapping[str, object]
 
 
-Event = Opening | OpeningFailed | Opened | Computed | Shown | Finished | Told | Changed
+Event = Opening | OpeningFailed | Opened | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings", "total", "notes"}
 
 
@@ -195,10 +195,17 @@ def reduce(state: State, event: Event) -> State:
     match event:
         case Opening(source):
             return replace(
-                state, source=source, phase="opening", playing=False, target=None, ended=False, moment=None, head=0
+                state,
+                source=source,
+                phase="opening",
+                playing=False,
+                target=None,
+                ended=False,
+                displayed=None,
+                computed=0,
             )
         case OpeningFailed(reason):
-            return reduce(replace(state, phase="failed", playing=False, activity=None), Told(reason))
+            return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
         case Opened(sequence, methods, config):
             return replace(
                 state,
@@ -213,14 +220,14 @@ def reduce(state: State, event: Event) -> State:
                 start_ns=int(sequence.times_ns[0]) if len(sequence) else 0,
                 activity=None,
             )
-        case Computed(moment):
-            return replace(state, moment=moment, head=moment.index + 1)
-        case Shown(moment):
-            return replace(state, moment=moment)
+        case Computed(record):
+            return replace(state, displayed=record, computed=record.index + 1)
+        case Displayed(record):
+            return replace(state, displayed=record)
         case Finished():
             return replace(state, ended=True, playing=False)
-        case Told(text, kind):
-            notice = Notice(state.told + 1, text, kind)
-            return replace(state, told=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
+        case NoticeAdded(text, kind):
+            notice = Notice(state.notice_count + 1, text, kind)
+            return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
         case Changed(values):
             return replace(state, **values)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Frame, Rig, Step, Trajectory
 
 from .. import colours
-from ..session.state import Moment
+from ..session.state import ExposureRecord
 from ..uncertainty import ellipsoid
 
 MAX_CLOUD = 20_000
@@ -77,32 +77,32 @@ class Scene:
             self._size = min(max(extent / 60, 0.05), 2.0)
             self._line("/truth", truth.translations, colours.TRUTH)
 
-    def show(self, history: list[Moment], index: int, hidden: frozenset[str]) -> None:
+    def show(self, history: list[ExposureRecord], index: int, hidden: frozenset[str]) -> None:
         """The run as of exposure `index` of its history, without the hidden layers and methods."""
         if index < 0 or self._rig is None or (index, len(history), hidden) == self._shown:
             return
         self._shown = (index, len(history), hidden)
-        for moment in history[self._taken :]:
-            for step in moment.steps:
-                self._tracks[step.method].take(step, moment.index)
+        for record in history[self._taken :]:
+            for step in record.steps:
+                self._tracks[step.method].take(step, record.index)
         self._taken = len(history)
         for method, track in self._tracks.items():
             if track.poses:
                 self._draw(method, track, history[index], hidden, self._rig)
         self._layers["truth"].visible = "truth" not in hidden
 
-    def _draw(self, method: str, track: Track, moment: Moment, hidden: frozenset[str], rig: Rig) -> None:
+    def _draw(self, method: str, track: Track, record: ExposureRecord, hidden: frozenset[str], rig: Rig) -> None:
         colour = colours.METHOD[method]  # type: ignore[index]
-        placement = moment.placements.get(method, Similarity())
+        placement = record.placements.get(method, Similarity())
         self._layers[method].visible = method not in hidden
-        placed = [(t, placement.apply_pose(pose)) for t, pose in track.until(moment.time_ns)]
+        placed = [(t, placement.apply_pose(pose)) for t, pose in track.until(record.time_ns)]
         if not placed:
             return
         self._line(f"/{method}/path", np.stack([pose.translation for _, pose in placed]), colour)
-        self._camera(method, placed[-1][1], colour, rig, moment.index, "cameras" not in hidden)
+        self._camera(method, placed[-1][1], colour, rig, record.index, "cameras" not in hidden)
         self._spread(method, track, placement, placed[-1][0], "spread" not in hidden)
         self._key_frames(method, track, dict(placed), colour, "key_frames" not in hidden)
-        self._cloud(method, track, placement, moment.time_ns, "clouds" not in hidden)
+        self._cloud(method, track, placement, record.time_ns, "clouds" not in hidden)
 
     def _line(self, name: str, xyz: Array, colour: colours.Rgb) -> None:
         if len(xyz) > 1:

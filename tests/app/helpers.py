@@ -31,6 +31,7 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = 20.0
 
 
 def started(folder: Path, source: str = "double:20", **options) -> Session:
-    session = Session(options.pop("opener", opener), source, folder, **options)
+    """A session on stand-ins, unless `options` say otherwise."""
+    session = Session(options.pop("opener", opener), source, folder, **({"builder": build} | options))
     session.start()
     return session

@@ -12,28 +12,25 @@ import numpy as np
 import pytest
 from ispom_app.cli import main
 from ispom_app.rerun_log import file_recording
-from ispom_app.run import playback
+from ispom_app.run.playback import Builder
 from ispom_app.run.run_folder import MARKER, RunFolder
 
-from ispom.estimators import METHODS, Ensemble
+from ispom.estimators import METHODS, Config, Ensemble, Method, build
 from ispom.io.tum import read_tum
+from ispom.types import Rig
 from tests import doubles
 from tests.sequences.kitti_folder import make_drive
 
 
-@pytest.fixture(autouse=True)
-def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    def build(config, methods, rig) -> Ensemble:
-        playback_build(config, (), rig)  # ranges are checked, no estimator is built
-        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
-
-    playback_build = playback.build
-    monkeypatch.setattr(playback, "build", build)
+def fakes(config: Config, methods: tuple[Method, ...], rig: Rig) -> Ensemble:
+    """Ranges are checked, no estimator is built."""
+    build(config, (), rig)
+    return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
 
 
-def sentence(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def sentence(capsys: pytest.CaptureFixture[str], *arguments: str, builder: Builder = fakes) -> str:
     """What the command says on its way out with code 2."""
-    assert main(["run", *arguments, "--no-recording"]) == 2
+    assert main(["run", *arguments, "--no-recording"], builder) == 2
     told = capsys.readouterr().err
     assert told.startswith("ispom: ") and told.count("\n") == 1
     return told
@@ -153,11 +150,10 @@ def test_fewer_than_three_frames(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.parametrize("method", ["stereo", "integrated"])
 def test_right_camera_missing_where_stereo_is_asked(
-    method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.undo()
     drive = make_drive(tmp_path / "kitti", right=False)
-    told = sentence(capsys, str(drive), "--methods", method, "--out", str(tmp_path / "out"))
+    told = sentence(capsys, str(drive), "--methods", method, "--out", str(tmp_path / "out"), builder=build)
     assert f"{method} needs a left and a right camera" in told and "--methods" in told
 
 
@@ -166,11 +162,10 @@ def test_frame_of_a_camera_that_is_not_there(tmp_path: Path, capsys: pytest.Capt
     assert "--frame is left" in sentence(capsys, str(drive), "--frame", "left")
 
 
-def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Real estimators: they find nothing, and the folder says so."""
-    monkeypatch.undo()
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
-    told = sentence(capsys, str(drive), "--out", str(out))
+    told = sentence(capsys, str(drive), "--out", str(out), builder=build)
     assert "no method found any motion: give images with texture" in told
     assert "no method" in (out / MARKER).read_text() and (out / "metrics.json").exists()
 
@@ -237,7 +232,7 @@ def test_disk_full_while_recording(
 
     monkeypatch.setattr(file_recording.FileRecording, "write", full)
     out = tmp_path / "out"
-    assert main(["run", str(make_drive(tmp_path / "kitti")), "--out", str(out)]) == 2
+    assert main(["run", str(make_drive(tmp_path / "kitti")), "--out", str(out)], fakes) == 2
     assert "No space left on device): free some space" in capsys.readouterr().err
     assert {f"{m}.tum" for m in METHODS} | {"metrics.json", "run.rrd", MARKER} <= {p.name for p in out.iterdir()}
     assert "No space" in (out / MARKER).read_text()

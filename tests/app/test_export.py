@@ -10,16 +10,16 @@ import open3d
 import pytest
 import yaml
 from ispom_app.cli import main
-from ispom_app.run import playback
 from ispom_app.run.run_folder import MARKER
 
-from ispom.estimators import METHODS, Ensemble
+from ispom.estimators import METHODS
 from ispom.io.kitti import read_poses, read_times
 from ispom.io.maps import map_bytes, read_maps
 from ispom.io.rig import rig_text
 from ispom.io.trajectories import read_trajectory
 from ispom.io.tum import read_tum, tum_text
 from tests import doubles
+from tests.app import helpers
 from tests.io.test_maps import scene
 from tests.sequences.kitti_folder import make_drive
 
@@ -101,17 +101,10 @@ def test_colmap_opens_the_model(run: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["tum", "kitti", "euroc", "ply", "colmap", "csv"])
-def test_every_format_of_a_run(
-    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_format_of_a_run(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The stand-ins' points are noise: nearly nothing fits, and that is told."""
-
-    def build(config, methods, rig) -> Ensemble:
-        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
-
-    monkeypatch.setattr(playback, "build", build)
     run = tmp_path / "run"
-    assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(run)]) == 0
+    assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(run)], helpers.build) == 0
     maps = read_maps(run / "landmarks.npz")
     assert list(maps) == list(METHODS) and len(maps["stereo"].landmarks) > 30 and len(maps["stereo"].seen_ids)
     capsys.readouterr()

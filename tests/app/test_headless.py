@@ -13,7 +13,7 @@ import pytest
 import yaml
 from ispom_app import headless
 from ispom_app.cli import main
-from ispom_app.run import playback
+from ispom_app.run.playback import Builder
 from ispom_app.run.results import in_frame
 from ispom_app.run.run_folder import MARKER
 
@@ -22,6 +22,7 @@ from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
 from ispom.types import Step, Trajectory
 from tests import doubles
+from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
 
 FILES = {
@@ -36,23 +37,14 @@ FILES = {
 }
 
 
-@pytest.fixture(autouse=True)
-def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Estimators that walk a given path, so that only the command is under test."""
-
-    def build(config, methods, rig) -> Ensemble:
-        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
-
-    monkeypatch.setattr(playback, "build", build)
-
-
 @pytest.fixture
 def drive(tmp_path: Path) -> str:
     return str(make_drive(tmp_path / "kitti"))
 
 
-def run(source: str, out: Path, *options: str) -> int:
-    return main(["run", source, "--out", str(out), *options])
+def run(source: str, out: Path, *options: str, builder: Builder = helpers.build) -> int:
+    """With estimators that walk a given path, so that only the command is under test."""
+    return main(["run", source, "--out", str(out), *options], builder)
 
 
 def names(folder: Path) -> set[str]:
@@ -112,9 +104,7 @@ def test_a_complete_run_is_never_overwritten(drive: str, tmp_path: Path, capsys:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_keeps_what_was_computed(
-    number: signal.Signals, code: int, drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_signal_keeps_what_was_computed(number: signal.Signals, code: int, drive: str, tmp_path: Path) -> None:
     def interrupted(self, state, exposure):
         if exposure.time_ns == 300_000_000:
             signal.raise_signal(number)
@@ -123,29 +113,26 @@ def test_a_signal_keeps_what_was_computed(
     class Interrupted(doubles.FakeEstimator):
         step = interrupted
 
-    monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: Interrupted(x) for x in m}))
     out = tmp_path / "out"
     # A shell's background jobs, the tests among them, are started with SIGINT ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        assert run(drive, out) == code
+        assert run(drive, out, builder=lambda c, m, r: Ensemble(m, {x: Interrupted(x) for x in m})) == code
     except SystemExit as exit:
         assert exit.code == code
     assert names(out) == FILES | {"run.rrd", MARKER}
     assert "signal after 6 of 12 exposures" in (out / MARKER).read_text()
     assert len(read_tum(out / "monocular.tum")) == 3
-    monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: doubles.FakeEstimator(x) for x in m}))
     assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
 
 
-def test_a_bug_leaves_the_marker(drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_leaves_the_marker(drive: str, tmp_path: Path) -> None:
     class Broken(doubles.FakeEstimator):
         def step(self, state, exposure) -> tuple[tuple[int, ...], Step]:
             raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr(playback, "build", lambda c, m, r: Ensemble(m, {x: Broken(x) for x in m}))
     with pytest.raises(ZeroDivisionError):
-        run(drive, tmp_path / "out", "--no-recording")
+        run(drive, tmp_path / "out", "--no-recording", builder=lambda c, m, r: Ensemble(m, {x: Broken(x) for x in m}))
     assert "oops" in (tmp_path / "out" / MARKER).read_text()
 
 
@@ -179,7 +166,7 @@ def test_without_unit_there_is_no_lever_arm() -> None:
 
 def test_the_default_folder_is_in_recordings(drive: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["run", drive, "--no-recording"]) == 0
+    assert main(["run", drive, "--no-recording"], helpers.build) == 0
     (folder,) = (tmp_path / "recordings").iterdir()
     assert folder.name.startswith("KITTI-07-") and names(folder) == FILES
 

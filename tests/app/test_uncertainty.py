@@ -9,8 +9,8 @@ import rerun as rr
 from ispom_app import uncertainty
 from ispom_app.rerun_log import blueprint
 from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.playback import Opened, Stepped
-from ispom_app.session.state import Moment
+from ispom_app.run.events import Opened, Stepped
+from ispom_app.session.state import ExposureRecord
 from ispom_app.viser_ui.panels.why import report
 
 from ispom.estimators import Config
@@ -49,7 +49,7 @@ def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
         event = Stepped(index, sequence[index], (given,), {"stereo": Similarity()}, {})
         entries = {entry.path: entry.value for entry in recorder.batch(event).entries if hasattr(entry, "value")}
         logged.append(entries.get("world/stereo/spread"))
-        assert ("95 % within" in report(Moment.of(event, None), 1)) == (index == 0)
+        assert ("95 % within" in report(ExposureRecord.of(event, None), 1)) == (index == 0)
     assert isinstance(logged[0], rr.Ellipsoids3D) and isinstance(logged[1], rr.Clear) and logged[2] is None
 
 
@@ -68,5 +68,5 @@ def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
     series, band = [e.value for e in first if e.path == "plots/scale/monocular/drift"]
     assert isinstance(series, rr.SeriesLines) and isinstance(band, rr.Scalars)
     assert [e.static for e in second if e.path == "plots/scale/monocular/drift"] == [False]
-    text = report(Moment.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
+    text = report(ExposureRecord.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
     assert "× 1.0020 carried over, ± 1.5 % since the start" in text

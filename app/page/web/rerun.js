@@ -80,7 +80,7 @@ function follow(sync, state) {
   if (state.index < 0) return;
   sync.start();
   if (sync.chosen !== null) return;
-  const live = state.index >= state.head - 1 && (state.playing || state.target !== null);
+  const live = state.index >= state.computed - 1 && (state.playing || state.target !== null);
   sync.playing = state.playing;
   sync.wanted = live ? "following" : state.index;
   push(sync);

@@ -12,7 +12,7 @@ export function showState(state) {
   document.body.dataset.playing = state.playing;
   at("exposure").textContent = state.total ? `${Math.max(state.index + 1, 0)} / ${state.total}` : "";
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
-  at("computed").style.width = `${(100 * state.head) / Math.max(state.total, 1)}%`;
+  at("computed").style.width = `${(100 * state.computed) / Math.max(state.total, 1)}%`;
   at("cursor").style.left = `${(100 * Math.max(state.index, 0)) / Math.max(state.total - 1, 1)}%`;
   at("lamps").replaceChildren(...state.methods.map(lamp));
   showRecording(state.recording);
@@ -28,7 +28,7 @@ export function showOffline() {
 
 const doing = (state) => {
   if (state.phase === "failed") return "nothing is open: choose a source at the left";
-  if (state.target !== null) return `computing up to exposure ${state.target + 1}: ${state.head} done`;
+  if (state.target !== null) return `computing up to exposure ${state.target + 1}: ${state.computed} done`;
   if (state.activity) return `${state.activity} …`;
   return null;
 };

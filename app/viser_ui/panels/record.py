@@ -39,7 +39,7 @@ class RecordPanel:
             self._name.disabled = recording is not None
         if recording:
             doing = "Closing" if recording.closing else "Recording"
-            done = f"{recording.written} of {state.head} exposures"
+            done = f"{recording.written} of {state.computed} exposures"
             text = f"{doing} **{recording.name}**: {done}, {size(recording.size_bytes)}"
         else:
             text = "Records the run from its first exposure on, whenever you start. Opens in any Rerun 0.41 viewer."

@@ -64,7 +64,7 @@ class RunPanel:
         if state.index >= 0 and time.monotonic() - self._touched_s > HAND_S and self._slider.value != state.index + 1:
             self._shown = state.index
             self._slider.value = state.index + 1
-        self._progress.value = round(100 * state.head / max(state.total, 1), 1)
+        self._progress.value = round(100 * state.computed / max(state.total, 1), 1)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
 
@@ -75,5 +75,5 @@ def _text(state: State) -> str:
     if state.phase == "failed":
         return "Nothing is open. Type a source below, `sim:city` or a path, and press Open."
     waiting = f"computing up to {state.target + 1} · " if state.target is not None else ""
-    lines = [f"{waiting}computed {state.head} of {state.total} exposures" + (" · finished" if state.ended else "")]
+    lines = [f"{waiting}computed {state.computed} of {state.total} exposures" + (" · finished" if state.ended else "")]
     return "\n\n".join([*lines, *(f"*{note}*" for note in state.notes)])

@@ -11,7 +11,7 @@ import viser
 from ispom.types import Decision, Step, TrackStatus
 
 from ... import colours
-from ...session.state import Moment, State
+from ...session.state import ExposureRecord, State
 from ...uncertainty import told
 from ..controls import label_of
 
@@ -22,21 +22,21 @@ EMPTY = "Nothing is computed yet. Press play, or step forward (→)."
 class WhyPanel:
     def __init__(self, gui: viser.GuiApi) -> None:
         self._html = gui.add_html(_page(EMPTY))
-        self._moment: Moment | None = None
+        self._record: ExposureRecord | None = None
 
     def show(self, state: State) -> None:
-        if state.moment is not self._moment:
-            self._moment = state.moment
-            self._html.content = report(state.moment, len(state.methods))
+        if state.displayed is not self._record:
+            self._record = state.displayed
+            self._html.content = report(state.displayed, len(state.methods))
 
 
-def report(moment: Moment | None, methods: int) -> str:
+def report(record: ExposureRecord | None, methods: int) -> str:
     """The exposure's story as HTML."""
-    if moment is None:
+    if record is None:
         return _page(EMPTY)
-    head = f"<b>{moment.kind}</b> exposure {moment.index + 1}, {len(moment.steps)} of {methods} methods use it"
+    head = f"<b>{record.kind}</b> exposure {record.index + 1}, {len(record.steps)} of {methods} methods use it"
     return _page(
-        f'<div style="opacity:.75">{head}</div>' + "".join(_step(step, _unit_m(moment, step)) for step in moment.steps)
+        f'<div style="opacity:.75">{head}</div>' + "".join(_step(step, _unit_m(record, step)) for step in record.steps)
     )
 
 
@@ -44,8 +44,8 @@ def _page(content: str) -> str:
     return f'<div style="padding:6px 14px 12px;font-size:12px;line-height:1.45;overflow-wrap:anywhere">{content}</div>'
 
 
-def _unit_m(moment: Moment, step: Step) -> float:
-    placed = moment.placements.get(step.method)
+def _unit_m(record: ExposureRecord, step: Step) -> float:
+    placed = record.placements.get(step.method)
     return placed.scale if placed else 1.0
 
 

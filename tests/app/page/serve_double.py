@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import ispom_app.run.playback
 from ispom_app.page.server import serve
 
 from tests.app.helpers import build, opener
 
 if __name__ == "__main__":
-    ispom_app.run.playback.build = build
     folder, port = Path(sys.argv[1]), int(sys.argv[2])
-    sys.exit(serve(opener, "double:40", port=port, open_browser=False, recordings_dir=folder))
+    sys.exit(serve(opener, "double:40", port=port, open_browser=False, recordings_dir=folder, builder=build))

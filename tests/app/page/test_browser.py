@@ -126,7 +126,7 @@ def test_it_plays_by_itself(page: Page):
     first = page.state["index"]
     page.until(f"state.ended || state.index > {first} + 3", "the exposure counter to advance")
     page.until("state.ended && !state.playing", "the end")
-    assert page.state["head"] == TOTAL
+    assert page.state["computed"] == TOTAL
     assert page.tab.locator("#exposure").inner_text() == f"{TOTAL} / {TOTAL}"
     assert page.tab.locator(".lamp").count() == 3
     assert re.search(r"stereo.*\d mm?$", page.tab.locator(".lamp").nth(1).inner_text().replace("\n", " "))
@@ -186,7 +186,7 @@ def test_a_second_browser_shows_the_same(page: Page, browser, app: App):
     page.send("{do: 'seek', index: 17}")
     page.until("state.index === 17", "the seek")
     other = Page(browser, app.url, viewer="")
-    other.until("state.index === 17 && state.head === 44", "the same state")
+    other.until("state.index === 17 && state.computed === 44", "the same state")
     other.send("{do: 'seek', index: 5}")
     page.until("state.index === 5", "the other's seek")
     assert not other.faults
@@ -218,7 +218,7 @@ def test_closed_and_opened_again_it_shows_the_same(page: Page, browser, app: App
     index = page.state["index"]
     page.tab.close()
     again = Page(browser, app.url)
-    again.until(f"state.index === {index} && state.head === 44", "the same state")
+    again.until(f"state.index === {index} && state.computed === 44", "the same state")
     again.tab.locator("#cover").wait_for(state="hidden")
     again.tab.close()
 

@@ -14,7 +14,7 @@ from ispom_app.page.gateway import Backends, Gateway
 from ispom_app.page.messages import Pane, command_of, message_of
 from ispom_app.page.rerun_assets import NAMES, viewer_assets
 from ispom_app.session import commands as do
-from ispom_app.session.state import State, Told, reduce
+from ispom_app.session.state import NoticeAdded, State, reduce
 
 
 class FakeSession:
@@ -155,7 +155,7 @@ def test_states_go_out_and_commands_come_in(tmp_path: Path):
         async with client.ws_connect(f"{url}/ws") as one, client.ws_connect(f"{url}/ws") as two:
             for ws in (one, two):
                 assert json.loads((await ws.receive()).data)["phase"] == "opening"
-            session.state = reduce(session.state, Told("careful"))
+            session.state = reduce(session.state, NoticeAdded("careful"))
             for ws in (one, two):
                 assert json.loads((await ws.receive()).data)["notices"][0]["text"] == "careful"
             await one.send_str('{"do": "pane", "wide": true}')

@@ -79,7 +79,7 @@ def test_turning_the_scene_while_it_plays_does_not_stop_it(cursors: Cursors):
     """Where Rerun follows its stream, its cursor moves on by itself."""
     cursors.tab.evaluate(
         "() => { const { follow } = window.ispom.viewer;"
-        " follow({ run: window.ispom.state.run, index: 5, head: 6, playing: true, target: null }); }"
+        " follow({ run: window.ispom.state.run, index: 5, computed: 6, playing: true, target: null }); }"
     )
     cursors.until("window.ispom.viewer.sync.sent === 'following'", "Rerun to follow")
     for index in (5, 6, 7):

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 import yaml
 from ispom_app.cli import main
-from ispom_app.run import playback
 from ispom_app.run.run_folder import MARKER
 
 from tests.app import helpers
@@ -52,9 +51,7 @@ class Parsed(HTMLParser):
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of stand-ins, with a recording."""
     folder = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(playback, "build", helpers.build)
-        assert main(["run", str(make_drive(folder / "kitti")), "--out", str(folder / "run")]) == 0
+    assert main(["run", str(make_drive(folder / "kitti")), "--out", str(folder / "run")], helpers.build) == 0
     return folder / "run"
 
 

@@ -10,22 +10,22 @@ from types import SimpleNamespace
 
 import pytest
 import rerun as rr
-from ispom_app.rerun_log import file_recording, streams
-from ispom_app.run import playback
+from ispom_app.rerun_log import file_recording
+from ispom_app.run.events import without_images
+from ispom_app.run.playback import Playback
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS, Ensemble
+from ispom.estimators import METHODS
 from tests import doubles
+from tests.app import helpers
 
 rr.set_strict_mode(True)
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> playback.Playback:
-    ensemble = Ensemble(METHODS, {m: doubles.FakeEstimator(m) for m in METHODS})
-    monkeypatch.setattr(playback, "build", lambda config, methods, rig: ensemble)
-    return playback.Playback(doubles.sequence(), METHODS)
+def run() -> Playback:
+    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
 
 
 def entities(path: Path) -> set[str]:
@@ -94,6 +94,6 @@ def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, 
 def test_events_without_pictures_are_recorded_too(run, tmp_path):
     with file_recording.FileRecording(tmp_path / "run.rrd", run.opened) as file:
         while not run.done:
-            file.write(streams.without_images(run.step()))
+            file.write(without_images(run.step()))
     found = entities(tmp_path / "run.rrd")
     assert "/video/image" not in found and {"/world/stereo/path/0", "/decisions"} <= found

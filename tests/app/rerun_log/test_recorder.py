@@ -14,29 +14,28 @@ import rerun as rr
 from ispom_app import colours
 from ispom_app.rerun_log import entities
 from ispom_app.rerun_log.file_recording import FileRecording
-from ispom_app.rerun_log.memory import Cloud
-from ispom_app.rerun_log.memory import Path as Memory
+from ispom_app.rerun_log.memory import Cloud, PoseHistory
 from ispom_app.rerun_log.recorder import Entry, Recorder
-from ispom_app.run import playback
+from ispom_app.run.events import Finished, Stepped
+from ispom_app.run.playback import Playback
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
-from ispom.estimators import ALL_METHODS, METHODS, Ensemble
+from ispom.estimators import ALL_METHODS, METHODS
 from ispom.geometry import Pose, Similarity
 from ispom.types import Camera, Landmarks, StereoPair, Tracks, TrackStatus, Trajectory, VideoFrame
 from tests import doubles
+from tests.app import helpers
 
 rr.set_strict_mode(True)
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> playback.Playback:
-    ensemble = Ensemble(METHODS, {m: doubles.FakeEstimator(m) for m in METHODS})
-    monkeypatch.setattr(playback, "build", lambda config, methods, rig: ensemble)
-    return playback.Playback(doubles.sequence(), METHODS)
+def run() -> Playback:
+    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
 
 
-def events(run: playback.Playback) -> list[playback.Stepped]:
+def events(run: Playback) -> list[Stepped]:
     return [run.step() for _ in range(len(run.sequence))]
 
 
@@ -58,7 +57,7 @@ def column(rows: list[dict], ending: str) -> list:
 
 
 @pytest.fixture
-def recorded(run: playback.Playback, tmp_path: Path) -> tuple[dict[str, list[dict]], list, playback.Finished]:
+def recorded(run: Playback, tmp_path: Path) -> tuple[dict[str, list[dict]], list, Finished]:
     with FileRecording(tmp_path / "run.rrd", run.opened) as file:
         stepped = events(run)
         for event in stepped:
@@ -151,7 +150,7 @@ def test_a_frustum_sees_the_image_corners():
 
 def test_revised_poses_replace_the_drawn_ones():
     times = np.arange(250, dtype=np.int64)
-    memory = Memory(times)
+    memory = PoseHistory(times)
     straight = Trajectory(times, np.broadcast_to(np.eye(3), (250, 3, 3)), np.outer(times, [1.0, 0, 0]))
     assert memory.update(straight) == {0, 1, 2}
     assert_allclose(memory.line(1), straight.translations[99:200])

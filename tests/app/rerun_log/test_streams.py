@@ -7,20 +7,19 @@ import socket
 import pytest
 import rerun as rr
 from ispom_app.rerun_log import blueprint, streams
-from ispom_app.run import playback
+from ispom_app.run.playback import Playback
 
-from ispom.estimators import METHODS, Ensemble
+from ispom.estimators import METHODS
 from ispom.types import VideoFrame
 from tests import doubles
+from tests.app import helpers
 
 rr.set_strict_mode(True)
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch) -> playback.Playback:
-    ensemble = Ensemble(METHODS, {m: doubles.FakeEstimator(m) for m in METHODS})
-    monkeypatch.setattr(playback, "build", lambda config, methods, rig: ensemble)
-    return playback.Playback(doubles.sequence(), METHODS)
+def run() -> Playback:
+    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
 
 
 def test_a_reader_that_never_comes_costs_pictures_only(run):

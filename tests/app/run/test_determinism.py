@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.run.playback import Finished, Opened, Playback, Stepped
+from ispom_app.run.events import Finished, Opened, Stepped
+from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from ispom_app.run.map_memory import MapMemories
+from ispom_app.run.map_memory import MapCollectors
 
 from ispom.types import Landmarks, Step, TrackStatus, Trajectory, VideoFrame
 from tests import doubles
@@ -22,7 +22,7 @@ def steps(count: int) -> list[Step]:
 
 
 def test_the_latest_place_counts_and_nan_none() -> None:
-    memories, run = MapMemories(), steps(2)
+    memories, run = MapCollectors(), steps(2)
     nowhere = Landmarks(np.array([0, 900]), np.full((2, 3), np.nan), np.zeros((2, 3), np.uint8))
     for step in (*run, replace(run[1], landmarks=nowhere)):
         memories.add((step,))
@@ -36,7 +36,7 @@ def test_the_latest_place_counts_and_nan_none() -> None:
 
 
 def test_key_frames_with_a_final_pose_and_their_living_tracks() -> None:
-    memories, run, rig = MapMemories(), steps(11), doubles.rig()
+    memories, run, rig = MapCollectors(), steps(11), doubles.rig()
     for step in run:
         memories.add((step,))
     rig_poses = Trajectory.of([(s.time_ns, doubles.pose_at(s.time_ns)) for s in run[:10]])
@@ -49,5 +49,5 @@ def test_key_frames_with_a_final_pose_and_their_living_tracks() -> None:
 
 
 def test_a_method_that_never_spoke_has_an_empty_map() -> None:
-    found = MapMemories().scenes({"stereo": Trajectory.empty()}, ("stereo",), doubles.rig())["stereo"]
+    found = MapCollectors().scenes({"stereo": Trajectory.empty()}, ("stereo",), doubles.rig())["stereo"]
     assert not len(found.landmarks) and not len(found.key_frames) and not len(found.seen_ids)

@@ -17,9 +17,8 @@ from tests.app import helpers
 
 
 @pytest.fixture
-def playback(monkeypatch: pytest.MonkeyPatch) -> Playback:
-    monkeypatch.setattr("ispom_app.run.playback.build", helpers.build)
-    return Playback(doubles.sequence(8), ("monocular", "stereo"))
+def playback() -> Playback:
+    return Playback(doubles.sequence(8), ("monocular", "stereo"), builder=helpers.build)
 
 
 def rows(path: Path) -> list[dict[str, str]]:

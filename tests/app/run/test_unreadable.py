@@ -9,22 +9,14 @@ from pathlib import Path
 import pytest
 from ispom_app.cli import main
 from ispom_app.options import Run
-from ispom_app.run import playback
 from ispom_app.run.playback import Playback
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.estimators import METHODS, Ensemble
+from ispom.estimators import METHODS
 from ispom.io.tum import read_tum
 from ispom.types import Exposure, Sequence
 from tests import doubles
-
-
-@pytest.fixture(autouse=True)
-def fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    def build(_config, methods, _rig) -> Ensemble:
-        return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
-
-    monkeypatch.setattr(playback, "build", build)
+from tests.app import helpers
 
 
 def spoilt(*bad: int) -> Sequence:
@@ -41,7 +33,7 @@ def spoilt(*bad: int) -> Sequence:
 def test_the_run_goes_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     sequence = spoilt(40)
     monkeypatch.setattr(Run, "open", lambda *_: sequence)
-    assert main(["run", "made", "--out", str(tmp_path / "out"), "--recording"]) == 0
+    assert main(["run", "made", "--out", str(tmp_path / "out"), "--recording"], helpers.build) == 0
     assert "left out: image 40 is not a whole image" in capsys.readouterr().out
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["skipped"] == [
         "image 40 is not a whole image: restore it"
@@ -52,7 +44,7 @@ def test_the_run_goes_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_a_second_in_less_than_two_hundred_ends_it() -> None:
-    run = Playback(spoilt(40, 41), METHODS)
+    run = Playback(spoilt(40, 41), METHODS, builder=helpers.build)
     with pytest.raises(InputError, match=r"image 41 is not a whole image: restore it \(left out before it: 1\)"):
         while not run.done:
             run.step()
@@ -63,6 +55,6 @@ def test_a_wrong_image_still_ends_it() -> None:
     def load(_: int) -> Exposure:
         raise InputError("image 0 is 20 x 10, not 80 x 60: restore it")
 
-    run = Playback(replace(doubles.sequence(150), load=load), METHODS)
+    run = Playback(replace(doubles.sequence(150), load=load), METHODS, builder=helpers.build)
     with pytest.raises(InputError, match="20 x 10"):
         run.step()

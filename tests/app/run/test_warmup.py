@@ -55,7 +55,6 @@ def test_what_is_not_needed_is_not_compiled() -> None:
 
 @pytest.mark.usefixtures("started")
 def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("ispom_app.run.playback.build", helpers.build)
     over = threading.Event()
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.wait(wait_s))
     asked: list[Config] = []
@@ -69,7 +68,7 @@ def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, 
         helpers.wait_for(lambda: not session.state.playing, "a pause meanwhile")
         over.set()
         session.post(do.Play(True))
-        helpers.wait_for(lambda: session.state.head == session.state.total, "the end")
+        helpers.wait_for(lambda: session.state.computed == session.state.total, "the end")
     finally:
         session.close(20.0)
 
@@ -87,12 +86,11 @@ def test_the_first_start_shows_the_papers_methods_meanwhile(monkeypatch: pytest.
 def test_the_page_tells_of_it_and_does_not_wait_where_nothing_needs_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, exposures: int
 ) -> None:
-    monkeypatch.setattr("ispom_app.run.playback.build", helpers.build)
     over = threading.Event()
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.is_set())
     session = helpers.started(tmp_path, f"double:{exposures}", config=Config(variant="paper"))
     try:
-        helpers.wait_for(lambda: session.state.head >= min(exposures, 100), "exposures meanwhile")
+        helpers.wait_for(lambda: session.state.computed >= min(exposures, 100), "exposures meanwhile")
         assert warmup.MEANWHILE in [n.text for n in session.state.notices]
         over.set()
         helpers.wait_for(lambda: warmup.READY in [n.text for n in session.state.notices], "the news")

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from ispom_app import headless
 from ispom_app.cli import main
-from ispom_app.rerun_log.memory import Path as PathMemory
+from ispom_app.rerun_log.memory import PoseHistory
 from ispom_app.run.run_folder import MARKER
 from ispom_app.session import commands as do
 
@@ -29,7 +29,6 @@ N = 12
 
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ispom_app.run.playback.build", build)
     monkeypatch.setattr(live, "PATIENCE_S", 1.0)
 
 
@@ -41,7 +40,7 @@ def calibration(tmp_path: Path) -> Path:
 
 
 def run(url: str, calibration: Path, out: Path, *options: str) -> int:
-    return main(["run", url, "--camera", str(calibration), "--out", str(out), "--no-recording", *options])
+    return main(["run", url, "--camera", str(calibration), "--out", str(out), "--no-recording", *options], build)
 
 
 def test_a_run_of_a_stream_that_ends_is_complete(calibration: Path, tmp_path: Path) -> None:
@@ -101,7 +100,7 @@ def test_the_app_follows_it_and_another_source_ends_it(calibration: Path, tmp_pa
     with streaming(images(N, 0), holds=True) as stream:
         session = started(tmp_path, stream.url, opener=opener)
         session.post(do.Speed(None))
-        wait_for(lambda: session.state.head == N and session.state.total == N, "all images")
+        wait_for(lambda: session.state.computed == N and session.state.total == N, "all images")
         assert session.state.playing and not session.state.ended
         session.post(do.Seek(3))
         wait_for(lambda: session.state.index == 3 and not session.state.playing, "a look back")
@@ -115,14 +114,14 @@ def test_the_app_ends_with_the_stream(calibration: Path, tmp_path: Path) -> None
         session = started(tmp_path, stream.url, opener=lambda source: open_sequence(source, camera=calibration))
         session.post(do.Speed(None))
         wait_for(lambda: session.state.ended, "the end")
-        assert session.state.head == session.state.total == N and "ended by itself" in session.state.notes[-1]
+        assert session.state.computed == session.state.total == N and "ended by itself" in session.state.notes[-1]
         session.post(do.Restart(("monocular",), session.state.config))
         wait_for(lambda: session.state.run == 2 and session.state.ended, "the same again")
-        assert session.state.head == N and session.close(5.0)
+        assert session.state.computed == N and session.close(5.0)
 
 
 def test_paths_grow_by_exposures_that_were_not_known() -> None:
-    path = PathMemory(np.array([10, 20], np.int64))
+    path = PoseHistory(np.array([10, 20], np.int64))
     for index, time_ns in enumerate((10, 20, 30, 40)):
         path.know(index, time_ns)
     path.update(Trajectory.of([(t, Pose(translation=np.array([t, 0.0, 0]))) for t in (10, 30, 40)]))

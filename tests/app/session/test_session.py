@@ -15,12 +15,7 @@ from ispom.errors import InputError
 from ispom.estimators import Config
 from ispom.types import Sequence
 from tests import doubles
-from tests.app.helpers import build, opener, started, wait_for
-
-
-@pytest.fixture(autouse=True)
-def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ispom_app.run.playback.build", build)
+from tests.app.helpers import opener, started, wait_for
 
 
 @pytest.fixture
@@ -41,8 +36,8 @@ def test_it_plays_by_itself_to_the_end(tmp_path: Path):
     session = started(tmp_path)
     session.post(do.Speed(None))
     wait_for(lambda: session.state.ended, "the end")
-    assert session.state.head == session.state.total == len(session.history) == 22
-    assert not session.state.playing and session.state.lamps["stereo"].error_m is not None
+    assert session.state.computed == session.state.total == len(session.history) == 22
+    assert not session.state.playing and session.state.statuses["stereo"].error_m is not None
     assert session.close(5.0)
 
 
@@ -52,7 +47,7 @@ def test_steps_forward_compute_and_steps_back_do_not(paused: Session):
     computed = paused.history[:]
     go(paused, do.StepBy(-1), 2)
     go(paused, do.StepBy(-1), 1)
-    assert paused.state.head == 4 and paused.state.moment is computed[1]
+    assert paused.state.computed == 4 and paused.state.displayed is computed[1]
     go(paused, do.StepBy(1), 2)
     assert paused.history == computed
 
@@ -67,7 +62,7 @@ def test_seeking_ahead_computes_up_to_there_and_the_newest_seek_wins(paused: Ses
     for index in (19, 18, 7):
         paused.post(do.Seek(index))
     wait_for(lambda: paused.state.index == 7 and paused.state.target is None, "the newest seek")
-    assert paused.state.head <= 20
+    assert paused.state.computed <= 20
     go(paused, do.Seek(0), 0)
     go(paused, do.Seek(1000), paused.state.total - 1)
     assert paused.state.ended
@@ -114,7 +109,7 @@ def test_a_broken_image_stops_the_run_and_loses_nothing(tmp_path: Path):
     session.post(do.Speed(None))
     wait_for(lambda: session.state.notices, "a notice")
     assert session.state.notices[-1].text == "image_0/000009.png is cut off: copy it again"
-    assert not session.state.playing and session.state.head == 9
+    assert not session.state.playing and session.state.computed == 9
     go(session, do.Seek(2), 2)
     session.post(do.StepBy(100))
     wait_for(lambda: len(session.state.notices) == 2, "the same notice again")
@@ -130,7 +125,6 @@ def test_a_fault_of_the_program_is_told_and_survived(paused: Session, monkeypatc
     wait_for(lambda: paused.state.notices, "a notice")
     assert "internal fault" in paused.state.notices[-1].text
     monkeypatch.undo()
-    monkeypatch.setattr("ispom_app.run.playback.build", build)
     go(paused, do.StepBy(1), 0)
 
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.run.playback import Finished, Opened, Stepped
+from ispom_app.run.events import Finished, Opened, Stepped
 from ispom_app.session.state import (
     MAX_NOTICES,
     Computed,
-    Moment,
+    Displayed,
+    ExposureRecord,
+    NoticeAdded,
     Opening,
     OpeningFailed,
-    Shown,
     State,
-    Told,
     changed,
     reduce,
 )
@@ -24,11 +24,11 @@ SEQUENCE = doubles.sequence(6)
 OPENED = Opened(SEQUENCE, ("monocular", "stereo", "integrated"), Config(), SEQUENCE.truth)
 
 
-def moment(index: int, before: Moment | None = None) -> Moment:
+def moment(index: int, before: ExposureRecord | None = None) -> ExposureRecord:
     exposure = SEQUENCE[index]
     estimators = [doubles.FakeEstimator(m) for m in ("monocular", "stereo")]
     steps = tuple(e.step((), exposure)[1] for e in estimators if e.uses(exposure))
-    return Moment.of(Stepped(index, exposure, steps, {}, {s.method: 0.5 for s in steps}), before)
+    return ExposureRecord.of(Stepped(index, exposure, steps, {}, {s.method: 0.5 for s in steps}), before)
 
 
 def test_a_run_from_opening_to_its_end():
@@ -39,17 +39,17 @@ def test_a_run_from_opening_to_its_end():
     assert state.possible == ("monocular", "stereo", "integrated", "integrated_paper")
     first, second = moment(0), moment(1)
     state = reduce(reduce(state, Computed(first)), Computed(second))
-    assert (state.head, state.index) == (2, 1)
-    state = reduce(state, Shown(first))
-    assert (state.head, state.index) == (2, 0)
+    assert (state.computed, state.index) == (2, 1)
+    state = reduce(state, Displayed(first))
+    assert (state.computed, state.index) == (2, 0)
     state = reduce(reduce(state, changed(playing=True)), Finished({}, {}))
     assert state.ended and not state.playing
 
 
 def test_a_second_run_starts_empty_and_keeps_what_was_told():
-    state = reduce(reduce(State("double"), OPENED), Told("careful"))
+    state = reduce(reduce(State("double"), OPENED), NoticeAdded("careful"))
     state = reduce(reduce(state, Computed(moment(0))), Opening("double"))
-    assert state.moment is None and state.head == 0 and state.notices[0].text == "careful"
+    assert state.displayed is None and state.computed == 0 and state.notices[0].text == "careful"
     assert reduce(state, OPENED).run == 2
 
 
@@ -61,17 +61,17 @@ def test_a_failed_opening_is_told():
 def test_notices_are_numbered_and_few():
     state = State("double")
     for i in range(MAX_NOTICES + 3):
-        state = reduce(state, Told(str(i)))
+        state = reduce(state, NoticeAdded(str(i)))
     assert [n.number for n in state.notices] == list(range(4, MAX_NOTICES + 4))
 
 
-def test_lamps_keep_the_latest_step_of_each_method():
-    moments: list[Moment] = []
+def test_statuses_keep_the_latest_step_of_each_method():
+    moments: list[ExposureRecord] = []
     for i in range(len(SEQUENCE)):
         moments.append(moment(i, moments[-1] if moments else None))
     stereo = next(i for i, m in enumerate(moments) if m.kind == "stereo")
     later = moments[stereo + 1]
-    assert later.kind == "video" and later.lamps["stereo"].error_m == 0.5
+    assert later.kind == "video" and later.statuses["stereo"].error_m == 0.5
 
 
 def test_a_moment_keeps_no_image():
@@ -83,4 +83,4 @@ def test_a_moment_keeps_no_image():
 
 def test_only_plain_fields_can_be_set():
     with pytest.raises(KeyError):
-        changed(head=3)
+        changed(computed=3)

@@ -1,0 +1,69 @@
+"""What happens in a run, as values: it is opened, takes steps, and finishes. Everything that draws, records or counts
+a run gets these and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.estimators import Config, Method
+from ispom.geometry import Similarity
+from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A sequence was opened and its estimators built."""
+
+    sequence: Sequence
+    methods: tuple[Method, ...]
+    config: Config
+    truth: Trajectory | None
+    """world_from_rig, moved so that it starts at the pose where the estimates start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """One exposure went through the estimators."""
+
+    index: int
+    """Of the exposure in the sequence."""
+    exposure: Exposure
+    steps: tuple[Step, ...]
+    placements: Mapping[str, Similarity]
+    """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
+    errors_m: Mapping[str, float]
+    """By method: distance of this step's rig position from the truth's, where both are known."""
+    skipped: str = ""
+    """Why no estimator saw it: the image that is unreadable. Its images are empty then."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The sequence ended, or the run was closed early: the final trajectories, each in its own world and frame."""
+
+    trajectories: Mapping[str, Trajectory]
+    placements: Mapping[str, Similarity]
+
+
+Event = Stepped | Finished
+
+
+def blank(sequence: Sequence, index: int) -> Exposure:
+    """An exposure with empty images, which nobody draws."""
+    return _without_image(int(sequence.times_ns[index]), sequence.kinds[index] == "stereo")
+
+
+def without_images(event: Event) -> Event:
+    """The event with empty images: its pictures are not drawn, all else is."""
+    if not isinstance(event, Stepped):
+        return event
+    exposure = event.exposure
+    return replace(event, exposure=_without_image(exposure.time_ns, isinstance(exposure, StereoPair)))
+
+
+def _without_image(time_ns: int, stereo: bool) -> Exposure:
+    nothing = np.zeros((0, 0), np.uint8)
+    return StereoPair(time_ns, nothing, nothing) if stereo else VideoFrame(time_ns, nothing)
