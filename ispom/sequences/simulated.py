@@ -51,7 +51,7 @@ def open_simulated(
         raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to 20 s")
     rig, path, stamps = simulated_rig(preset.scale), FlightPath.seeded(seed), Timing(duration_s).exposures()
     shaping = (seed, motion_blur, preset.scale)
-    libraries = [version(name) for name in ("open3d", "numpy", "opencv-python-headless")]
+    libraries = [version(name) for name in ("numpy", "opencv-python-headless")]
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
         lambda i, threads: render_pool().render(*shaping, *stamps[i], threads),

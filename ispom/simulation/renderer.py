@@ -1,4 +1,4 @@
-"""Images and depth of a scene: rays cast by Open3D (Embree), shaded here, with extra samples only where faces meet."""
+"""Images and depth of a scene: rays cast by Embree, shaded here, with extra samples only where faces meet."""
 
 from __future__ import annotations
 
@@ -6,19 +6,17 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.simulation.caster import NOTHING
 from ispom.simulation.materials import sky
 from ispom.simulation.noise import Values
 from ispom.simulation.samples import ROOKS, Samples, edges
 from ispom.simulation.scene import Scene
 from ispom.types import Camera, Image
 
-SKY = -1
-_BAND_RAYS = 60_000
-"""Rays per cast: Open3D keeps Python's lock meanwhile, and others want it within a few milliseconds."""
+SKY = NOTHING
 _CHUNK = 32_768
 """Samples that are shaded together: their values stay in the processor's cache."""
 _SPREAD = 1.25
@@ -163,16 +161,10 @@ class Renderer:
 
     def _cast(self, pose: Pose, a: Values, b: Values, threads: int) -> NDArray[np.int32]:
         """(N,) the faces that rays (a, b, 1) of the camera hit."""
-        rays = np.empty((a.size, 6), np.float32)
-        rays[:, :3] = pose.translation
+        directions = np.empty((a.size, 3), np.float32)
         for i, r in enumerate(pose.rotation):
-            rays[:, 3 + i] = (float(r[0]) * a + float(r[1]) * b + float(r[2])).ravel()
-        out = np.empty(len(rays), np.int32)
-        for i in range(0, len(rays), _BAND_RAYS):
-            found = self.scene.caster.cast_rays(o3d.core.Tensor.from_numpy(rays[i : i + _BAND_RAYS]), nthreads=threads)
-            # Two triangles to a face; what hits nothing has the largest number, -1 as a signed one.
-            out[i : i + _BAND_RAYS] = found["primitive_ids"].numpy().view(np.int32) >> 1
-        return out
+            directions[:, i] = (float(r[0]) * a + float(r[1]) * b + float(r[2])).ravel()
+        return self.scene.caster.hits(pose.translation, directions, threads) >> 1  # two triangles to a face
 
 
 def _moved(f: Values, east: Values, north: Values, scale: Values, a: Values, b: Values) -> tuple[Values, Values]:

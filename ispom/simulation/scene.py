@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import open3d as o3d
 
 from ispom.geometry import Array, so3_exp
+from ispom.simulation.caster import RayCaster
 from ispom.simulation.materials import Material, Surfaces
 from ispom.simulation.noise import Values
 
@@ -27,7 +27,7 @@ class Scene:
     light: Values
     """(Q,) brightness from the sun and the sky."""
     surfaces: Surfaces
-    caster: o3d.t.geometry.RaycastingScene
+    caster: RayCaster
     """Face q is triangles 2q and 2q + 1."""
 
 
@@ -81,19 +81,10 @@ class SceneBuilder:
         corner, axes = np.array(self.corners), np.array(self.axes)
         parameters = np.array(self.parameters)
         u, v = axes[:, 0] * parameters[:, :1], axes[:, 1] * parameters[:, 1:2]
-        vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1).reshape(-1, 3)
-        first = 4 * np.arange(len(corner))[:, None, None]
-        triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-        caster = o3d.t.geometry.RaycastingScene()
-        caster.add_triangles(
-            o3d.core.Tensor.from_numpy(vertices.astype(np.float32)),
-            o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)),
-        )
-        caster.cast_rays(
-            o3d.core.Tensor.from_numpy(np.ones((1, 6), np.float32))
-        )  # commits: afterwards safe from any thread
+        vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1)
+        triangles = vertices[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
         sun = np.clip(axes[:, 2] @ (SUN / np.linalg.norm(SUN)), 0, 1)
         light = 0.66 + 0.42 * sun - 0.12 * np.clip(axes[:, 2, 1], 0, 1)
         seeds = self.rng.integers(1, 2**31, len(corner))
         surfaces = Surfaces.of(np.array(self.materials), seeds, parameters)
-        return Scene(corner, axes, light.astype(np.float32), surfaces, caster)
+        return Scene(corner, axes, light.astype(np.float32), surfaces, RayCaster(triangles.astype(np.float32)))

@@ -1,0 +1,26 @@
+"""Open3D, for those parts that need it: its wheel loads system libraries that slim machines lack."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from types import ModuleType
+
+from ispom.errors import InputError
+
+
+def open3d() -> ModuleType:
+    """The module `open3d`, imported now. InputError where it, or a system library that it loads, is missing."""
+    try:
+        return import_module("open3d")
+    except ModuleNotFoundError as error:
+        if error.name != "open3d":
+            raise
+        raise InputError("this needs Open3D, which is not installed: run 'pip install open3d'") from error
+    except OSError as error:  # from the loader of shared libraries: "libX.so.1: cannot open shared object file: ..."
+        library = str(error).partition(":")[0]
+        raise InputError(
+            f"Open3D cannot load the system library {library}: install it (on Debian and Ubuntu: "
+            "'apt-get install libusb-1.0-0 libgl1 libgomp1')"
+        ) from error
+    except ImportError as error:
+        raise InputError(f"Open3D cannot be loaded ({error}): install it again") from error
