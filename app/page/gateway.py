@@ -14,9 +14,14 @@ from urllib.parse import urlsplit
 from aiohttp import ClientError, ClientSession, ClientTimeout, WSMsgType, web
 
 from ..session.session import Session
+from ..rerun_log.live import LiveStream
+from .feed import Feed
 from .messages import Pane, command_of, message_of
+from .wakeup import Wakeup
 
 log = logging.getLogger(__name__)
+HEARTBEAT_S = 20.0
+MESSAGE_BYTES = 1 << 20
 PAGE = Path(__file__).parent / "web"
 LOOPBACK = {"localhost", "127.0.0.1", "::1"}
 REFRESH_S, PLAYING_S = 0.03, 0.1
@@ -38,10 +43,10 @@ VISER_SECURITY = SECURITY | {
 
 @dataclass(frozen=True)
 class Backends:
-    """The servers behind the gateway, all on 127.0.0.1."""
+    """What is behind the gateway."""
 
     viser_port: int
-    stream_port: int
+    live: LiveStream
     assets: Callable[[], Path]
     """The folder of the Rerun viewer's files; may take seconds the first time."""
     show_scene: Callable[[bool], None] = lambda _: None
@@ -68,14 +73,17 @@ class Gateway:
                 web.get("/viewer/{name}", self._viewer_file),
                 web.get("/recordings/{name:.+}", self._recording),
                 web.get("/viser{rest:(/.*)?}", self._viser),
-                web.route("*", "/{service:rerun\\..*}", self._stream),
+                web.get("/live", self._live),
             ]
         )
 
     async def _client(self, app: web.Application):
         self._http = ClientSession(auto_decompress=False, timeout=ClientTimeout(total=None, connect=10))
         self._assets = asyncio.create_task(asyncio.to_thread(self._to.assets))
+        self._grown = Wakeup()
+        self._to.live.grown.add(self._grown.ring)
         yield
+        self._to.live.grown.remove(self._grown.ring)
         self._assets.cancel()
         await self._http.close()
 
@@ -162,8 +170,17 @@ class Gateway:
             return await self._relay(request, f"ws:{target}")
         return await self._forward(request, f"http:{target}", VISER_SECURITY)
 
-    async def _stream(self, request: web.Request) -> web.StreamResponse:
-        return await self._forward(request, f"http://127.0.0.1:{self._to.stream_port}{request.path_qs}", {})
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        """The run's stream out; a page's requests for more of it in."""
+        socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=MESSAGE_BYTES)
+        await socket.prepare(request)
+        self._sockets.add(socket)
+        try:
+            place = request.query.get("run", ""), int(request.query.get("next", 0))
+            await Feed(lambda: self._to.live.tape, self._grown, *place).serve(socket)
+        finally:
+            self._sockets.discard(socket)
+        return socket
 
     async def _forward(self, request: web.Request, url: str, extra: dict[str, str]) -> web.StreamResponse:
         """Passes a request and its answer on, byte by byte; a reader that goes away ends it quietly."""

@@ -98,7 +98,7 @@ async def _serve(
     live, session, screen = await asyncio.to_thread(
         _start, opener, source, methods, config, recordings, autoplay, compiling, builder
     )
-    backends = Backends(screen.port, live.port, viewer_assets, screen.show_scene)
+    backends = Backends(screen.port, live, viewer_assets, screen.show_scene)
     runner = web.AppRunner(
         Gateway(session, backends, recordings, {host, socket.gethostname()}).app, access_log=None, shutdown_timeout=0.3
     )
@@ -120,7 +120,7 @@ async def _serve(
 
 
 def _start(opener, source, methods, config, recordings, autoplay, compiling, builder):
-    from ..rerun_log.streams import LiveStream
+    from ..rerun_log.live import LiveStream
     from ..viser_ui.screen import Screen
 
     live = LiveStream()

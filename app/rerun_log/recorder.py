@@ -157,7 +157,7 @@ class Recorder:
     def _images(self, event: Stepped) -> Iterator[Entry]:
         exposure = event.exposure
         name, image = ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
-        if not image.size:  # given up on the way here: see streams.Mailbox
+        if not image.size:  # given up on the way here: see live.Mailbox
             return
         yield Entry(f"{name}/image", entities.jpeg(image))
         tracks = next((s.tracks[name] for s in _with_parts(event.steps) if name in s.tracks), None)

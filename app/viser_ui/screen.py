@@ -12,7 +12,7 @@ import viser
 
 from ispom.types import Trajectory
 
-from ..rerun_log.streams import LiveStream
+from ..rerun_log.live import LiveStream
 from ..session import commands as do
 from ..session.session import Session
 from .panels.methods import MethodsPanel

@@ -16,6 +16,7 @@ let idle = FIRST_MS; // the pause before the next frame while nothing happens
 let took = 0;
 let behind = 0; // frames until all that came is taken in
 let waiting = null;
+const hungry = []; // who waits until the viewer can take more
 
 window.requestAnimationFrame = (callback) => {
   const now = performance.now();
@@ -29,6 +30,7 @@ window.requestAnimationFrame = (callback) => {
       took = performance.now() - asked;
       behind = Math.max(0, behind - 1);
       callback(now);
+      if (behind < MANY) for (const done of hungry.splice(0)) done();
     });
   };
   const pause = awake ? rest : idle;
@@ -49,20 +51,9 @@ export function wake(hand = false) {
   waiting.go();
 }
 
-// What comes in the viewer's stream wakes it.
-const fetchAll = window.fetch.bind(window);
-window.fetch = async (request, options) => {
-  const response = await fetchAll(request, options);
-  return response.body && new URL(request.url ?? request, location.href).pathname.startsWith("/rerun.") ? tapped(response) : response;
-};
-
-function tapped(response) {
-  const tap = new TransformStream({
-    transform(chunk, out) {
-      out.enqueue(chunk);
-      behind += chunk.byteLength / FRAME_BYTES;
-      wake();
-    },
-  });
-  return new Response(response.body.pipeThrough(tap), response);
+// The viewer was given that much of its stream; resolves when it has taken in so much that it can take more.
+export function fed(bytes) {
+  behind += bytes / FRAME_BYTES;
+  wake();
+  return new Promise((done) => hungry.push(done));
 }

@@ -1,6 +1,7 @@
 // The Rerun viewer in its canvas, and the two time cursors: ours sets Rerun's, and a hand on Rerun's timeline sets ours.
 // Rerun tells of every change of its cursor, up to half a second late, and not who made it. A change is the person's only
 // where a touch of the canvas is newer than all that we asked for, and the change is nothing that we asked for.
+import { feedLive } from "./live.js";
 import { wake } from "./render_throttle.js";
 import { setTimeCursor, PAUSED, FOLLOWING } from "./viewer_control.js";
 
@@ -36,9 +37,7 @@ async function start(canvas, dark, onEvent) {
   document.getElementById("loaded").hidden = false;
   await wasm_bindgen({ module_or_path: counted("/viewer/re_viewer_bg.wasm") });
   cover("Starting the Rerun viewer …");
-  const scheme = location.protocol === "https:" ? "rerun+https" : "rerun+http";
   const handle = new wasm_bindgen.WebHandle({
-    url: [`${scheme}://${location.host}/proxy`],
     hide_welcome_screen: true,
     persist: false,
     theme: dark ? "dark" : "light",
@@ -47,6 +46,7 @@ async function start(canvas, dark, onEvent) {
   });
   await handle.start(canvas);
   document.getElementById("cover").hidden = true;
+  feedLive(handle);
   return handle;
 }
 
