@@ -22,7 +22,7 @@ LAYERS = (
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}
 APP_LAYERS = (
-    {"colours", "options", "uncertainty"},
+    {"colours", "options", "subscribers", "uncertainty"},
     {"run"},
     {"rerun_log"},
     {"session"},

@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 
 from aiohttp import ClientError, ClientSession, ClientTimeout, WSMsgType, web
 
-from ..session.session import Session
 from ..rerun_log.live import LiveStream
+from ..session.session import Session
 from .feed import Feed
 from .messages import Pane, command_of, message_of
 from .wakeup import Wakeup

@@ -8,10 +8,10 @@ import asyncio
 class Wakeup:
     """Any thread rings; whoever waits in the loop wakes up.
 
-        while True:
-            news = wakeup.next()      # before looking, so that nothing is missed in between
-            look()
-            await news.wait()
+    while True:
+        news = wakeup.next()      # before looking, so that nothing is missed in between
+        look()
+        await news.wait()
     """
 
     def __init__(self) -> None:

@@ -1,11 +1,11 @@
 """The run as browsers see it. Nothing listens here: the page's server reads the tape and passes it on.
 
-    live = LiveStream()
-    live.open(opened)                        # for each run: a new tape
-    for event in events:                     # Stepped ..., and Finished at the end
-        live.write(event)                    # never waits
-    live.tape.read(first, most_bytes)        # any number of readers, each at its own pace; `live.grown` tells of more
-    live.close()
+live = LiveStream()
+live.open(opened)                        # for each run: a new tape
+for event in events:                     # Stepped ..., and Finished at the end
+    live.write(event)                    # never waits
+live.tape.read(first, most_bytes)        # any number of readers, each at its own pace; `live.grown` tells of more
+live.close()
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from ..run.events import Event, Opened, without_images
 from ..subscribers import Subscribers
 from . import blueprint
 from .recorder import Batch, Columns, Entry, Recorder
-from .streams import APPLICATION, send
 from .rrd import messages
+from .streams import APPLICATION, send
 from .tape import Tape
 
 log = logging.getLogger(__name__)

@@ -13,8 +13,10 @@ from aiohttp import ClientSession, WSMsgType, web
 from ispom_app.page.gateway import Backends, Gateway
 from ispom_app.page.messages import Pane, command_of, message_of
 from ispom_app.page.rerun_assets import NAMES, viewer_assets
+from ispom_app.rerun_log.tape import Tape
 from ispom_app.session import commands as do
 from ispom_app.session.state import NoticeAdded, State, reduce
+from ispom_app.subscribers import Subscribers
 
 
 class FakeSession:
@@ -26,6 +28,14 @@ class FakeSession:
 
     def post(self, command: do.Command) -> None:
         self.commands.append(command)
+
+
+class FakeLive:
+    """No run yet."""
+
+    def __init__(self) -> None:
+        self.tape: Tape | None = None
+        self.grown = Subscribers()
 
 
 @asynccontextmanager
@@ -41,7 +51,7 @@ async def listening(app: web.Application) -> AsyncIterator[int]:
 
 
 def backend() -> web.Application:
-    """Stands in for viser and for Rerun's gRPC server."""
+    """Stands in for viser."""
 
     async def page(request: web.Request) -> web.Response:
         return web.Response(text=f"viser {request.path_qs}")
@@ -56,15 +66,8 @@ def backend() -> web.Application:
     async def root(request: web.Request) -> web.StreamResponse:
         return await (socket if "Upgrade" in request.headers else page)(request)
 
-    async def stream(request: web.Request) -> web.StreamResponse:
-        response = web.StreamResponse(headers={"Content-Type": "application/grpc-web+proto"})
-        await response.prepare(request)
-        for i in range(3):
-            await response.write(b"%d:" % i + await request.read())
-        return response
-
     app = web.Application()
-    app.add_routes([web.post("/rerun.sdk.Service/Read", stream), web.get("/{path:.*}", root)])
+    app.add_routes([web.get("/{path:.*}", root)])
     return app
 
 
@@ -77,7 +80,7 @@ def through(tmp_path: Path, check: Callable[[ClientSession, str, FakeSession, li
             (tmp_path / name).write_bytes(b"viewer")
         session, wide = FakeSession(), []
         async with listening(backend()) as port:
-            backends = Backends(port, port, lambda: tmp_path, wide.append)
+            backends = Backends(port, FakeLive(), lambda: tmp_path, wide.append)
             gateway = Gateway(session, backends, tmp_path, {"127.0.0.1"})  # type: ignore[arg-type]
             async with listening(gateway.app) as public, ClientSession() as client:
                 await asyncio.wait_for(check(client, f"http://127.0.0.1:{public}", session, wide), 20)
@@ -96,9 +99,6 @@ def test_everything_comes_through_one_port(tmp_path: Path):
         assert "splitter" in await text("/web/splitter.js")
         assert await text("/viser/a/b?darkMode") == "viser /a/b?darkMode"
         assert await text("/viewer/re_viewer_bg.wasm") == "viewer"
-        async with client.post(f"{url}/rerun.sdk.Service/Read", data=b"x") as found:
-            assert await found.read() == b"0:x1:x2:x"
-            assert found.headers["Content-Type"] == "application/grpc-web+proto"
         async with client.get(f"{url}/recordings/run.rrd") as found:
             assert await found.read() == b"rows" and found.headers["Content-Disposition"] == "attachment"
         async with client.ws_connect(f"{url}/viser", protocols=["viser-v1"]) as ws:
@@ -174,7 +174,7 @@ def test_a_reader_that_goes_away_harms_nobody(tmp_path: Path):
     async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
         for _ in range(5):
             _, writer = await asyncio.open_connection("127.0.0.1", int(url.rsplit(":", 1)[1]))
-            writer.write(b"POST /rerun.sdk.Service/Read HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1\r\n\r\nx")
+            writer.write(b"GET /viewer/re_viewer_bg.wasm HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
             writer.transport.abort()
         async with client.ws_connect(f"{url}/ws") as ws:
             assert (await ws.receive()).type is WSMsgType.TEXT

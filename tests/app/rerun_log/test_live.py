@@ -1,0 +1,184 @@
+"""The live stream never makes the worker wait; any number of readers take the run from its tape at their own pace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+import rerun as rr
+from ispom_app.rerun_log import blueprint, live, rrd, tape
+from ispom_app.run.playback import Playback
+from rerun.chunk import RrdReader
+
+from ispom.estimators import METHODS
+from ispom.types import VideoFrame
+from tests import doubles
+from tests.app import helpers
+
+rr.set_strict_mode(True)
+ALL = 1 << 40
+
+
+@pytest.fixture
+def run() -> Playback:
+    return Playback(doubles.sequence(), METHODS, builder=helpers.build)
+
+
+@pytest.fixture
+def stream(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[live.LiveStream]:
+    monkeypatch.setattr(tape, "user_cache_path", lambda _: tmp_path)
+    found = live.LiveStream()
+    yield found
+    found.close()
+
+
+def index_counts(content: bytes, folder: Path) -> dict[str, int]:
+    """Rows of each entity in a reader's bytes."""
+    path = folder / "read.rrd"
+    path.write_bytes(rrd.HEADER + content)
+    counts: dict[str, int] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        name = batch.schema.metadata[b"rerun:entity_path"].decode()
+        counts[name] = counts.get(name, 0) + batch.num_rows
+    return counts
+
+
+def shown(found: live.LiveStream, run: Playback) -> bytes:
+    """The whole run, as a reader has it at the end."""
+    assert found.tape is not None
+    content, at = b"", 0
+    while b"/world/stereo/final" not in content:
+        more, at = found.tape.read(at, ALL)
+        content += more
+    return content
+
+
+def test_a_reader_that_comes_late_gets_the_run_from_its_beginning(run, stream, tmp_path):
+    stream.open(run.opened)
+    steps = 0
+    while not run.done:
+        stream.write(run.step())
+        steps += 1
+        helpers.wait_for(lambda: stream._mailbox.empty, "the thread to follow")
+    stream.write(run.finish())
+    counts = index_counts(shown(stream, run), tmp_path)
+    assert counts["/decisions"] == steps
+    assert counts["/video/image"] + counts["/left/image"] == steps
+    assert counts["/world/truth/path"] == 1
+
+
+def test_readers_are_told_of_more_and_of_another_run(run, stream):
+    rung: list[object] = []
+    stream.grown.add(lambda: rung.append(stream.tape))
+    stream.open(run.opened)
+    first = stream.tape
+    helpers.wait_for(lambda: rung.count(first) >= 2, "the opening to be on the tape")
+    stream.open(run.opened)
+    assert stream.tape is not first and stream.tape.run != first.run
+    assert first.read(0, ALL) == (b"", 0)
+
+
+def test_a_reader_that_never_comes_costs_images_only(run):
+    mailbox = live.Mailbox(images=3)
+    while not run.done:
+        mailbox.put(run.step())
+    count = len(run.sequence)
+    assert mailbox.dropped == count - 3
+    events = [mailbox.take() for _ in range(count)]
+    assert [e.index for e in events] == list(range(count))  # type: ignore[union-attr]
+    sizes = [e.exposure.image.size for e in events if isinstance(e.exposure, VideoFrame)]  # type: ignore[union-attr]
+    assert sizes[0] == 0 and sizes[-1] > 0
+    mailbox.close()
+    assert mailbox.take() is None
+
+
+def test_the_live_stream_hands_over_without_waiting(run, stream, monkeypatch):
+    """Its thread is stuck for good: `write`, another `open` and `close` return all the same."""
+    monkeypatch.setattr(live.LiveStream, "_run", lambda *_: live.threading.Event().wait())
+    stream.open(run.opened)
+    while not run.done:
+        stream.write(run.step())
+    assert stream.dropped == max(0, len(run.sequence) - live.IMAGES_WAITING)
+    stream.open(run.opened)
+    stream.write(run.finish())
+    stream.close()
+
+
+def test_a_fault_of_the_live_thread_is_said_to_who_feeds_it(run, stream, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tape.Tape, "append", full)
+        stream.open(run.opened)
+        helpers.wait_for(lambda: stream._failure, "the fault")
+        with pytest.raises(RuntimeError, match="No space left"):
+            stream.write(run.step())
+    stream.open(run.opened)
+    stream.write(run.step())
+
+
+def test_nothing_listens_for_the_live_stream(run, stream):
+    """Another program on this machine can neither read it nor write to it."""
+    me = psutil.Process()
+    before = {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN}
+    stream.open(run.opened)
+    stream.write(run.step())
+    helpers.wait_for(lambda: stream._mailbox.empty and stream.tape._items, "the first exposure on the tape")
+    assert {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN} == before
+
+
+def test_hidden_layers_reach_the_tape_without_an_event(run, stream):
+    stream.open(run.opened)
+    helpers.wait_for(lambda: stream.tape._items, "the opening")
+    items = len(stream.tape._items)
+    stream.arrange(run.opened, {"clouds"})
+    helpers.wait_for(lambda: len(stream.tape._items) > items, "the layout")
+
+
+@pytest.mark.parametrize("hidden", [(), ("clouds", "monocular", "trails")])
+def test_the_layout_can_be_made(run, hidden):
+    assert blueprint.blueprint(run.opened, hidden) is not None
+
+
+def test_old_images_leave_the_disk_and_all_else_stays(tmp_path):
+    found = tape.Tape(tmp_path, image_bytes=1000)
+    for i in range(100):
+        found.append(b"%02d" % i, b"i" * 100)
+    content, after = found.read(0, ALL)
+    assert after == 100 and content.replace(b"i", b"") == b"".join(b"%02d" % i for i in range(100))
+    assert 500 <= content.count(b"i") <= 1000
+    assert content.endswith(b"i" * 100)
+    found.close()
+
+
+def test_a_tape_is_read_in_pieces(tmp_path):
+    found = tape.Tape(tmp_path)
+    for i in range(10):
+        found.append(b"%d" % i, b"")
+    assert found.read(0, 3) == (b"012", 3)
+    assert found.read(3, 100) == (b"3456789", 10)
+    assert found.read(10, 100) == (b"", 10)
+    found.close()
+
+
+def test_the_files_of_a_tape_have_no_name(tmp_path):
+    """Nothing is left of them, however the process ends."""
+    found = tape.Tape(tmp_path)
+    found.append(b"x", b"y")
+    assert not list(tmp_path.iterdir())
+    found.close()
+
+
+def test_streams_are_joined_to_one_that_rerun_reads(tmp_path):
+    recording = rr.RecordingStream("ispom", recording_id="joined")
+    binary, content = rr.binary_stream(recording), b""
+    for i in range(5):
+        recording.set_time("exposure", sequence=i)
+        recording.log("value", rr.Scalars([float(i)]))
+        content += rrd.messages(binary.read(flush_timeout_sec=5))
+    assert index_counts(content, tmp_path)["/value"] == 5
+    assert rrd.messages(binary.read(flush_timeout_sec=5)) == b""
