@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -27,22 +28,36 @@ from .options import Export
 from .run.run_folder import MARKER
 
 Files = dict[str, str | bytes]
+MIN_SHARE = 0.8
+"""A COLMAP model of less of the observations is not what the run saw."""
 FRAMES: tuple[Frame, ...] = ("rig", "left", "video")
 
 
 def export(options: Export) -> int:
-    """Writes one method after the other; InputError where the folder is no run, or lacks what the format needs."""
+    """Writes one method after the other; InputError where the folder is no run, or, when all others are written, of the
+    first method that lacks what the format needs."""
     run = options.run
     frame = _frame(run)
     methods = _methods(options)
+    if not 0 < options.max_error_px < math.inf:
+        raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
     folder = options.out or run / "export" / options.format
-    lines = [f"{run} is not complete: what there is of it is exported"] if (run / MARKER).exists() else []
+    if (run / MARKER).exists():
+        sys.stdout.write(f"{run} is not complete: what there is of it is exported\n")
+    failures: list[InputError] = []
     for method in methods:
-        files, told = _files(options, method, frame)
+        try:
+            files, summary = _files(options, method, frame)
+        except InputError as error:
+            failures.append(error)
+            continue
         for name, content in files.items():
             write_whole(folder / name, content)
-        lines.append(f"{method:<11} {told}: {', '.join(files)}")
-    sys.stdout.write("\n".join([*lines, f"in {folder}"]) + "\n")
+        sys.stdout.write(f"{method}: {summary}: {', '.join(files)}\n")
+    if len(failures) < len(methods):
+        sys.stdout.write(f"in {folder}\n")
+    if failures:
+        raise failures[0]
     return 0
 
 
@@ -70,36 +85,49 @@ def _methods(options: Export) -> list[str]:
 def _files(options: Export, method: str, frame: Frame) -> tuple[Files, str]:
     """The files of one method by name, and what they hold."""
     if options.format == "colmap":
-        return _colmap(options.run, method)
+        return _colmap(options, method)
     trajectory = read_tum(options.run / f"{method}.tum", frame)
     unit = "a unit of its own" if method == "monocular" else "metres"
-    told = f"{len(trajectory)} poses world_from_{frame} in {unit}"
+    summary = f"{len(trajectory)} poses world_from_{frame} in {unit}"
     match options.format:
         case "tum":
-            return {f"{method}.tum": tum_text(trajectory)}, told
+            return {f"{method}.tum": tum_text(trajectory)}, summary
         case "kitti":
-            return {f"{method}.txt": poses_text(trajectory), f"{method}_times.txt": _times(trajectory)}, told
+            return {f"{method}.txt": poses_text(trajectory), f"{method}_times.txt": _times(trajectory)}, summary
         case "euroc":
-            return {f"{method}.csv": euroc_text(trajectory)}, told
+            return {f"{method}.csv": euroc_text(trajectory)}, summary
     scene = read_maps(options.run / "landmarks.npz").get(method)
     if scene is None:
         raise InputError(f"{options.run / 'landmarks.npz'} has no points of {method}: run again")
-    told = f"{told}, {len(scene.landmarks)} points"
+    summary = f"{summary}, {len(scene.landmarks)} points"
     if options.format == "ply":
-        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, METHOD[method])}, told
+        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, METHOD[method])}, summary
     tables: Files = {f"{method}.csv": trajectory_csv(trajectory)}
-    return tables | {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}, told
+    return tables | {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}, summary
 
 
-def _colmap(run: Path, method: str) -> tuple[Files, str]:
+def _colmap(options: Export, method: str) -> tuple[Files, str]:
+    """The model; InputError where the run's own poses do not agree with what its key frames saw."""
+    run = options.run
     scene, rig = read_maps(run / "landmarks.npz").get(method), read_rig(run / "rig.yaml")
     if scene is None or getattr(rig, scene.key_frames.frame) is None:
         raise InputError(f"{run} has no points of {method}, or not their camera: run again")
-    model = colmap_model(scene, rig.camera(scene.key_frames.frame))
+    model = colmap_model(scene, rig.camera(scene.key_frames.frame), options.max_error_px)
+    if not model.observations:
+        raise InputError(f"{run}: no two key frames of {method} saw the same point: give a run with motion")
+    fitting = f"{model.kept} of {model.observations} observations ({100 * model.kept / model.observations:.0f} %)"
+    within = f"within {options.max_error_px:g} px of reprojection error"
+    if model.kept < MIN_SHARE * model.observations:
+        raise InputError(
+            f"{run}: the poses of {method} do not agree with what it saw, only {fitting} are {within}: "
+            "give other --methods, or a larger --max-error-px"
+        )
     files: Files = {"cameras.txt": model.cameras, "images.txt": model.images, "points3D.txt": model.points}
-    error = "" if model.mean_error_px is None else f", mean reprojection error {model.mean_error_px:.2f} px"
-    told = f"{len(scene.key_frames)} images, {model.point_count} points, {model.kept} of {model.observations} "
-    return {f"{method}/{name}": content for name, content in files.items()}, f"{told}observations fit{error}"
+    mean = f"{within}, mean {model.mean_error_px:.2f} px"
+    return (
+        {f"{method}/{name}": content for name, content in files.items()},
+        f"{len(scene.key_frames)} images, {model.point_count} points, {fitting} {mean}",
+    )
 
 
 def _times(trajectory: Trajectory) -> str:

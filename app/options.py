@@ -162,3 +162,5 @@ class Export:
     """Methods to export; none given means all of the run."""
     out: Path | None = None
     """Folder to write to; without it, export/FORMAT in the run's."""
+    max_error_px: float = 3.0
+    """COLMAP: largest reprojection error of an observation that a model keeps [px]."""

@@ -1,4 +1,4 @@
-"""What `ispom run` remembers of the scene: the latest place of every landmark, and what the key frames saw."""
+"""What `ispom run` remembers of the scene: what the key frames saw, from which the final poses give the landmarks."""
 
 from __future__ import annotations
 
@@ -9,55 +9,77 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.io.maps import CAMERAS, SceneMap
-from ispom.types import Frame, Landmarks, Rig, Step, TrackStatus, Trajectory
+from ispom.solvers.structure import intersected
+from ispom.types import Frame, Landmarks, Rig, Step, Tracks, TrackStatus, Trajectory
+
+_Colours = tuple[NDArray[np.int64], NDArray[np.uint8]]
+"""Ids (M,) and RGB (M, 3)."""
 
 
 @dataclass
 class MapCollector:
-    """Grows with the landmarks and key frames of one method, by some 40 bytes for each point seen."""
+    """Grows with the landmarks and key frames of one method, by some 40 bytes for each point seen.
+
+    Places of landmarks are not kept: what a step says of them holds for the poses of that time, which may be revised.
+    """
 
     camera: Frame | None = None
-    _found: list[Landmarks] = field(default_factory=list)
-    _seen: dict[int, tuple[NDArray[np.int64], NDArray[np.float32]]] = field(default_factory=dict)
+    _colours: list[_Colours] = field(default_factory=list)
+    _seen: dict[int, Tracks] = field(default_factory=dict)
 
     def add(self, step: Step) -> None:
-        """Landmarks of every step; tracks of key frames, its own or those of the part that follows points."""
-        found = step.landmarks
-        good = np.isfinite(found.xyz_in_world).all(axis=1)
-        if good.any():
-            self._found.append(Landmarks(found.ids[good], found.xyz_in_world[good], found.rgb[good]))
-        part = next((p for p in step.parts if p.method == "monocular"), None) if step.parts else step
-        if part is None or not part.key_frame:
-            return
-        for name in CAMERAS:
-            if name in part.tracks:
-                tracks = part.tracks[name]
-                alive = tracks.status < TrackStatus.LOST
-                self.camera = name
-                self._seen[step.time_ns] = tracks.ids[alive], tracks.uv[alive]
+        """The tracks of key frames, the step's own or those of the part that follows the video, and their colours."""
+        part = step if step.tracks else next((p for p in step.parts if "video" in p.tracks), step)
+        placed = np.isfinite(part.landmarks.xyz_in_world).all(axis=1)
+        if placed.any():
+            self._add_colours(part.landmarks.ids[placed], part.landmarks.rgb[placed])
+        name: Frame | None = next((camera for camera in CAMERAS if camera in part.tracks), None)
+        if name is not None and part.key_frame:
+            tracks = part.tracks[name]
+            alive = tracks.status < TrackStatus.LOST
+            self.camera = name
+            self._seen[step.time_ns] = Tracks.of(
+                tracks.ids[alive], tracks.uv[alive], disparity_px=tracks.disparity_px[alive]
+            )
 
     def scene(self, trajectory: Trajectory, rig: Rig) -> SceneMap:
-        """With the final poses of the key frames; those that have none in the trajectory are left out."""
+        """With the final poses of the key frames, and the landmarks where these poses put them.
+
+        Key frames that have no final pose are absent, and so are landmarks whose distance they leave unknown.
+        """
         camera = self.camera or ("video" if rig.video is not None else "left")
         times = [t for t in trajectory.times_ns.tolist() if t in self._seen]
         keys = trajectory.select(np.isin(trajectory.times_ns, np.array(times, np.int64)))
-        seen = [self._seen[t] for t in times]
-        return SceneMap(
-            _latest(self._found),
-            keys.moved(right=rig.rig_from(trajectory.frame).inverse() @ rig.rig_from(camera), frame=camera),
-            np.repeat(np.arange(len(times)), [len(i) for i, _ in seen]),
-            np.concatenate([np.zeros(0, np.int64), *(i for i, _ in seen)]),
-            np.concatenate([np.zeros((0, 2), np.float32), *(uv for _, uv in seen)]),
+        keys = keys.moved(right=rig.rig_from(trajectory.frame).inverse() @ rig.rig_from(camera), frame=camera)
+        views = [Tracks.of(np.zeros(0), np.zeros((0, 2))), *(self._seen[t] for t in times)]
+        ids, uv, disparity_px = (
+            np.concatenate([getattr(view, name) for view in views]) for name in ("ids", "uv", "disparity_px")
         )
+        seen_from = np.repeat(np.arange(len(times)), [len(view) for view in views[1:]])
+        return SceneMap(self._landmarks(keys, rig, (seen_from, ids, uv, disparity_px)), keys, seen_from, ids, uv)
+
+    def _landmarks(self, keys: Trajectory, rig: Rig, seen: tuple[NDArray, NDArray, NDArray, NDArray]) -> Landmarks:
+        """Those that the method itself gave a place at some time: it never trusted the other tracks."""
+        if not len(keys):
+            return Landmarks.empty()
+        baseline_m = rig.baseline_m if keys.frame == "left" else 0.0
+        ids, xyz = intersected(keys, rig.camera(keys.frame), *seen, baseline_m)
+        known, rgb = _latest(self._colours)
+        trusted = np.isin(ids, known)
+        return Landmarks(ids[trusted], xyz[trusted], rgb[np.searchsorted(known, ids[trusted])])
+
+    def _add_colours(self, ids: NDArray[np.int64], rgb: NDArray[np.uint8]) -> None:
+        self._colours.append((ids, rgb))
+        if sum(len(ids) for ids, _ in self._colours[1:]) > 10_000 + len(self._colours[0][0]):
+            self._colours = [_latest(self._colours)]
 
 
-def _latest(found: list[Landmarks]) -> Landmarks:
-    """Each point once, in the order of ids, as it was found last."""
-    parts = [Landmarks.empty(), *found]
-    ids = np.concatenate([part.ids for part in parts])
+def _latest(found: list[_Colours]) -> _Colours:
+    """Each point once, in the order of ids, as it was seen last."""
+    ids = np.concatenate([np.zeros(0, np.int64), *(ids for ids, _ in found)])
+    rgb = np.concatenate([np.zeros((0, 3), np.uint8), *(rgb for _, rgb in found)])
     index = len(ids) - 1 - np.unique(ids[::-1], return_index=True)[1]
-    xyz, rgb = np.concatenate([p.xyz_in_world for p in parts]), np.concatenate([p.rgb for p in parts])
-    return Landmarks(ids[index], xyz[index], rgb[index])
+    return ids[index], rgb[index]
 
 
 @dataclass

@@ -11,7 +11,6 @@ from ispom.geometry import Array
 from ispom.io.maps import SceneMap
 from ispom.types import Camera
 
-MAX_ERROR_PX = 3.0
 PIXEL = 0.5
 """COLMAP's pixel (0, 0) is the corner of the top-left pixel, ours its centre."""
 
@@ -23,21 +22,23 @@ class ColmapModel:
     images: str
     points: str
     kept: int
-    """Observations in the model, and of how many that a landmark belongs to."""
+    """Observations in the model, and of how many: those of landmarks that at least two images saw."""
     observations: int
     point_count: int
     mean_error_px: float | None
     """Reprojection error of those kept; None without any."""
 
 
-def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float = MAX_ERROR_PX) -> ColmapModel:
+def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> ColmapModel:
     """The model of one method: its key frames as images called CAMERA/TIME_NS.png, its landmarks as points.
 
     An observation counts where its landmark is reprojected within max_error_px, a landmark with two of them or more.
+    `camera` is that of the key frames; errors are of their poses, as they are.
     """
     landmarks, keys = scene.landmarks, scene.key_frames
     row = np.searchsorted(landmarks.ids, scene.seen_ids).clip(0, max(len(landmarks) - 1, 0))
     known = landmarks.ids[row] == scene.seen_ids if len(landmarks) else np.zeros(len(row), bool)
+    known[known] = (np.bincount(row[known], minlength=len(landmarks)) >= 2)[row[known]]
     row, frame, uv = row[known], scene.seen_from[known], scene.seen_uv[known].astype(float)
     error_px = _errors(scene, camera, row, frame, uv)
     good = error_px <= max_error_px

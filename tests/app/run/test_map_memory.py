@@ -1,4 +1,4 @@
-"""The map that a run leaves: every point once, at its latest place, and only key frames that have a final pose."""
+"""The map that a run leaves: it agrees with the final poses, and has only key frames that have one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from ispom_app.run.map_memory import MapCollectors
 
-from ispom.types import Landmarks, Step, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame
 from tests import doubles
 
 BLACK = np.zeros((60, 80), np.uint8)
@@ -21,18 +21,51 @@ def steps(count: int) -> list[Step]:
     return found
 
 
-def test_the_latest_place_counts_and_nan_none() -> None:
-    memories, run = MapCollectors(), steps(2)
-    nowhere = Landmarks(np.array([0, 900]), np.full((2, 3), np.nan), np.zeros((2, 3), np.uint8))
-    for step in (*run, replace(run[1], landmarks=nowhere)):
+def walked(count: int, xyz: np.ndarray) -> tuple[list[Step], Trajectory]:
+    """Key frames that see the points exactly but put them where poses of a drifting world would, and the true poses."""
+    rig, camera = doubles.rig(), doubles.rig().camera("video")
+    poses = Trajectory.of([(i * 10**8, doubles.pose_at(i * 10**8)) for i in range(count)])
+    found = []
+    for i, step in enumerate(steps(count)):
+        uv = camera.project((poses.pose(i) @ rig.rig_from_video).inverse().apply(xyz))
+        tracks, ids = Tracks.of(np.arange(len(xyz)), uv), np.arange(len(xyz))
+        drifting = Landmarks(ids, (1 + i) * xyz + 3.0, np.full((len(xyz), 3), i, np.uint8))
+        found.append(replace(step, key_frame=True, tracks={"video": tracks}, landmarks=drifting))
+    return found, poses
+
+
+def cloud() -> np.ndarray:
+    return np.random.default_rng(2).uniform((-3, -2, 8), (3, 2, 14), (40, 3))
+
+
+def test_landmarks_lie_where_the_final_poses_put_them_not_where_they_once_were() -> None:
+    memories, (run, poses) = MapCollectors(), walked(8, cloud())
+    for step in run:
         memories.add((step,))
-    trajectory = Trajectory.of([(s.time_ns, doubles.pose_at(s.time_ns)) for s in run], "video")
-    found = memories.scenes({"monocular": trajectory}, ("monocular",), doubles.rig())["monocular"].landmarks
-    first, second = (s.landmarks for s in run)
-    assert found.ids.tolist() == list(range(31))
-    np.testing.assert_array_equal(found.xyz_in_world[0], first.xyz_in_world[0])
-    np.testing.assert_array_equal(found.xyz_in_world[1:], second.xyz_in_world)
-    np.testing.assert_array_equal(found.rgb[1:], second.rgb)
+    found = memories.scenes({"monocular": poses}, ("monocular",), doubles.rig())["monocular"].landmarks
+    assert found.ids.tolist() == list(range(40)) and (found.rgb == 7).all()
+    np.testing.assert_allclose(found.xyz_in_world, cloud(), rtol=1e-3)
+
+
+def test_points_of_an_integration_have_the_names_that_its_part_gave_them() -> None:
+    """Its own landmarks are named apart by camera: even the video's, odd the pairs'."""
+    memories, (run, poses) = MapCollectors(), walked(8, cloud())
+    for part in run:
+        named = replace(part.landmarks, ids=2 * part.landmarks.ids)
+        memories.add((replace(part, method="integrated", tracks={}, landmarks=named, parts=(part,)),))
+    found = memories.scenes({"integrated": poses}, ("integrated",), doubles.rig())["integrated"]
+    assert found.landmarks.ids.tolist() == list(range(40)) and set(found.seen_ids) == set(range(40))
+    np.testing.assert_allclose(found.landmarks.xyz_in_world, cloud(), rtol=1e-3)
+
+
+def test_tracks_that_the_method_never_placed_are_no_landmarks() -> None:
+    memories, (run, poses) = MapCollectors(), walked(8, cloud())
+    for step in run:
+        few, nowhere = step.landmarks, step.landmarks.xyz_in_world.copy()
+        nowhere[10:] = np.nan
+        memories.add((replace(step, landmarks=replace(few, xyz_in_world=nowhere)),))
+    found = memories.scenes({"monocular": poses}, ("monocular",), doubles.rig())["monocular"].landmarks
+    assert found.ids.tolist() == list(range(10))
 
 
 def test_key_frames_with_a_final_pose_and_their_living_tracks() -> None:
