@@ -111,9 +111,9 @@ def logging(unit: Unit, folder: Path) -> Block:
     from ..rerun_log.file_recording import FileRecording  # brings Rerun
     from ..run.map_memory import MapCollectors
     from ..run.playback import Playback
+    from ..run.record import ExposureRecord
     from ..run.run_folder import RunFolder
     from ..run.step_log import StepLog
-    from ..session.state import ExposureRecord
 
     playback = Playback(next(c for c in CASES if c.key == "sim-city").open(), ("monocular", "stereo", "integrated"))
     memories, history, ms = MapCollectors(), [], []

@@ -9,11 +9,11 @@ import numpy as np
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.estimators import Config, Ensemble, Method, build
-from ispom.evaluation.placement import first_segment_placement
 from ispom.geometry import Pose, Similarity
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
+from .placing import Placing
 
 Builder = Callable[[Config, tuple[Method, ...], Rig], Ensemble]
 """Makes the estimators of the asked methods; InputError as `ispom.estimators.build`."""
@@ -39,9 +39,8 @@ class Playback:
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
         self._placements: dict[str, Similarity] = {"monocular": Similarity(1.0, start)}
-        self._placed = False
-        self._stereo: list[tuple[int, Pose]] = []
-        self._video: list[tuple[int, Pose]] = []
+        self._placing: Placing | None = Placing(self.sequence.rig) if "stereo" in self.methods else None
+        """None where there is nothing to wait for: no metric method runs, or the segment was found."""
 
     @property
     def opened(self) -> Opened:
@@ -67,7 +66,7 @@ class Playback:
     @property
     def monocular_placed(self) -> bool:
         """Whether a stereo segment has fixed the unit of the monocular trajectory."""
-        return self._placed
+        return "monocular" in self._placements and self._placing is None and "stereo" in self.methods
 
     def step(self) -> Stepped:
         """Runs the next exposure. The position does not advance where loading it raises InputError.
@@ -108,25 +107,23 @@ class Playback:
         for step in steps:
             pose = self.placed(step)
             truth = self.truth.at(step.time_ns) if self.truth is not None else None
-            metric = step.method != "monocular" or self._placed
+            metric = step.method != "monocular" or self.monocular_placed
             if pose is not None and truth is not None and metric:
                 errors[step.method] = float(np.linalg.norm(pose.translation - truth.translation))
         return errors
 
     def _place(self, steps: tuple[Step, ...]) -> None:
         """Once: the first stereo segment fixes where, and in what unit, the monocular trajectory is drawn."""
-        if self._placed:
+        if self._placing is None:
             return
         for step in steps:
             if step.method == "stereo" and step.world_from_frame is not None:
-                self._stereo.append((step.time_ns, step.world_from_frame))
+                self._placing.add_metric(step.time_ns, step.world_from_frame)
             if step.method == "monocular":
-                self._video += step.revised.items()
-        placement = first_segment_placement(
-            Trajectory.of(self._video, "video"), Trajectory.of(self._stereo), self.sequence.rig
-        )
+                self._placing.add_video(step.revised)
+        placement = self._placing.found()
         if placement is not None:
-            self._placements["monocular"], self._placed = placement, True
+            self._placements["monocular"], self._placing = placement, None
 
 
 def _truth_from_start(sequence: Sequence) -> Trajectory | None:

@@ -12,7 +12,8 @@ from ispom.errors import InputError, UnreadableImage
 
 from ..rerun_log.file_recording import FileRecording
 from ..run.events import Finished, Opened, Stepped, blank
-from .state import ExposureRecord, RecordedFile, Recording
+from ..run.record import ExposureRecord
+from .state import RecordedFile, Recording
 
 log = logging.getLogger(__name__)
 KEPT = 16

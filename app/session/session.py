@@ -17,6 +17,7 @@ from ispom.types import Sequence
 from ..run import warmup
 from ..run.events import Finished, Opened, Stepped
 from ..run.playback import Builder, Playback
+from ..run.record import ExposureRecord
 from . import commands as do
 from .recordings import RecordingWriter, list_recordings, recording_path
 from .state import (
@@ -24,7 +25,6 @@ from .state import (
     Computed,
     Displayed,
     Event,
-    ExposureRecord,
     NoticeAdded,
     Opening,
     OpeningFailed,

@@ -8,47 +8,11 @@ from types import MappingProxyType
 from typing import Literal
 
 from ispom.estimators import Config, Method, possible_methods
-from ispom.geometry import Similarity
-from ispom.types import Exposure, Kind, Status, Step, VideoFrame
 
-from ..run.events import Finished, Opened, Stepped
+from ..run.events import Finished, Opened
+from ..run.record import ExposureRecord, MethodStatus
 
 MAX_NOTICES = 5
-
-
-@dataclass(frozen=True)
-class MethodStatus:
-    """How a method does at an exposure: that of its latest step up to there."""
-
-    status: Status
-    error_m: float | None = None
-    """Distance from the truth; None where that is not known."""
-
-
-@dataclass(frozen=True, eq=False)
-class ExposureRecord:
-    """One exposure in the history: everything of Stepped except the images, which the sequence can give again."""
-
-    index: int
-    time_ns: int
-    kind: Kind
-    steps: tuple[Step, ...]
-    placements: Mapping[str, Similarity]
-    errors_m: Mapping[str, float]
-    statuses: Mapping[str, MethodStatus]
-
-    @staticmethod
-    def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
-        statuses = dict(before.statuses) if before else {}
-        for step in event.steps:
-            statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method))
-        kind = "video" if isinstance(event.exposure, VideoFrame) else "stereo"
-        time_ns = event.exposure.time_ns
-        return ExposureRecord(event.index, time_ns, kind, event.steps, event.placements, event.errors_m, statuses)
-
-    def stepped(self, exposure: Exposure) -> Stepped:
-        """The event that this record came from, with its exposure read again."""
-        return Stepped(self.index, exposure, self.steps, self.placements, self.errors_m)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Frame, Rig, Step, Trajectory
 
 from .. import colours
-from ..session.state import ExposureRecord
+from ..run.record import ExposureRecord
 from ..uncertainty import ellipsoid
 
 MAX_CLOUD = 20_000

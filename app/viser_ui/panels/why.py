@@ -11,7 +11,8 @@ import viser
 from ispom.types import Decision, Step, TrackStatus
 
 from ... import colours
-from ...session.state import ExposureRecord, State
+from ...run.record import ExposureRecord
+from ...session.state import State
 from ...uncertainty import told
 from ..controls import label_of
 

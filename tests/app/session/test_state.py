@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 from ispom_app.run.events import Finished, Opened, Stepped
+from ispom_app.run.record import ExposureRecord
 from ispom_app.session.state import (
     MAX_NOTICES,
     Computed,
     Displayed,
-    ExposureRecord,
     NoticeAdded,
     Opening,
     OpeningFailed,

@@ -1,0 +1,136 @@
+"""The exposures of one run within a budget of memory: the newest in memory, older ones in temporary files.
+
+The rule: what no longer fits into `memory_bytes` goes to disk, the oldest first. There, tracks, landmarks and residuals
+take at most `disk_bytes`: beyond, the oldest exposures lose theirs, and keep poses, revisions, statuses and decisions.
+The files have no name and vanish with the program, however that ends. Images are read from the sequence again.
+"""
+
+from __future__ import annotations
+
+import logging
+from array import array
+from collections import deque
+from collections.abc import Iterator
+from tempfile import TemporaryFile
+from threading import Lock
+
+from .encoding import decode, encode
+from .record import ExposureRecord, size_bytes
+
+log = logging.getLogger(__name__)
+MEMORY_BYTES = 500_000_000
+DISK_BYTES = 8_000_000_000
+SEGMENTS = 16
+"""Of so many pieces of the disk's budget, the oldest is given up when it is used up."""
+
+
+class History:
+    """Records by index. Appended to by one thread, read by any; what was read once may be read again later."""
+
+    def __init__(self, memory_bytes: int = MEMORY_BYTES, disk_bytes: int = DISK_BYTES) -> None:
+        self._memory_bytes, self._segment_bytes = memory_bytes, disk_bytes // SEGMENTS
+        self._recent: deque[tuple[ExposureRecord, int]] = deque()
+        """The newest records, with their sizes."""
+        self.used_bytes = 0
+        """Of memory, by records."""
+        self._facts = _Blobs(0)
+        self._points: deque[_Blobs] = deque()
+        self._refused = False
+        """Whether the disk did not take something."""
+        self._lock = Lock()
+
+    def __len__(self) -> int:
+        """Exposures so far, wherever they are."""
+        return self._facts.end + len(self._recent)
+
+    def __iter__(self) -> Iterator[ExposureRecord]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, index: int) -> ExposureRecord:
+        """The record of an exposure; IndexError beyond the last. Negative indices count from the end."""
+        with self._lock:
+            index = index if index >= 0 else len(self) + index
+            first = self._facts.end
+            if index >= first:
+                return self._recent[index - first][0]
+            facts = self._facts.read(index)
+            points = next((blobs.read(index) for blobs in self._points if blobs.first <= index < blobs.end), None)
+        return decode(facts, points)
+
+    @property
+    def last(self) -> ExposureRecord | None:
+        return self._recent[-1][0] if self._recent else None
+
+    def append(self, record: ExposureRecord) -> None:
+        """Adds the next exposure. Its record alone stays in memory whatever the budget."""
+        size = size_bytes(record)
+        with self._lock:
+            self._recent.append((record, size))
+            self.used_bytes += size
+            while self.used_bytes > self._memory_bytes and len(self._recent) > 1:
+                old, size = self._recent[0]
+                self._store(old)
+                self._recent.popleft()
+                self.used_bytes -= size
+
+    @property
+    def kept_points(self) -> int:
+        """The first exposure that still has its tracks and landmarks."""
+        return self._points[0].first if self._points else self._facts.end
+
+    def _store(self, record: ExposureRecord) -> None:
+        facts, points = encode(record)
+        if not self._points or self._points[-1].size + len(points) > self._segment_bytes:
+            self._points.append(_Blobs(record.index))
+            if len(self._points) > SEGMENTS:
+                self._points.popleft()
+        try:
+            self._points[-1].append(points)
+        except OSError as fault:
+            if not self._refused:
+                log.warning("the history gives up the tracks of older exposures: %s", fault.strerror)
+            self._refused = True
+            self._points.clear()
+        try:
+            self._facts.append(facts)
+        except OSError:
+            self._facts.keep(facts)
+
+
+class _Blobs:
+    """Byte strings in a temporary file, numbered from `first` on."""
+
+    def __init__(self, first: int) -> None:
+        self.first, self.size = first, 0
+        self._starts = array("q")
+        self._file = None
+        self._kept: dict[int, bytes] = {}
+        """What the disk did not take."""
+
+    @property
+    def end(self) -> int:
+        return self.first + len(self._starts)
+
+    def append(self, blob: bytes) -> None:
+        """OSError where the disk does not take it."""
+        if self._file is None:
+            self._file = TemporaryFile(prefix="ispom-history-")  # noqa: SIM115 (closed with the last that reads it)
+        self._file.seek(self.size)
+        self._file.write(blob)
+        self._file.flush()
+        self._starts.append(self.size)
+        self.size += len(blob)
+
+    def keep(self, blob: bytes) -> None:
+        """Keeps it in memory."""
+        self._kept[self.end] = blob
+        self._starts.append(self.size)
+
+    def read(self, number: int) -> bytes:
+        if number in self._kept or self._file is None:
+            return self._kept[number]
+        at = number - self.first
+        start = self._starts[at]
+        stop = self._starts[at + 1] if at + 1 < len(self._starts) else self.size
+        self._file.seek(start)
+        return self._file.read(stop - start)

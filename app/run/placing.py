@@ -1,0 +1,48 @@
+"""Where a trajectory in its own unit is drawn among metric ones, found while a run goes on."""
+
+from __future__ import annotations
+
+import sys
+from bisect import bisect_left, bisect_right
+
+from ispom.evaluation.placement import first_segment_placement
+from ispom.geometry import Pose, Similarity
+from ispom.types import Rig, Trajectory
+
+
+class Placing:
+    """Waits for the first segment between stereo poses that the video poses span: it fixes place and unit for good.
+
+    Until then poses are kept; nothing is computed before such a segment is there.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._metric: dict[int, Pose] = {}
+        self._video: dict[int, Pose] = {}
+        self._times_ns: list[int] = []
+        """Of the metric poses, increasing."""
+        self._first_ns, self._last_ns = sys.maxsize, -1
+
+    def add_metric(self, time_ns: int, world_from_rig: Pose) -> None:
+        self._metric[time_ns] = world_from_rig
+        self._times_ns.append(time_ns)
+
+    def add_video(self, world_from_video: Trajectory) -> None:
+        """Takes poses in, those known before replaced."""
+        if len(world_from_video):
+            self._video |= dict(world_from_video.items())
+            self._first_ns = min(self._first_ns, int(world_from_video.times_ns[0]))
+            self._last_ns = max(self._last_ns, int(world_from_video.times_ns[-1]))
+
+    def found(self) -> Similarity | None:
+        """metric_world_from_video_world, once; then this has done its work."""
+        inside = bisect_left(self._times_ns, self._first_ns)
+        if len(self._video) < 2 or bisect_right(self._times_ns, self._last_ns) - inside < 2:
+            return None
+        video = Trajectory.of(list(self._video.items()), "video")
+        found = first_segment_placement(video, Trajectory.of(list(self._metric.items())), self._rig)
+        if found is None:  # the platform stood still: the next segment may have a length
+            start = self._first_ns = self._times_ns[inside] + 1
+            self._video = {t: pose for t, pose in self._video.items() if t >= start}
+        return found
