@@ -11,6 +11,9 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.solvers.triple import Triple
 
+MOST_WAITING = 300
+"""Frames after the last key frame whose poses may still change."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -164,16 +167,23 @@ class Window:
         return begun.with_key(frame)
 
     def settle(self, count: int) -> tuple[Window, list[tuple[int, Pose]]]:
-        """Keeps the last `count` key frames; the poses of the frames before them are settled and handed out."""
+        """Keeps the last `count` key frames; the poses of the frames before them are settled and handed out.
+
+        So are those of all but the newest MOST_WAITING frames after the last key frame: at rest, or where nothing is
+        seen, none follows. They keep the poses that they were given at once, if any.
+        """
         keys = self.keys[-count:]
         if not keys:
             return self, []
-        start = keys[0].time_ns
+        start, last = keys[0].time_ns, keys[-1].time_ns
+        waiting = [f.time_ns for f in self.frames if f.time_ns > last]
+        given_up = set(waiting[:-MOST_WAITING])
+        kept = [f.time_ns >= start and f.time_ns not in given_up for f in self.frames]
         settled = [
             (f.time_ns, f.world_from_camera)
-            for f in self.frames
-            if f.time_ns < start and f.world_from_camera is not None
+            for f, keep in zip(self.frames, kept, strict=True)
+            if not keep and f.world_from_camera is not None
         ]
+        frames = tuple(f for f, keep in zip(self.frames, kept, strict=True) if keep)
         seen = np.unique(np.concatenate([k.ids for k in keys]))
-        kept = tuple(f for f in self.frames if f.time_ns >= start)
-        return replace(self, keys=keys, frames=kept, landmarks=self.landmarks.only(seen)), settled
+        return replace(self, keys=keys, frames=frames, landmarks=self.landmarks.only(seen)), settled

@@ -120,6 +120,24 @@ def test_a_drive_on_which_nothing_is_seen_any_more_begins_anew(flight: Sequence,
     assert sigma_m[2] < 0.05 and min(sigma_m[4:]) > 0.4 * gone
 
 
+def test_half_a_minute_of_darkness_is_no_jump(flight: Sequence, exposures: list[Exposure]) -> None:
+    pairs = pairs_of(exposures)
+    dark, second_ns = np.full_like(pairs[0].left, 3), 1_000_000_000
+    begin_ns, other = pairs[2].time_ns, [(p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[3:6]]
+    given: list[Exposure] = [*pairs[:3]]
+    given += [StereoPair(begin_ns + i * second_ns, dark, dark) for i in range(1, 30)]
+    given += [StereoPair(begin_ns + 30 * second_ns + i * second_ns // 10, *both) for i, both in enumerate(other)]
+    _, steps = run(ModernStereoConfig().build(flight.rig), given)
+    assert {s.status for s in steps[3:32]} == {Status.LOST}
+    before, last, now = (steps[i].world_from_frame for i in (1, 2, 32))
+    assert before is not None and last is not None and now is not None
+    speed = np.linalg.norm(last.translation - before.translation) / ((steps[2].time_ns - steps[1].time_ns) * 1e-9)
+    assert np.linalg.norm(now.translation - last.translation) < 2.05 * speed
+    # Where it really went while nothing was seen remains as good as unknown.
+    spread = steps[32].covariance
+    assert spread is not None and np.sqrt(np.linalg.eigvalsh(spread[:3, :3])[0]) > 25 * speed
+
+
 def test_ended_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
     _, steps = run(ModernStereoConfig().build(flight.rig), exposures)
     seen = {int(s) for step in steps for s in step.tracks["left"].status}

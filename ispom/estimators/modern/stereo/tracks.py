@@ -22,6 +22,8 @@ from ispom.types import Camera, Decision, Image, TrackStatus
 
 MIN_CORRELATION, MAX_SHIFT_PX = 0.7, 1.5
 """Of a patch found again and its origin; and how far from where tracking led."""
+COASTING_S = 2.0
+"""Out of sight the motion is held to go on for so long, or for one more interval between pairs; then to end."""
 ONE_WAY = Klt(levels=2, max_forward_backward_px=np.inf)
 """From a good guess; the key frame's patch then checks what was found."""
 
@@ -85,19 +87,30 @@ class Last:
         return self.motion.log() / self.motion_s if self.motion_s > 0 else np.zeros(6)
 
     def predicted(self, time_ns: int) -> Pose:
-        """left_from_world if the motion goes on as it was."""
-        return self._way(time_ns) @ self.left_from_world
+        """left_from_world if the motion goes on as it was, COASTING_S long at most."""
+        return self._way(self._coasting_s(time_ns)) @ self.left_from_world
 
     def predicted_covariance(self, time_ns: int, baseline_m: float) -> Array:
-        """(6, 6) of the left twist of `predicted`: what was known before, and how much else may have happened since."""
-        way = self._way(time_ns)
-        known = np.zeros((6, 6)) if self.covariance is None else way.adjoint @ self.covariance @ way.adjoint.T
-        return known + np.diag(unforeseen(way, baseline_m) ** 2)
+        """(6, 6) of the left twist of `predicted`: what was known before, and how much else may have happened since.
 
-    def _way(self, time_ns: int) -> Pose:
+        That is the more, the longer nothing was seen: the motion may have gone on after the prediction holds it to end.
+        """
+        coasting_s = self._coasting_s(time_ns)
+        way, beyond = self._way(coasting_s), (self._since_s(time_ns) - coasting_s) * self.rate
+        known = np.zeros((6, 6)) if self.covariance is None else way.adjoint @ self.covariance @ way.adjoint.T
+        further = np.repeat([np.linalg.norm(beyond[:3]), min(np.linalg.norm(beyond[3:]), np.pi)], 3)
+        return known + np.diag((unforeseen(way, baseline_m) + further) ** 2)
+
+    def _since_s(self, time_ns: int) -> float:
+        return (time_ns - self.time_ns) * 1e-9
+
+    def _coasting_s(self, time_ns: int) -> float:
+        return min(self._since_s(time_ns), max(COASTING_S, self.motion_s))
+
+    def _way(self, seconds: float) -> Pose:
         if self.motion_s <= 0:
             return Pose()
-        return Pose.exp(self.motion.log() * ((time_ns - self.time_ns) * 1e-9 / self.motion_s))
+        return Pose.exp(self.motion.log() * (seconds / self.motion_s))
 
 
 @dataclass(frozen=True, eq=False)
