@@ -9,6 +9,9 @@ wasm_bindgen.WebHandle = class {
   async start() {
     this.announce();
   }
+  open_channel() {}
+  close_channel() {}
+  send_rrd_to_channel() {}
   async viewer_control(bytes) {
     window.fake.asked.push([...bytes]);
   }
