@@ -112,8 +112,7 @@ def _play(
             spare_pandas()
             from .rerun_log.file_recording import FileRecording  # brings Rerun
 
-            stack.callback(folder.keep, RECORDING)
-            record = stack.enter_context(FileRecording(folder.part(RECORDING), playback.opened))
+            record = stack.enter_context(FileRecording(folder.path / RECORDING, playback.opened))
         log = stack.enter_context(StepLog(folder))
         if playback.sequence.prepare:
             playback.sequence.prepare(0)

@@ -8,12 +8,15 @@ The end holds an index (two thirds of a small stream); a viewer that is fed piec
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import rerun as rr
 
 _HEADER_BYTES = 12
 _HEAD = struct.Struct("<QQ")
 _END = 0
+_LAST = b"RRF2FOOT\x01\0\0\0"
+"""The last bytes of an index; a stream that was not closed has none."""
 
 
 def messages(stream: bytes | None) -> bytes:
@@ -38,3 +41,29 @@ def _header() -> bytes:
 
 HEADER = _header()
 """What every stream of this version begins with."""
+
+
+def whole_bytes(path: Path) -> int:
+    """Length of the file's whole messages; 0 where it is no stream. OSError where it cannot be read."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if file.read(len(HEADER)) != HEADER:
+            return 0
+        at = _HEADER_BYTES
+        while len(head := file.read(_HEAD.size)) == _HEAD.size:
+            kind, content = _HEAD.unpack(head)
+            after = at + _HEAD.size + content
+            if kind == _END:
+                return size
+            if after > size:
+                break
+            at = after
+            file.seek(at)
+    return at
+
+
+def is_finished(path: Path) -> bool:
+    """Whether the file has its end, the index, which a recording gets when it is closed. OSError where unreadable."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - len(_LAST)))
+        return file.read() == _LAST

@@ -12,6 +12,7 @@ from ispom.errors import InputError, UnreadableImage
 
 from ..rerun_log.file_recording import FileRecording
 from ..run.events import Finished, Opened, Stepped, blank
+from ..run.parts import part_of
 from ..run.record import ExposureRecord
 from .state import RecordedFile, Recording
 
@@ -30,7 +31,7 @@ def recording_path(folder: Path, name: str, sequence: str) -> Path:
     if not name:
         base = re.sub(r"[^\w]+", "-", sequence).strip("-") or "run"
         taken = (folder / f"{base}-{i}.rrd" for i in range(1, 10_000))
-        return next(path for path in taken if not path.exists())
+        return next(path for path in taken if not path.exists() and not part_of(path).exists())
     if not _PLAIN.fullmatch(name) or name.endswith("."):
         raise InputError(f"{name!r} is not a plain file name: use letters, digits, spaces and - _ . ( ) + only")
     path = folder / f"{name}.rrd"

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import sys
 import sysconfig
+from io import FileIO
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import rerun as rr
-from ispom_app.rerun_log import file_recording
+from ispom_app.rerun_log import file_recording, piped_file
+from ispom_app.rerun_log.piped_file import PipedFile
+from ispom_app.rerun_log.rrd import is_finished, whole_bytes
 from ispom_app.run.events import without_images
+from ispom_app.run.parts import part_of
 from ispom_app.run.playback import Playback
 from rerun.chunk import RrdReader
 
@@ -38,6 +44,21 @@ def rerun(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run([program, *arguments], capture_output=True, text=True, timeout=60, check=False)
 
 
+def full_after(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """A disk with room for so many bytes, of which it takes a part of the piece that is too much."""
+    room = [count]
+
+    class Full(FileIO):
+        def write(self, piece) -> int:
+            if not room[0]:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            taken = super().write(piece[: room[0]])
+            room[0] -= taken
+            return taken
+
+    monkeypatch.setattr(piped_file, "FileIO", Full)
+
+
 def test_a_closed_file_verifies(run, tmp_path):
     file = file_recording.FileRecording(tmp_path / "new" / "run.rrd", run.opened)
     while not run.done:
@@ -50,14 +71,32 @@ def test_a_closed_file_verifies(run, tmp_path):
     assert file.failure is None and file.size_bytes == file.path.stat().st_size > 10_000
 
 
-def test_an_unclosed_file_is_readable(run, tmp_path, monkeypatch):
+def test_every_exposure_is_readable_while_the_file_grows(run, tmp_path, monkeypatch):
     monkeypatch.setattr(file_recording, "FLUSH_EVERY", 1)
     file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
     file.write(run.step())
+    (part,) = tmp_path.glob("*.rrd")
     copy = tmp_path / "copy.rrd"
-    copy.write_bytes(file.path.read_bytes())
+    copy.write_bytes(part.read_bytes())
+    assert part == part_of(file.path) and not is_finished(part) and whole_bytes(part) == file.size_bytes
     assert "/video/image" in entities(copy) and "/world/truth/path" in entities(copy)
     file.close()
+    assert is_finished(file.path) and [path.name for path in sorted(tmp_path.iterdir())] == ["copy.rrd", "run.rrd"]
+
+
+def test_two_writers_never_share_a_recording(run, tmp_path):
+    with (
+        file_recording.FileRecording(tmp_path / "run.rrd", run.opened),
+        pytest.raises(InputError, match="is being written by another run"),
+    ):
+        file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
+
+
+def test_an_unfinished_recording_is_not_overwritten(run, tmp_path):
+    part_of(tmp_path / "run.rrd").write_bytes(b"what a killed run left")
+    with pytest.raises(InputError, match="ispom repair"):
+        file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
+    assert part_of(tmp_path / "run.rrd").read_bytes() == b"what a killed run left"
 
 
 def test_an_unwritable_path_says_so(run, tmp_path):
@@ -67,28 +106,40 @@ def test_an_unwritable_path_says_so(run, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full, a disk without space")
-def test_a_full_disk_says_so(run, tmp_path):
+def test_a_full_disk_never_makes_the_writer_wait(tmp_path):
     (tmp_path / "run.rrd").symlink_to("/dev/full")
-    with pytest.raises(InputError, match=r"run\.rrd.*No space left"):
-        file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
+    file = PipedFile(tmp_path / "run.rrd")
+    with open(file.target, "wb", buffering=0) as pipe:
+        file.opened()
+        for _ in range(100):
+            pipe.write(bytes(1 << 16))
+    assert file.ended(20.0) and file.failure is not None and file.failure.errno == errno.ENOSPC
 
 
-@pytest.mark.parametrize(("free", "said"), [(0, "the disk is full"), (10**9, "the pen broke")])
-def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, monkeypatch, free, said):
-    def no_more(*_, **__):
-        raise RuntimeError("the pen broke")
+@pytest.mark.parametrize("kilobytes", [160, 250, 400])
+def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, monkeypatch, kilobytes):
+    monkeypatch.setattr(file_recording, "RESERVE_BYTES", 0)
+    full_after(monkeypatch, kilobytes * 1000)
+    file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
+    while not run.done:
+        file.write(run.step())
+    file.close()
+    assert file.failure == f"{file.path} ends early because the disk is full: free some space and record again"
+    assert whole_bytes(file.path) == file.size_bytes <= kilobytes * 1000
+    assert "/video" in entities(file.path)
 
+
+def test_a_recording_leaves_room_for_the_results(run, tmp_path, monkeypatch):
     file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
     for _ in range(file_recording.FLUSH_EVERY):
         file.write(run.step())
-    monkeypatch.setattr(rr.RecordingStream, "flush", no_more)
-    monkeypatch.setattr(file_recording.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    monkeypatch.setattr(file_recording.shutil, "disk_usage", lambda _: SimpleNamespace(free=10_000_000))
     for _ in range(file_recording.FLUSH_EVERY):
         file.write(run.step())
-    assert file.failure is not None and "run.rrd" in file.failure and said in file.failure
+    assert file.failure is not None and "run.rrd" in file.failure and "the disk is full" in file.failure
     file.write(run.step())
     file.close()
-    assert "/video/image" in entities(file.path)
+    assert is_finished(file.path) and "/video/image" in entities(file.path)
 
 
 def test_events_without_pictures_are_recorded_too(run, tmp_path):

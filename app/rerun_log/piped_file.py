@@ -1,0 +1,74 @@
+"""A file that Rerun writes through a pipe: whatever the disk does, the writer is never made to wait.
+
+Rerun's own file sink waits for ever once the disk refused a write, in `flush` as in `disconnect`. A pipe that is always
+emptied refuses nothing; what the disk does not take is dropped here, and `failure` says so.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import suppress
+from io import FileIO
+from pathlib import Path
+from threading import Thread
+
+from .rrd import whole_bytes
+
+PIPES = Path("/dev/fd").exists()
+"""Without (Windows) Rerun writes the file itself."""
+_PIECE_BYTES = 1 << 20
+
+
+class PipedFile:
+    """An `.rrd` file and the place that Rerun is to write to."""
+
+    def __init__(self, path: Path) -> None:
+        """OSError where the file cannot be made."""
+        self.path = path
+        self.failure: OSError | None = None
+        """What ended the file before its writer did. It ends with a whole message then."""
+        self.progress_s = time.monotonic()
+        """When the disk last took something."""
+        self._thread: Thread | None = None
+        self.target = str(path)
+        """What the writer opens for writing."""
+        if PIPES:
+            file = FileIO(path, "wb")
+            source, self._sink = os.pipe()
+            self.target = f"/dev/fd/{self._sink}"
+            self._thread = Thread(target=self._copy, args=(source, file), name="recording file", daemon=True)
+            self._thread.start()
+
+    def opened(self) -> None:
+        """The writer has opened its place, or never will: the file ends when the writer closes it."""
+        if self._thread is not None:
+            os.close(self._sink)
+
+    def ended(self, timeout_s: float) -> bool:
+        """Waits for the file's end, once the writer has closed it; whether it came."""
+        if self._thread is None:
+            self._cut()
+            return True
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _copy(self, source: int, file: FileIO) -> None:
+        with os.fdopen(source, "rb", buffering=0) as pipe, file:
+            while piece := pipe.read(_PIECE_BYTES):
+                if self.failure is None:
+                    self._store(file, memoryview(piece))
+
+    def _store(self, file: FileIO, piece: memoryview) -> None:
+        try:
+            while piece:
+                piece = piece[file.write(piece) :]
+            self.progress_s = time.monotonic()
+        except OSError as error:
+            self._cut()
+            self.failure = error
+
+    def _cut(self) -> None:
+        """Readers refuse a file that ends within a message."""
+        with suppress(OSError):
+            os.truncate(self.path, whole_bytes(self.path))
