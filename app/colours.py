@@ -35,6 +35,12 @@ TRACK: dict[TrackStatus, Rgb] = {
 }
 
 
+def label(method: str) -> str:
+    """A method's name for people: `Monocular`, `Integrated (paper)`."""
+    kind, *others = method.replace("_", ".").split(".")
+    return f"{kind.capitalize()} ({' '.join(others)})" if others else kind.capitalize()
+
+
 def shade(colour: Rgb, towards: Rgb, fraction: float) -> Rgb:
     """The colour mixed with another: fraction 0 keeps it, 1 gives the other."""
     r, g, b = (round(a + (t - a) * fraction) for a, t in zip(colour, towards, strict=True))

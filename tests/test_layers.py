@@ -22,7 +22,8 @@ LAYERS = (
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}
 APP_LAYERS = (
-    {"colours", "options", "subscribers", "uncertainty"},
+    {"colours", "options", "subscribers", "texts"},
+    {"uncertainty"},
     {"run"},
     {"rerun_log"},
     {"session"},

@@ -7,8 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import colours
+from ..rerun_log.blueprint import hidden_paths
 from ..session import commands as do
 from ..session.state import State
+from ..texts import length, size
+
+STATUS = {
+    "waiting": "no exposure for it yet",
+    "initialising": "no pose yet",
+    "tracking": "it has a pose, which says nothing about how right that is",
+    "lost": "no pose at this exposure",
+}
+OWN_UNIT = "One camera knows no metre: its path was scaled by the first segment between stereo poses."
 
 
 @dataclass(frozen=True)
@@ -20,7 +30,7 @@ class Pane:
 
 
 def message_of(state: State) -> dict[str, Any]:
-    """What the status bar shows."""
+    """What the status bar shows, and what the Rerun viewer is to show."""
     recording = state.recording
     return {
         "source": state.source,
@@ -28,6 +38,7 @@ def message_of(state: State) -> dict[str, Any]:
         "notes": state.notes,
         "phase": state.phase,
         "run": state.run,
+        "recording_id": state.recording_id,
         "total": state.total,
         "computed": state.computed,
         "index": state.index,
@@ -36,19 +47,30 @@ def message_of(state: State) -> dict[str, Any]:
         "target": state.target,
         "ended": state.ended,
         "activity": state.activity.text if state.activity else None,
-        "methods": [
-            {
-                "name": method,
-                "colour": colours.css(colours.METHOD[method]),
-                "status": str(now.status) if (now := state.statuses.get(method)) else None,
-                "error_m": now.error_m if now else None,
-            }
-            for method in state.methods
-        ],
-        "recording": {"name": recording.name, "size_bytes": recording.size_bytes, "closing": recording.closing}
+        "methods": [_method(method, state) for method in state.methods],
+        "hidden": hidden_paths(state.methods, state.hidden),
+        "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
         else None,
         "notices": [{"number": n.number, "text": n.text, "kind": n.kind} for n in state.notices],
+    }
+
+
+def _method(method: str, state: State) -> dict[str, Any]:
+    """Whether it tracks, and (another thing) how far from the truth it is, where there is a truth."""
+    now, label = state.statuses.get(method), colours.label(method)
+    error = "" if now is None or now.error_m is None else length(now.error_m)
+    status = str(now.status) if now else "waiting"
+    hint = [f"{label}: {STATUS[status]}."]
+    if error:
+        hint.append(f"Its position is {error} from the truth at this exposure.")
+        hint += [OWN_UNIT] if method.startswith("monocular") else []
+    return {
+        "label": label,
+        "colour": colours.css(colours.METHOD[method]),
+        "status": status,
+        "error": error,
+        "hint": "\n".join(hint),
     }
 
 

@@ -128,7 +128,7 @@ def _start(opener, source, methods, config, recordings, autoplay, compiling, bui
     options |= {"builder": builder}
     session = Session(opener, source, recordings, **options)
     session.start()
-    screen = Screen(session, live)
+    screen = Screen(session)
     screen.start()
     return live, session, screen
 

@@ -1,112 +1,150 @@
-"""The layout of the Rerun viewer: nothing needs arranging."""
+"""The layout of the Rerun viewer: nothing needs arranging.
+
+A layer is hidden by paths of the layout (`hidden_paths`), which the page sets in the layout as the viewer has it: a new
+layout would take back time, camera and tabs. The views keep their ids for that.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any
+from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ispom.geometry import Array
+from ispom.types import Trajectory
+
 from ..run.events import Opened
 from . import entities
+from .layers import IMAGE_LAYERS
 
-LAYERS = ("truth", "cameras", "spread", "key_frames", "clouds", "tracks", "trails", "disparity")
-"""What can be hidden beside the methods."""
+PLOTS = {
+    "error": "position error [m]",
+    "scale": "scale ratio",
+    "inliers": "inliers",
+    "residual": "residual [px]",
+    "ms": "ms per stage",
+}
+LEGENDS = {"scale", "ms"}
+"""Plots with more than a line per method: the others' colours are the methods', which the page shows all the time."""
+MARGIN = 0.4
+"""Room for a legend at the left, as a fraction of the run."""
 
 
 def blueprint(opened: Opened, hidden: Collection[str] = ()) -> rrb.Blueprint:
-    """3-D at the left, images at the right, plots and text below. `hidden` names LAYERS and methods."""
+    """3-D at the left, images at the right, plots and text below. `hidden` names layers and methods."""
+    rig, kept = opened.sequence.rig, _hidden_entities(opened.methods, hidden)
     images = [
-        _image(opened, name, title, hidden)
-        for name, title in (("video", "video"), ("left", "left image"))
-        if (opened.sequence.rig.video if name == "video" else opened.sequence.rig.left) is not None
+        _image(opened, name, title, kept[f"/{name}"])
+        for name, title in (("video", "video, tracks"), ("left", "left image, tracks and disparity"))
+        if (rig.video if name == "video" else rig.left) is not None
     ]
-    texts = [
-        rrb.TextDocumentView(origin="/decisions", name="decisions"),
-        rrb.TextLogView(origin="/log", name="log"),
-    ]
+    plots = [_plot(opened, kind, title, kept[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
+    texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(_world(opened, hidden), rrb.Vertical(*images), column_shares=[1.65, 1]),
-            rrb.Horizontal(rrb.Tabs(*_plots(opened, hidden)), rrb.Tabs(*texts), column_shares=[1.3, 1]),
-            row_shares=[2.3, 1],
+            rrb.Horizontal(_world(opened, kept["/world"]), rrb.Vertical(*images), column_shares=[1.65, 1]),
+            rrb.Horizontal(rrb.Tabs(*map(_lasting, plots)), rrb.Tabs(*map(_lasting, texts)), column_shares=[1.2, 1]),
+            row_shares=[2, 1],
         ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline="time", play_state="following"),
+        rrb.TimePanel(state="collapsed", timeline="exposure", play_state="paused"),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _world(opened: Opened, hidden: Collection[str]) -> rrb.Spatial3DView:
-    methods = opened.methods
-    paths = {
+def hidden_paths(methods: Iterable[str], hidden: Collection[str]) -> list[str]:
+    """Paths in the layout whose `EntityBehavior.visible` is false when these layers and methods are hidden."""
+    return [
+        f"/view/{_view_id(origin)}/ViewContents/overrides/{path}/visualizers"
+        for origin, paths in _hidden_entities(methods, hidden).items()
+        for path in paths
+    ]
+
+
+def looking_at(truth: Trajectory | None) -> tuple[Array, Array]:
+    """Position and target (3,) of a camera behind and above, the whole true path in sight; without truth, the first
+    metres ahead."""
+    xyz = truth.translations if truth is not None and len(truth) else np.array([[-5.0, 0, 0], [5.0, 0, 15.0]])
+    low, high = xyz.min(0), xyz.max(0)
+    centre, extent = (low + high) / 2, max(float(np.linalg.norm(high - low)), 2.0)
+    return centre + extent * np.array([-0.35, -0.6, -0.75]), centre
+
+
+def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = ()) -> None:
+    """Makes this the viewer's layout now."""
+    stream.send_blueprint(blueprint(opened, hidden), make_active=True, make_default=True)
+
+
+def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[str, list[str]]:
+    """By the origin of each view: which of its entities are hidden."""
+    methods = tuple(methods)
+    gone = [m for m in methods if m in hidden]
+    layers = {
         "truth": ["world/truth"],
-        "cameras": [f"world/{m}/camera" for m in methods] + ["world/truth/rig"],
+        "cameras": [*(f"world/{m}/camera" for m in methods), "world/truth/rig"],
         "spread": [f"world/{m}/spread" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
-        **{m: [f"world/{m}"] for m in methods},
     }
-    return rrb.Spatial3DView(
-        origin="/world",
-        name="world [m]",
-        overrides=_hide([p for layer in paths if layer in hidden for p in paths[layer]]),
-        eye_controls=_eye(opened),
-        line_grid=False,
+    world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
+    images = {name: [f"{name}/{layer}" for layer in IMAGE_LAYERS if layer in hidden] for name in ("video", "left")}
+    return (
+        {"/world": world + [f"world/{m}" for m in gone]}
+        | {f"/{name}": paths for name, paths in images.items()}
+        | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in gone] for kind in PLOTS}
     )
 
 
-def _image(opened: Opened, name: str, title: str, hidden: Collection[str]) -> rrb.Spatial2DView:
-    camera = opened.sequence.rig.camera("video" if name == "video" else "left")
-    width, height = entities.shown_size(camera)
-    return rrb.Spatial2DView(
-        origin=f"/{name}",
-        name=f"{title}, tracks and disparity" if name == "left" else f"{title}, tracks",
-        overrides=_hide([f"{name}/{layer}" for layer in ("tracks", "trails", "disparity") if layer in hidden]),
-        visual_bounds=rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height)),
+def _world(opened: Opened, hidden: list[str]) -> rrb.View:
+    position, target = looking_at(opened.truth)
+    eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, -1, 0))
+    view = rrb.Spatial3DView(
+        origin="/world", name="world [m]", overrides=_hide(hidden), eye_controls=eye, line_grid=False
+    )
+    return _lasting(view)
+
+
+def _image(opened: Opened, name: str, title: str, hidden: list[str]) -> rrb.View:
+    width, height = entities.shown_size(opened.sequence.rig.camera("video" if name == "video" else "left"))
+    bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
+    return _lasting(rrb.Spatial2DView(origin=f"/{name}", name=title, overrides=_hide(hidden), visual_bounds=bounds))
+
+
+def _plot(opened: Opened, kind: str, title: str, hidden: list[str]) -> rrb.View:
+    explained = kind in LEGENDS
+    return rrb.TimeSeriesView(
+        origin=f"/plots/{kind}",
+        name=title,
+        overrides=_hide(hidden),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=explained),
+        axis_x=_room_for_legend(opened) if explained else None,
     )
 
 
-def _plots(opened: Opened, hidden: Collection[str]) -> list[rrb.TimeSeriesView]:
-    titles = {
-        "error": "position error [m]",
-        "scale": "scale ratio",
-        "inliers": "inliers",
-        "residual": "residual [px]",
-        "ms": "ms per stage",
-    }
-    return [
-        rrb.TimeSeriesView(
-            origin=f"/plots/{kind}",
-            name=title,
-            overrides=_hide([f"plots/{kind}/{m}" for m in opened.methods if m in hidden]),
-            plot_legend=rrb.Corner2D.LeftTop,
-        )
-        for kind, title in titles.items()
-    ]
+def _room_for_legend(opened: Opened) -> rrb.archetypes.TimeAxis | None:
+    """The whole run, with the legend before it. A live source has no end to plan with."""
+    if opened.sequence.grow is not None or not len(opened.sequence):
+        return None
+    end = len(opened.sequence) - 1
+    start, end = (rr.TimeRangeBoundary.absolute(seq=i) for i in (-round(MARGIN * end), end))
+    return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
 def _hide(paths: list[str]) -> dict[Any, rrb.EntityBehavior]:
     return {path: rrb.EntityBehavior(visible=False) for path in paths}
 
 
-def _eye(opened: Opened) -> rrb.EyeControls3D:
-    """From behind and above, the whole true path in sight; without truth, the first metres ahead."""
-    xyz = opened.truth.translations if opened.truth is not None else np.array([[-5.0, 0, 0], [5.0, 0, 15.0]])
-    low, high = xyz.min(0), xyz.max(0)
-    centre, extent = (low + high) / 2, max(float(np.linalg.norm(high - low)), 2.0)
-    return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=centre + extent * np.array([-0.35, -0.6, -0.75]),
-        look_target=centre,
-        eye_up=(0, -1, 0),
-    )
+def _lasting(view: rrb.View) -> rrb.View:
+    """With an id that follows from what it shows, in every layout the same."""
+    view.id = _view_id(str(view.origin))
+    return view
 
 
-def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = ()) -> None:
-    """Makes this the viewer's layout now."""
-    stream.send_blueprint(blueprint(opened, hidden), make_active=True, make_default=True)
+def _view_id(origin: str) -> Any:
+    return uuid5(NAMESPACE_URL, f"ispom:{origin}")

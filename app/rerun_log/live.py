@@ -13,8 +13,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import rerun as rr
 
@@ -33,13 +32,6 @@ IMAGES_WAITING = 30
 """Exposures on their way to the tape before the oldest loses its images: a second of video."""
 
 
-@dataclass(frozen=True)
-class Layout:
-    """What the viewers shall hide."""
-
-    hidden: frozenset[str]
-
-
 class Mailbox:
     """Events on their way to a thread that may be slow; `put` never waits.
 
@@ -53,20 +45,15 @@ class Mailbox:
         self._images = images
         self._bare: deque[Event] = deque()
         self._full: deque[Event] = deque()
-        self._layout: Layout | None = None
         self._ready = threading.Condition()
         self._closed = False
 
-    def put(self, item: Event | Layout) -> None:
-        """Of layouts, only the newest counts."""
+    def put(self, event: Event) -> None:
         with self._ready:
-            if isinstance(item, Layout):
-                self._layout = item
-            else:
-                self._full.append(item)
-                if len(self._full) > self._images:
-                    self.dropped += 1
-                    self._bare.append(without_images(self._full.popleft()))
+            self._full.append(event)
+            if len(self._full) > self._images:
+                self.dropped += 1
+                self._bare.append(without_images(self._full.popleft()))
             self._ready.notify()
 
     def close(self) -> None:
@@ -75,20 +62,15 @@ class Mailbox:
             self._closed = True
             self._ready.notify()
 
-    def take(self) -> Event | Layout | None:
-        """The newest layout, else the oldest event, waiting for one; None once closed."""
+    def take(self) -> Event | None:
+        """The oldest event, waiting for it; None once closed."""
         with self._ready:
-            self._ready.wait_for(lambda: self._closed or self._layout or self._bare or self._full)
-            if self._closed:
-                return None
-            if self._layout:
-                layout, self._layout = self._layout, None
-                return layout
-            return (self._bare or self._full).popleft()
+            self._ready.wait_for(lambda: self._closed or self._bare or self._full)
+            return None if self._closed else (self._bare or self._full).popleft()
 
     @property
     def empty(self) -> bool:
-        return not (self._layout or self._bare or self._full)
+        return not (self._bare or self._full)
 
 
 class LiveStream:
@@ -123,11 +105,6 @@ class LiveStream:
         if self._mailbox is not None:
             self._mailbox.put(event)
 
-    def arrange(self, opened: Opened, hidden: Collection[str] = ()) -> None:
-        """Lays the viewers out anew, without the hidden layers and methods (see blueprint.LAYERS)."""
-        if self._mailbox is not None:
-            self._mailbox.put(Layout(frozenset(hidden)))
-
     def close(self) -> None:
         """Ends the run for its readers; what is still on its way is lost."""
         mailbox, tape = self._mailbox, self.tape
@@ -143,11 +120,8 @@ class LiveStream:
                 blueprint.send(encoder.lasting, recorder.opened)
                 encoder.send(recorder.opening())
                 self._append(tape, encoder)
-                while (item := mailbox.take()) is not None:
-                    if isinstance(item, Layout):
-                        blueprint.send(encoder.lasting, recorder.opened, item.hidden)
-                    else:
-                        encoder.send(recorder.batch(item))
+                while (event := mailbox.take()) is not None:
+                    encoder.send(recorder.batch(event))
                     if mailbox.empty:  # in haste, several exposures share their chunks
                         self._append(tape, encoder)
         except Exception as fault:

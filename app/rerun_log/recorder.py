@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -74,7 +73,7 @@ class Recorder:
 
     def __init__(self, opened: Opened) -> None:
         self.opened = opened
-        self.recording_id = str(uuid4())
+        self.recording_id = opened.recording_id
         self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
         self._paths = {m: PoseHistory(opened.sequence.times_ns) for m in opened.methods}
         self._clouds = {m: Cloud() for m in opened.methods}

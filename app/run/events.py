@@ -4,7 +4,8 @@ a run gets these and nothing else."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from uuid import uuid4
 
 import numpy as np
 
@@ -22,6 +23,8 @@ class Opened:
     config: Config
     truth: Trajectory | None
     """world_from_rig, moved so that it starts at the pose where the estimates start."""
+    recording_id: str = field(default_factory=lambda: uuid4().hex)
+    """Of this run, in all that is recorded of it: by it a viewer tells runs apart."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,8 +63,15 @@ class StopRecording:
 
 
 @dataclass(frozen=True)
+class Hide:
+    """Draw all but these layers and methods."""
+
+    names: frozenset[str]
+
+
+@dataclass(frozen=True)
 class Shutdown:
     """Close the recording and end the worker."""
 
 
-Command = Play | StepBy | Seek | Speed | Restart | Open | Record | StopRecording | Shutdown
+Command = Play | StepBy | Seek | Speed | Restart | Open | Record | StopRecording | Hide | Shutdown

@@ -169,6 +169,8 @@ class Session:
                 self._record(name)
             case do.StopRecording():
                 self._stop_recording()
+            case do.Hide(names):
+                self._emit(changed(hidden=names))
             case do.Shutdown():
                 self._closing = True
 

@@ -65,6 +65,8 @@ class State:
     config: Config = field(default_factory=Config)
     run: int = 0
     """Counts runs; viewers start afresh when it changes."""
+    recording_id: str = ""
+    """Of the run, in the viewers."""
     total: int = 0
     computed: int = 0
     """Exposures computed."""
@@ -82,6 +84,8 @@ class State:
     activity: Activity | None = None
     recording: Recording | None = None
     recordings: tuple[RecordedFile, ...] = ()
+    hidden: frozenset[str] = frozenset()
+    """Layers and methods that are not drawn."""
     notices: tuple[Notice, ...] = ()
     notice_count: int = 0
     """Notices so far, those no longer shown included."""
@@ -137,14 +141,13 @@ class NoticeAdded:
 
 @dataclass(frozen=True)
 class Changed:
-    """Plain fields took new values: playing, speed, target, activity, recording, recordings, and of a live source total
-    and notes."""
+    """Plain fields took new values (see _CHANGEABLE); total and notes those of a live source."""
 
     values: Mapping[str, object]
 
 
 Event = Opening | OpeningFailed | Opened | Computed | Displayed | Finished | NoticeAdded | Changed
-_CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings", "total", "notes"}
+_CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings", "hidden", "total", "notes"}
 
 
 def changed(**values: object) -> Changed:
@@ -170,7 +173,7 @@ def reduce(state: State, event: Event) -> State:
             )
         case OpeningFailed(reason):
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
-        case Opened(sequence, methods, config):
+        case Opened(sequence, methods, config, _, recording_id):
             return replace(
                 state,
                 phase="ready",
@@ -180,6 +183,7 @@ def reduce(state: State, event: Event) -> State:
                 methods=methods,
                 config=config,
                 run=state.run + 1,
+                recording_id=recording_id,
                 total=len(sequence),
                 start_ns=int(sequence.times_ns[0]) if len(sequence) else 0,
                 activity=None,

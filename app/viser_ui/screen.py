@@ -6,13 +6,12 @@ import logging
 import time
 from threading import Event, Thread
 
-import numpy as np
 import rich
 import viser
 
 from ispom.types import Trajectory
 
-from ..rerun_log.live import LiveStream
+from ..rerun_log.blueprint import looking_at
 from ..session import commands as do
 from ..session.session import Session
 from .panels.methods import MethodsPanel
@@ -33,8 +32,8 @@ SCENE_S = 0.25
 class Screen:
     """The viser server on 127.0.0.1, and the thread that keeps it up to date."""
 
-    def __init__(self, session: Session, live: LiveStream | None = None) -> None:
-        self._session, self._live = session, live
+    def __init__(self, session: Session) -> None:
+        self._session = session
         rich.get_console().quiet = True  # viser's banner names a port that is nobody's business
         self.server = viser.ViserServer(host="127.0.0.1", port=0, label="ISPOM", verbose=False)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(52, 148, 208))
@@ -72,24 +71,16 @@ class Screen:
         with tabs.add_tab("Methods", viser.Icon.ADJUSTMENTS):
             methods = MethodsPanel(gui, self._session)
         with tabs.add_tab("View", viser.Icon.EYE):
-            self._view = ViewPanel(gui, self._session, self._arrange)
+            view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
             record = RecordPanel(gui, self._session)
-        return [run, why, methods, self._view, record]
+        return [run, why, methods, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
-        """From behind and above, the whole true path in sight; without truth, the first metres ahead."""
-        xyz = truth.translations if truth is not None and len(truth) else np.array([[-5.0, 0, 0], [5.0, 0, 15.0]])
-        low, high = xyz.min(0), xyz.max(0)
-        centre, extent = (low + high) / 2, max(float(np.linalg.norm(high - low)), 2.0)
+        position, target = looking_at(truth)
         self.server.initial_camera.up = (0.0, -1.0, 0.0)
         for camera in (self.server.initial_camera, *(c.camera for c in self.server.get_clients().values())):
-            camera.position = tuple(centre + extent * np.array([-0.35, -0.6, -0.75]))
-            camera.look_at = tuple(centre)
-
-    def _arrange(self, hidden: frozenset[str]) -> None:
-        if self._live is not None and self._session.opened is not None:
-            self._live.arrange(self._session.opened, hidden)
+            camera.position, camera.look_at = tuple(position), tuple(target)
 
     def _paint_on(self) -> None:
         while not self._stop.wait(PAINT_S):
@@ -114,4 +105,4 @@ class Screen:
             self._scene.start(opened.sequence.rig, opened.truth)
             self._look_at(opened.truth)
         if state.index < len(history):
-            self._scene.show(history, state.index, self._view.hidden)
+            self._scene.show(history, state.index, state.hidden)

@@ -55,8 +55,8 @@ def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
 
 def test_it_is_a_layer_that_can_be_hidden():
     opened = Opened(doubles.sequence(), ("stereo",), Config(), None)
-    assert "spread" in blueprint.LAYERS
-    assert "world/stereo/spread" in blueprint._world(opened, {"spread"}).visualizer_overrides
+    hidden = blueprint.hidden_paths(opened.methods, {"spread"})
+    assert any("/overrides/world/stereo/spread/" in path for path in hidden)
 
 
 def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():

@@ -1,17 +1,20 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
-import { showState, showOffline } from "./status_bar.js";
+import { listen } from "./keyboard.js";
+import { showNotices } from "./notices.js";
 import { openViewer } from "./rerun.js";
 import { makeSplitter } from "./splitter.js";
+import { showOffline, showState, showViewer } from "./status_bar.js";
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 dark.addEventListener("change", () => location.reload());
-document.getElementById("controls").src = `/viser/${dark.matches ? "?darkMode" : ""}`;
+const controls = document.getElementById("controls");
+controls.src = `/viser/${dark.matches ? "?darkMode" : ""}`;
 
 let socket;
 let state = null;
 let wide = false;
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
-const viewer = openViewer(dark.matches, (index) => send({ do: "seek", index }));
+const viewer = openViewer(dark.matches, (index) => send({ do: "seek", index }), showViewer);
 
 makeSplitter((now) => {
   if (now !== wide) send({ do: "pane", wide: (wide = now) });
@@ -24,6 +27,7 @@ function connect() {
     state = JSON.parse(data);
     window.ispom = { state, viewer, send };
     showState(state);
+    showNotices(state.notices);
     viewer.follow(state);
   };
   socket.onclose = () => {
@@ -38,21 +42,15 @@ function reconnect() {
   else document.addEventListener("visibilitychange", connect, { once: true });
 }
 
-// The same keys everywhere: viser has them as its commands, Rerun's canvas and the bar get them here.
-const KEYS = { " ": { do: "play" }, ArrowRight: { do: "step", by: 1 }, ArrowLeft: { do: "step", by: -1 } };
-addEventListener("keydown", (event) => {
-  const typing = event.target instanceof HTMLInputElement && document.activeElement === event.target && event.target.value;
-  const command = KEYS[event.key];
-  if (!command || typing || event.target.id === "splitter" || event.ctrlKey || event.metaKey || event.altKey) return;
-  event.preventDefault();
-  event.stopImmediatePropagation();
+function command(message) {
   viewer.release();
-  send(command);
-}, { capture: true });
+  send(message);
+}
+listen(window, command);
+controls.addEventListener("load", () => listen(controls.contentWindow, command));
 
 document.getElementById("track").addEventListener("click", (event) => {
-  viewer.release();
-  if (state?.total) send({ do: "seek", index: Math.round((event.clientX / innerWidth) * (state.total - 1)) });
+  if (state?.total) command({ do: "seek", index: Math.round((event.clientX / innerWidth) * (state.total - 1)) });
 });
 
 connect();

@@ -15,13 +15,14 @@ let handAt = -FREE_MS;
 let idle = FIRST_MS; // the pause before the next frame while nothing happens
 let took = 0;
 let behind = 0; // frames until all that came is taken in
+let late = false; // whether the viewer misses exposures that there are
 let waiting = null;
 const hungry = []; // who waits until the viewer can take more
 
 window.requestAnimationFrame = (callback) => {
   const now = performance.now();
-  const awake = now - wokenAt < FREE_MS || behind > 0;
-  const rest = took > SLOW_MS && behind < MANY && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
+  const awake = now - wokenAt < FREE_MS || behind > 0 || late;
+  const rest = took > SLOW_MS && behind < MANY && !late && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
   if (!awake) idle = Math.min(3 * idle, RAREST_MS);
   const go = () => {
     waiting = null;
@@ -49,6 +50,12 @@ export function wake(hand = false) {
   if (!waiting || !(sleeps || hand)) return;
   clearTimeout(waiting.timer);
   waiting.go();
+}
+
+// Whether the viewer still has to take in exposures: it does so as it draws.
+export function beBehind(now) {
+  if (now && !late) wake();
+  late = now;
 }
 
 // The viewer was given that much of its stream; resolves when it has taken in so much that it can take more.

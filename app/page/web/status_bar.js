@@ -1,7 +1,6 @@
-// The status bar and the notices.
+// The status bar: source, methods, what is going on, and where the run is.
 const at = (id) => document.getElementById(id);
 const SLOW_MS = 700;
-let told = null;
 let activity = { text: null, since: 0 };
 
 export function showState(state) {
@@ -10,15 +9,21 @@ export function showState(state) {
   document.title = `${state.playing ? "▶ " : ""}${state.name} · ISPOM`;
   document.body.dataset.phase = state.phase;
   document.body.dataset.playing = state.playing;
-  at("exposure").textContent = state.total ? `${Math.max(state.index + 1, 0)} / ${state.total}` : "";
+  at("exposure").textContent = state.total ? `exposure ${Math.max(state.index, 0)} / ${state.total - 1}` : "";
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
   at("computed").style.width = `${(100 * state.computed) / Math.max(state.total, 1)}%`;
   at("cursor").style.left = `${(100 * Math.max(state.index, 0)) / Math.max(state.total - 1, 1)}%`;
-  at("lamps").replaceChildren(...state.methods.map(lamp));
+  at("methods").replaceChildren(...state.methods.map(method));
+  at("compiling").textContent = state.compiling ?? "";
   showRecording(state.recording);
-  showNotices(state.notices);
   activity = { text: doing(state), since: state.activity === activity.raw ? activity.since : performance.now(), raw: state.activity };
   showActivity();
+}
+
+// How many exposures the Rerun viewer is behind the one shown.
+export function showViewer(behind) {
+  const text = behind ? `viewer ${behind} exposure${behind === 1 ? "" : "s"} behind` : "";
+  if (at("behind").textContent !== text) at("behind").textContent = text;
 }
 
 export function showOffline() {
@@ -28,7 +33,7 @@ export function showOffline() {
 
 const doing = (state) => {
   if (state.phase === "failed") return "nothing is open: choose a source at the left";
-  if (state.target !== null) return `computing up to exposure ${state.target + 1}: ${state.computed} done`;
+  if (state.target !== null) return `computing up to exposure ${state.target}: ${state.computed} done`;
   if (state.activity) return `${state.activity} …`;
   return null;
 };
@@ -42,13 +47,13 @@ function showActivity() {
 }
 setInterval(showActivity, 250);
 
-function lamp({ name, colour, status, error_m }) {
+function method({ label, colour, status, error, hint }) {
   const item = document.createElement("span");
-  item.className = `lamp ${status ?? "waiting"}`;
+  item.className = `method ${status}`;
   item.style.setProperty("--colour", colour);
-  item.title = `${name}: ${status ?? "no exposure yet"}${error_m === null ? "" : `, ${metres(error_m)} from the truth`}`;
-  item.append(document.createElement("i"), part("b", name.replaceAll("_", " ")), part("span", status ?? "waiting", "state"));
-  item.append(part("span", error_m === null ? "" : metres(error_m), "error"));
+  item.title = hint;
+  item.append(document.createElement("i"), part("b", label), part("span", status, "state"));
+  if (error) item.append(part("span", error, "error"));
   return item;
 }
 
@@ -59,30 +64,7 @@ function part(tag, text, kind = "") {
   return element;
 }
 
-const metres = (m) => (m < 0.1 ? `${(1000 * m).toFixed(0)} mm` : `${m.toFixed(m < 10 ? 2 : 1)} m`);
-export const megabytes = (bytes) => (bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} kB` : `${(bytes / 1e6).toFixed(1)} MB`);
-
 function showRecording(recording) {
   at("recording").hidden = !recording;
-  if (!recording) return;
-  const closing = recording.closing ? "closing " : "REC ";
-  at("recording").lastElementChild.textContent = `${closing}${recording.name} ${megabytes(recording.size_bytes)}`;
-}
-
-// A page that was just opened shows the newest error only; later ones all.
-function showNotices(notices) {
-  const last = notices.at(-1)?.number ?? 0;
-  const fresh = told === null ? notices.slice(-1).filter((n) => n.kind === "error") : notices.filter((n) => n.number > told);
-  told = last;
-  for (const { text, kind } of fresh) {
-    const item = document.createElement("div");
-    item.className = `notice ${kind}`;
-    const close = part("button", "✕");
-    close.ariaLabel = "close";
-    close.onclick = () => item.remove();
-    item.append(part("span", text), close);
-    at("notices").append(item);
-    if (kind !== "error") setTimeout(() => item.remove(), 6000);
-    while (at("notices").children.length > 4) at("notices").firstElementChild.remove();
-  }
+  if (recording) at("recording").lastElementChild.textContent = `${recording.closing ? "closing" : "REC"} ${recording.name} ${recording.size}`;
 }

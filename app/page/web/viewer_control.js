@@ -1,25 +1,76 @@
-// Rerun's experimental Viewer Control API, as far as we need it: one protobuf message, written by hand.
-//   ViewerControlRequest.set_time_cursor = 6 { timeline = 2 { name = 1 }, time = 3 { value = 1 }, play_state = 5 }
-export const PAUSED = 1;
-export const FOLLOWING = 3;
+// Rerun's experimental Viewer Control API, as far as it is needed: protobuf messages by field number, as in
+// viewer_control.proto of Rerun 0.41 (rerun.viewer_control.v1alpha1).
+const CLOSE = 1, SET_TIME_CURSOR = 6, SET_BLUEPRINT = 14; // of ViewerControlRequest
+export const TIMELINE = "exposure"; // of the recordings: the exposure's index
+const PAUSED = 1;
+const PARTIAL = 2;
 
-export function setTimeCursor(timeline, time, playState) {
-  const name = field(1, new TextEncoder().encode(timeline));
-  const parts = [field(2, name)];
-  if (time !== null) parts.push(field(3, number(1, time)));
-  parts.push(number(5, playState));
-  return field(6, join(parts));
+// Shows a recording at this time, and stops there.
+export const setTimeCursor = (store, timeline, time) =>
+  request(SET_TIME_CURSOR, [text(1, store), bytes(2, text(1, timeline)), bytes(3, number(1, time)), number(5, PAUSED)]);
+
+export const closeRecordings = (stores) => request(CLOSE, [bytes(3, stores.flatMap((store) => text(1, store)))]);
+
+// Changes these components of the layout that a recording is shown in, and nothing else.
+export const updateBlueprint = (store, entities) =>
+  request(SET_BLUEPRINT, [text(2, JSON.stringify(entities)), bytes(3, text(1, store)), number(5, PARTIAL)]);
+
+// GetStateResponse: the recording on the screen, and of each recording its cursor and the newest exposure.
+export function stateOf(message) {
+  const state = fields(message);
+  const recordings = (state[3] ?? []).map((recording) => recordingOf(fields(recording)));
+  return { active: string(state[2]), recordings };
 }
 
-const join = (parts) => Uint8Array.from(parts.flatMap((part) => [...part]));
-const number = (tag, value) => Uint8Array.from([tag << 3, ...varint(value)]);
-const field = (tag, bytes) => Uint8Array.from([(tag << 3) | 2, ...varint(bytes.length), ...bytes]);
+function recordingOf(recording) {
+  const cursor = nested(recording[3]);
+  const found = (recording[2] ?? []).map(fields).find((each) => string(nested(each[1])[1]) === TIMELINE);
+  const range = nested(found?.[3]);
+  return {
+    id: string(recording[1]),
+    timeline: string(nested(cursor[1])[1]),
+    time: cursor[3] ? integer(nested(cursor[3])[1]) : null,
+    paused: integer(recording[5]) === PAUSED,
+    newest: found?.[3] ? integer(range[2]) : null,
+  };
+}
+
+// The wire format. Messages are small: plain arrays of bytes will do.
+const request = (kind, parts) => Uint8Array.from(bytes(kind, parts.flat()));
+const number = (tag, value) => [...varint(tag << 3), ...varint(value)];
+const bytes = (tag, content) => [...varint((tag << 3) | 2), ...varint(content.length), ...content];
+const text = (tag, value) => bytes(tag, [...new TextEncoder().encode(value)]);
 
 function varint(value) {
-  const bytes = [];
+  const found = [];
   while (value > 127) {
-    bytes.push((value % 128) | 128);
+    found.push((value % 128) | 128);
     value = Math.floor(value / 128);
   }
-  return [...bytes, value];
+  return [...found, value];
 }
+
+// By field number, all values of a message.
+function fields(message) {
+  const found = {};
+  let at = 0;
+  const next = () => {
+    let value = 0;
+    for (let factor = 1; ; factor *= 128) {
+      const byte = message[at++];
+      value += (byte & 127) * factor;
+      if (byte < 128) return value;
+    }
+  };
+  const take = (length) => message.subarray(at, (at += length));
+  while (at < message.length) {
+    const key = next();
+    const kind = key & 7;
+    (found[Math.floor(key / 8)] ??= []).push(kind === 0 ? next() : take(kind === 2 ? next() : kind === 1 ? 8 : 4));
+  }
+  return found;
+}
+
+const nested = (values) => (values ? fields(values[0]) : {});
+const string = (values) => (values ? new TextDecoder().decode(values[0]) : null);
+const integer = (values) => values?.[0] ?? 0;

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import viser
@@ -12,6 +11,8 @@ from ispom.estimators import ALL_METHODS
 from ispom.types import TrackStatus
 
 from ... import colours
+from ...rerun_log.layers import LAYERS
+from ...session import commands as do
 from ...session.state import State
 from ..controls import label_of
 
@@ -19,31 +20,20 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 log = logging.getLogger(__name__)
-LAYERS = {
-    "truth": "true path",
-    "cameras": "camera frusta",
-    "spread": "95 % ellipsoids of the poses",
-    "key_frames": "key frames",
-    "clouds": "point clouds",
-    "tracks": "tracks on images",
-    "trails": "trails of tracks",
-    "disparity": "disparity",
-}
 
 
 class ViewPanel:
-    """`changed` is called with what is hidden: names of layers and methods."""
-
-    def __init__(self, gui: viser.GuiApi, session: Session, changed: Callable[[frozenset[str]], None]) -> None:
-        self._changed = changed
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session = session
         self._boxes = {method: gui.add_checkbox(label_of(method), True) for method in ALL_METHODS}
         self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
         for box in self._boxes.values():
-            box.on_update(lambda _: self._changed(self.hidden))
+            box.on_update(lambda _: session.post(do.Hide(self.hidden)))
         gui.add_html(legend())
 
     @property
     def hidden(self) -> frozenset[str]:
+        """Names of layers and methods."""
         return frozenset(name for name, box in self._boxes.items() if not box.value)
 
     def show(self, state: State) -> None:

@@ -1,18 +1,53 @@
-// Stands in for the Rerun viewer: the test says what its cursor does, and when.
-window.fake = { asked: [], tell: null };
-async function wasm_bindgen() {}
-wasm_bindgen.WebHandle = class {
-  constructor(options) {
-    window.fake.tell = (time) => options.on_viewer_event(JSON.stringify({ type: "time_update", time }));
-    this.announce = () => options.on_viewer_event(JSON.stringify({ type: "timeline_change", timeline: "exposure", time: 0 }));
-  }
-  async start() {
-    this.announce();
-  }
-  open_channel() {}
-  close_channel() {}
-  send_rrd_to_channel() {}
-  async viewer_control(bytes) {
-    window.fake.asked.push([...bytes]);
-  }
+// Stands in for the Rerun viewer: the test says what its cursor does, and when, what it has drawn, and that it dies.
+window.fake = {
+  asked: [], // messages to its control API
+  time: 0,
+  newest: 10_000,
+  stores: [], // beside the run's own
+  panicked: false,
+  tell: null,
 };
+{
+  const varint = (value) => (value > 127 ? [(value % 128) | 128, ...varint(Math.floor(value / 128))] : [value]);
+  const number = (tag, value) => [...varint(tag << 3), ...varint(value)];
+  const bytes = (tag, content) => [...varint((tag << 3) | 2), ...varint(content.length), ...content];
+  const text = (tag, value) => bytes(tag, [...new TextEncoder().encode(value)]);
+  const timeline = text(1, "exposure");
+  const recording = (store) =>
+    bytes(3, [
+      ...text(1, store),
+      ...bytes(2, [...bytes(1, timeline), ...bytes(3, [...number(1, 0), ...number(2, window.fake.newest)])]),
+      ...bytes(3, [...bytes(1, timeline), ...bytes(3, number(1, window.fake.time))]),
+      ...number(5, 1),
+    ]);
+
+  window.wasm_bindgen = Object.assign(async () => {}, {
+    WebHandle: class {
+      constructor(options) {
+        window.fake.tell = (time) => {
+          window.fake.time = time;
+          options.on_viewer_event(JSON.stringify({ type: "time_update", time }));
+        };
+      }
+      async start() {}
+      open_channel() {}
+      close_channel() {}
+      send_rrd_to_channel() {}
+      async viewer_control(message) {
+        const kind = message[0] >> 3;
+        window.fake.asked.push([kind, new TextDecoder().decode(message)]);
+        if (kind === 1) window.fake.stores = [];
+      }
+      viewer_state() {
+        const own = `Recording:ispom:${window.ispom.state.recording_id}`;
+        return Uint8Array.from([own, ...window.fake.stores].flatMap(recording));
+      }
+      has_panicked() {
+        return window.fake.panicked;
+      }
+      panic_message() {
+        return "out of memory\nat wasm";
+      }
+    },
+  });
+}

@@ -1,7 +1,8 @@
-"""Our time and the Rerun viewer's, which tells late and not who moved it. A stand-in tells what the test wants."""
+"""Our page and the Rerun viewer, which tells late and not who moved its time. A stand-in tells what the test wants."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def opened(browser, app: App) -> Iterator[Cursors]:  # noqa: F811
 @pytest.fixture
 def cursors(opened: Cursors) -> Cursors:
     opened.send("{do: 'seek', index: 20}")
-    opened.until("state.index === 20 && window.ispom.viewer.sync.sent === 20", "the exposure that tests start from")
+    opened.until("state.index === 20 && window.ispom.viewer.cursor.sent === 20", "the exposure that tests start from")
     opened.tell(20)
     return opened
 
@@ -62,7 +63,7 @@ def test_a_late_cursor_after_a_key_is_nobodys_wish(cursors: Cursors):
 def test_answers_that_come_after_a_touch_are_not_the_hands(cursors: Cursors):
     for index in (21, 22):
         cursors.send(f"{{do: 'seek', index: {index}}}")
-        cursors.until(f"window.ispom.viewer.sync.sent === {index}", "both of our wishes to be passed on")
+        cursors.until(f"window.ispom.viewer.cursor.sent === {index}", "both of our wishes to be passed on")
     cursors.touch()
     cursors.tell(21)
     cursors.stays(22)
@@ -75,14 +76,48 @@ def test_where_the_hand_went_counts_before_the_key_after_it(cursors: Cursors):
     cursors.stays(31)
 
 
-def test_turning_the_scene_while_it_plays_does_not_stop_it(cursors: Cursors):
-    """Where Rerun follows its stream, its cursor moves on by itself."""
-    cursors.tab.evaluate(
-        "() => { const { follow } = window.ispom.viewer;"
-        " follow({ run: window.ispom.state.run, index: 5, computed: 6, playing: true, target: null }); }"
-    )
-    cursors.until("window.ispom.viewer.sync.sent === 'following'", "Rerun to follow")
-    for index in (5, 6, 7):
-        cursors.touch()
-        cursors.tell(index)
+def test_a_cursor_that_went_astray_is_brought_back(cursors: Cursors):
+    """Rerun's own shortcuts and menus move its time, and nobody's hand was on the canvas."""
+    cursors.tell(33)
+    cursors.until("window.ispom.viewer.cursor.sent === null || window.fake.asked.at(-1)[0] === 6", "another request")
     cursors.stays(20)
+
+
+def test_the_page_says_how_far_the_viewer_is_behind(cursors: Cursors):
+    cursors.tab.evaluate("window.fake.newest = 12")
+    cursors.tab.get_by_text("viewer 8 exposures behind").wait_for()
+    cursors.tab.evaluate("window.fake.newest = 10000")
+    cursors.tab.get_by_text("exposures behind").wait_for(state="hidden")
+
+
+def test_earlier_runs_leave_the_viewer(cursors: Cursors):
+    cursors.tab.evaluate("window.fake.stores = ['Recording:ispom:an-earlier-run']")
+    cursors.until("window.fake.stores.length === 0", "the earlier run to be closed")
+    _, message = cursors.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 1)")
+    assert "Recording:ispom:an-earlier-run" in message and cursors.state["recording_id"] not in message
+
+
+def test_hiding_a_layer_changes_that_and_nothing_else(cursors: Cursors):
+    cursors.controls.get_by_role("tab", name="View").click()
+    cursors.controls.get_by_text("true path", exact=True).click()
+    cursors.until("state.hidden.length === 1", "the layer to be hidden")
+    cursors.until("window.fake.asked.some(([kind]) => kind === 14)", "the viewer to be told")
+    _, message = cursors.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
+    assert re.search(r'overrides/world/truth/visualizers":{"EntityBehavior":{"visible":\[false\]}}}', message)
+    asked = cursors.tab.evaluate("window.fake.asked.filter(([kind]) => kind === 14).length")
+    cursors.controls.get_by_text("true path", exact=True).click()
+    cursors.until(f"window.fake.asked.filter(([kind]) => kind === 14).length === {asked + 1}", "it to be shown again")
+    _, message = cursors.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
+    assert '"visible":[true]' in message
+    cursors.stays(20)
+
+
+def test_a_viewer_that_died_says_so_and_can_be_started_again(browser, app: App):  # noqa: F811
+    page = Cursors(browser, app.url, viewer=FAKE)
+    page.tab.locator("#cover").wait_for(state="hidden")
+    page.tab.evaluate("window.fake.panicked = true")
+    page.tab.get_by_text("The Rerun viewer stopped working (out of memory). The run goes on.").wait_for()
+    page.tab.get_by_role("button", name="Start the viewer again").click()
+    page.tab.locator("#cover").wait_for(state="hidden")
+    assert not page.tab.evaluate("window.fake.panicked")
+    page.tab.close()

@@ -131,14 +131,6 @@ def test_nothing_listens_for_the_live_stream(run, stream):
     assert {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN} == before
 
 
-def test_hidden_layers_reach_the_tape_without_an_event(run, stream):
-    stream.open(run.opened)
-    helpers.wait_for(lambda: stream.tape._items, "the opening")
-    items = len(stream.tape._items)
-    stream.arrange(run.opened, {"clouds"})
-    helpers.wait_for(lambda: len(stream.tape._items) > items, "the layout")
-
-
 @pytest.mark.parametrize("hidden", [(), ("clouds", "monocular", "trails")])
 def test_the_layout_can_be_made(run, hidden):
     assert blueprint.blueprint(run.opened, hidden) is not None
