@@ -90,20 +90,20 @@ def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
     after = np.flatnonzero(since_ns >= window_ns)
     before = np.searchsorted(since_ns, since_ns[after] - window_ns, side="right") - 1
     moved, really = (np.linalg.norm(t.translations[after] - t.translations[before], axis=1) for t in (own, true))
-    told = really > MIN_MOTION_M
-    if not told.any():
+    moving = really > MIN_MOTION_M
+    if not moving.any():
         return None
-    ratio = moved[told] / really[told]
+    ratio = moved[moving] / really[moving]
     if method == "monocular":
         first = float(np.median(ratio[:10]))
         if first <= 0:
             return None
         ratio = ratio / first
-    return own.times_ns[after[told]], ratio
+    return own.times_ns[after[moving]], ratio
 
 
 def mattered(run: Run) -> list[Said]:
-    """Failed tests that had a consequence told, or that nearly always pass."""
+    """Failed checks that state a consequence, or that nearly always pass."""
     outcomes: dict[tuple[str, str], list[bool]] = {}
     for said in run.decisions:
         outcomes.setdefault((said.method, said.decision.name), []).append(said.decision.passed)

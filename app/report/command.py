@@ -9,12 +9,18 @@ from ispom.errors import InputError
 from ispom.io.whole import write_whole
 
 from ..options import Report
+from ..run.run_folder import MARKER
 from .folder import read_run
 from .page import page
+
+RECORDINGS = Path("recordings")
+"""Where runs are written to unless something else is asked."""
 
 
 def report(options: Report) -> int:
     """Writes the page; InputError where a folder holds no complete run, or the page cannot be written."""
+    if not options.runs:
+        raise InputError(f"no run was given: name one or more folders that `ispom run` wrote{_example()}")
     if options.out.suffix.lower() not in (".html", ".htm") or options.out.is_dir():
         raise InputError(f"--out is {options.out}: give a file name that ends in .html")
     folders = [folder.expanduser() for folder in options.runs]
@@ -22,6 +28,13 @@ def report(options: Report) -> int:
     write_whole(options.out, page(runs))
     sys.stdout.write(f"{options.out} ({options.out.stat().st_size / 1e6:.1f} MB)\n")
     return 0
+
+
+def _example() -> str:
+    """The newest run in the default place, if there is one."""
+    found = [path.parent for path in RECORDINGS.glob("*/run.yaml") if not (path.parent / MARKER).exists()]
+    newest = max(found, key=lambda folder: (folder / "run.yaml").stat().st_mtime, default=None)
+    return f", such as {newest}" if newest else f" (by default below {RECORDINGS})"
 
 
 def _labels(folders: list[Path]) -> list[str]:

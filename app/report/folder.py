@@ -34,7 +34,7 @@ class Run:
     path: Path
     label: str
     """What a person calls it."""
-    told: Mapping[str, Any]
+    manifest: Mapping[str, Any]
     """run.yaml: plain values, lists of them, and mappings of those."""
     metrics: Mapping[str, Mapping[str, Any]]
     """metrics.json, by method, in the order of ALL_METHODS."""
@@ -69,18 +69,18 @@ def read_run(path: Path, label: str) -> Run:
     if (path / MARKER).exists():
         why = read_text(path / MARKER).strip().splitlines()
         raise InputError(
-            f"{path} holds a run that is not complete ({why[0] if why else 'no reason told'}): run it again"
+            f"{path} holds a run that is not complete ({why[0] if why else 'no reason given'}): run it again"
         )
-    told = _told(path / "run.yaml")
+    manifest = _manifest(path / "run.yaml")
     metrics, length = _metrics(path / "metrics.json")
-    frame: Frame = told["options"].get("frame", "rig")
+    frame: Frame = manifest["options"].get("frame", "rig")
     if frame not in FRAMES:
         raise InputError(f"{path / 'run.yaml'}: the frame is {str(frame)[:40]!r}, not one of {', '.join(FRAMES)}")
     truth = read_tum(path / "truth.tum", frame) if (path / "truth.tum").exists() else None
     return Run(
         path,
         label,
-        told,
+        manifest,
         metrics,
         length,
         read_rig(path / "rig.yaml"),
@@ -92,14 +92,14 @@ def read_run(path: Path, label: str) -> Run:
     )
 
 
-def _told(path: Path) -> dict[str, Any]:
-    told = read_mapping(path)
+def _manifest(path: Path) -> dict[str, Any]:
+    found = read_mapping(path)
     kinds = {"source": str, "sequence": str, "notes": list, "options": dict, "config": dict, "versions": dict}
     for name, kind in kinds.items():
-        if not isinstance(told.get(name), kind):
+        if not isinstance(found.get(name), kind):
             raise InputError(f"{path} has no {name} as `ispom run` writes it: restore the file, or run again")
-    _plain(path, told, 0)
-    return told
+    _plain(path, found, 0)
+    return found
 
 
 def _plain(path: Path, value: Any, depth: int) -> None:
@@ -113,18 +113,18 @@ def _plain(path: Path, value: Any, depth: int) -> None:
 
 def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:
     try:
-        told = json.loads(read_text(path))
+        found = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
         place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}{place} is not valid JSON: restore the file, or run again") from None
-    methods = told.get("methods") if isinstance(told, dict) else None
+    methods = found.get("methods") if isinstance(found, dict) else None
     if not isinstance(methods, dict) or not all(isinstance(entry, dict) for entry in methods.values()):
         raise InputError(f"{path} has no methods as `ispom run` writes them: restore the file, or run again")
     if unknown := sorted(methods.keys() - set(ALL_METHODS)):
         raise InputError(
             f"{path}: {unknown[0][:40]!r} is none of {', '.join(ALL_METHODS)}: restore the file, or run again"
         )
-    length = told.get("path_length_m")
+    length = found.get("path_length_m")
     return {m: methods[m] for m in ALL_METHODS if m in methods}, length if isinstance(length, int | float) else None
 
 

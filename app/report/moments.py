@@ -71,19 +71,19 @@ def _candidates(run: Run) -> Iterator[tuple[Steps, int, str]]:
             values = sign * steps.columns[name]
             if np.isfinite(values).any():
                 row = int(np.nanargmax(values))
-                yield steps, row, f"{method}: {what}, {_told(steps.columns[name][row], unit)}"
+                yield steps, row, f"{method}: {what}, {_with_unit(steps.columns[name][row], unit)}"
     for method, steps in run.steps.items():
         alive = steps.columns["alive"]
         share = steps.dropped / np.maximum(steps.dropped + alive, 1)
         if np.isfinite(share).any():
             row = int(np.nanargmax(share))
-            yield steps, row, f"{method}: most tracks ended, {_told(100 * share[row], '%')}"
+            yield steps, row, f"{method}: most tracks ended, {_with_unit(100 * share[row], '%')}"
     for method, steps in run.steps.items():
         row = int(np.nanargmax(steps.columns["seconds"])) if np.isfinite(steps.columns["seconds"]).any() else 0
-        yield steps, row, f"{method}: slowest, {_told(1e3 * steps.columns['seconds'][row], 'ms')}"
+        yield steps, row, f"{method}: slowest, {_with_unit(1e3 * steps.columns['seconds'][row], 'ms')}"
 
 
-def _told(value: float, unit: str) -> str:
+def _with_unit(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}".strip() if abs(value) < 1000 else f"{value:.0f} {unit}".strip()
 
 
@@ -98,7 +98,7 @@ def with_images(run: Run, moments: list[Moment]) -> tuple[list[Moment], str]:
         found, origin = {}, f"{RECORDING} cannot be read ({type(error).__name__})"
     if not found:
         try:
-            found, origin = _reread(run, wanted), f"read again from {run.told['source']}"
+            found, origin = _reread(run, wanted), f"read again from {run.manifest['source']}"
         except (InputError, OSError, ValueError, TypeError) as error:
             return moments, f"No images: {origin}, and the source cannot be opened ({error})."
     return [replace(m, jpeg=found.get(m.exposure)) for m in moments], f"Images {origin}."
@@ -135,10 +135,10 @@ def _rows(reader: Any, entity: str, wanted: set[int], columns: tuple[str, ...]) 
 
 
 def _reread(run: Run, wanted: set[int]) -> dict[int, bytes]:
-    source = run.told["source"]
+    source = run.manifest["source"]
     if not source.startswith("sim:") and not Path(source).expanduser().exists():  # no camera or address is asked
         raise InputError(f"{source} is not here")
-    options = {name: run.told["options"][name] for name in OPENING if name in run.told["options"]}
+    options = {name: run.manifest["options"][name] for name in OPENING if name in run.manifest["options"]}
     sequence = open_sequence(source, **options)
     found = {}
     for index in sorted(wanted):

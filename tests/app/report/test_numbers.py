@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from ispom_app.report import analysis, moments
 from ispom_app.report.folder import Run
-from ispom_app.report.plots import ALL_POINTS, MAX_POINTS, _peaks, points_per_line
 from ispom_app.report.steps import NUMBERS, Said, Steps
+from ispom_app.report.traces import ALL_POINTS, MAX_POINTS, points_per_line, thinned
 
 from ispom.geometry import Pose
 from ispom.types import Decision, Rig, Trajectory
@@ -79,7 +79,7 @@ def test_the_worst_moments_are_the_worst() -> None:
 def test_a_long_line_keeps_its_peaks() -> None:
     values = np.zeros(100_000)
     values[54_321] = 7.0
-    line = _peaks(MAX_POINTS, "a", "#000000", np.arange(100_000.0), values)
+    line = thinned(MAX_POINTS, "a", "#000000", np.arange(100_000.0), values)
     assert len(line["y"]) == MAX_POINTS and max(line["y"]) == 7.0
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
+import os
 import shutil
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -69,7 +71,7 @@ def report(out: Path, *runs: Path) -> str:
 def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) -> None:
     page = report(tmp_path / "report.html", run)
     parsed = Parsed(page)
-    assert not parsed.open and "default-src 'none'" in page
+    assert not parsed.open and "default-src 'none'" in html.unescape(page)
     assert parsed.references and all(r.startswith(("#", "data:image/jpeg;base64,")) for r in parsed.references)
     told = yaml.safe_load((run / "run.yaml").read_text())
     for word in ("emulation", "monocular.scale_transfer", "norm", told["versions"]["numpy"], "SHA-256", "run.rrd"):
@@ -93,7 +95,21 @@ def test_several_runs_stand_side_by_side(run: Path, tmp_path: Path) -> None:
     text = (other / "run.yaml").read_text().replace("scale_transfer: norm", "scale_transfer: vector")
     (other / "run.yaml").write_text(text)
     words = Parsed(report(tmp_path / "report.html", run, other)).words
-    assert "2 runs: run, other" in words and "What differs between the runs" in words and "vector" in words
+    assert "2 runs: run, other" in words and "Differences" in words and "vector" in words
+
+
+def test_without_a_run_the_newest_is_suggested(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["report"]) == 2
+    assert "no run was given" in capsys.readouterr().err
+    for age_s, name in enumerate(("new", "old")):
+        shutil.copytree(run, tmp_path / "recordings" / name)
+        os.utime(tmp_path / "recordings" / name / "run.yaml", (1e9 - age_s, 1e9 - age_s))
+    assert main(["report"]) == 2
+    told = capsys.readouterr().err
+    assert f"such as {Path('recordings') / 'new'}" in told and told.count("\n") == 1
 
 
 def test_what_files_say_is_never_markup(run: Path, tmp_path: Path) -> None:
@@ -114,7 +130,7 @@ def test_a_folder_of_an_older_version_is_told_as_far_as_it_goes(run: Path, tmp_p
     for name in ("steps.csv", "decisions.csv", "run.rrd", "truth.tum"):
         (run / name).unlink()
     words = Parsed(report(tmp_path / "report.html", run)).words
-    assert "steps.csv is not in this folder" in words and "There is no truth to compare with" in words
+    assert "steps.csv is not in this folder" in words and "There is no ground truth to compare with" in words
 
 
 def test_images_are_read_again_without_a_recording(run: Path, tmp_path: Path) -> None:

@@ -1,7 +1,13 @@
-// Draws the figures that the page carries, when they come into view, in the colours of the page's theme.
+// Draws the figures that the page carries: when they come into view, in the colours of the page's theme; all of them
+// before the page is printed, in the colours and width of paper.
 "use strict";
 const figures = JSON.parse(document.getElementById("figures").textContent);
 const dark = matchMedia("(prefers-color-scheme: dark)");
+const PAPER = {
+  width: 660, // px: within A4 and letter, upright, at 96 px an inch
+  colours: { "--line": "#d9dde1", "--text": "#1c2126", "--card": "#ffffff", "--quiet": "#5b656e" },
+};
+let printing = false;
 
 async function loadPlotly() {
   const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent.trim()), (c) => c.charCodeAt(0));
@@ -11,16 +17,17 @@ async function loadPlotly() {
   document.head.append(script);
 }
 
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const colour = (name) => printing ? PAPER.colours[name] : getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 function axis(own) {
   const title = { text: own.title, standoff: 8, font: { size: 12 } };
-  return { gridcolor: colour("--line"), zerolinecolor: colour("--line"), linecolor: colour("--line"), automargin: true, ...own, title };
+  return { gridcolor: colour("--line"), zerolinecolor: colour("--line"), linecolor: colour("--line"), automargin: true, ...own, ...(own.minor && { minor: { ...own.minor, gridcolor: colour("--line") } }), title };
 }
 
 function layout(own) {
   const found = {
-    ...own, paper_bgcolor: "transparent", plot_bgcolor: "transparent", hovermode: "closest", autosize: true,
+    ...own, paper_bgcolor: "transparent", plot_bgcolor: "transparent", hovermode: "closest",
+    ...(printing ? { autosize: false, width: PAPER.width } : { autosize: true }),
     font: { color: colour("--text"), size: 12, family: "system-ui, sans-serif" },
     margin: { l: 60, r: 14, t: own.annotations ? 42 : 14, b: 46 },
     legend: { orientation: "h", y: -0.22, yanchor: "top", itemsizing: "constant" },
@@ -61,7 +68,14 @@ async function start() {
   places.forEach((place) => watcher.observe(place));
   const again = () => places.filter((place) => place.dataset.drawn).forEach(draw);
   dark.addEventListener("change", again);
-  addEventListener("beforeprint", () => places.forEach(draw));
+  addEventListener("beforeprint", () => {
+    printing = true;
+    places.filter((place) => !place.closest("details:not([open])")).forEach(draw);
+  });
+  addEventListener("afterprint", () => {
+    printing = false;
+    again();
+  });
 }
 
 const ready = start().catch((error) => {

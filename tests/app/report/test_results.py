@@ -1,0 +1,77 @@
+"""The table of results: one kind of method side by side, with differences, and the best marked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ispom_app.report.blocks import Compared, MethodName, Table
+from ispom_app.report.folder import Run
+from ispom_app.report.results import results
+
+from ispom.types import Rig
+
+
+def run(label: str, **metrics: dict[str, Any]) -> Run:
+    return Run(Path(label), label, {}, metrics, None, Rig(), {}, None, {}, (), {})
+
+
+def entry(ate_m: float | None, poses: int = 10, scale: float = 1.0, aligned: str = "se3") -> dict[str, Any]:
+    times = {"median": 5.0, "p95": 9.0}
+    found = {"poses": poses, "aligned": aligned, "ate_m": ate_m, "ms_per_exposure": times}
+    return found | {"step_scale_end_over_start": scale}
+
+
+def table(*runs: Run) -> tuple[Table, dict[str, list[Any]]]:
+    found = results(list(runs))[0]
+    assert isinstance(found, Table)
+    return found, {str(row[0]).partition(" – ")[0]: list(row[1:]) for row in found.rows}
+
+
+def best(cells: list[Any]) -> list[bool]:
+    return [isinstance(cell, Compared) and cell.best for cell in cells]
+
+
+def test_the_columns_of_one_method_stand_together_with_differences_to_the_first_run() -> None:
+    a = run("a", monocular=entry(0.5), stereo=entry(0.2))
+    b = run("b", monocular=entry(0.4), stereo=entry(0.25))
+    found, rows = table(a, b)
+    assert [(group.head, group.span) for group in found.groups] == [
+        ("", 1),
+        (MethodName("monocular"), 2),
+        (MethodName("stereo"), 2),
+    ]
+    assert list(found.head) == ["", "a", "b", "a", "b"] and found.starts == {0, 1, 3}
+    ate = rows["ATE (RMS) [m]"]
+    assert [cell.value for cell in ate] == [0.5, 0.4, 0.2, 0.25]
+    assert [None if cell.difference is None else round(cell.difference, 9) for cell in ate] == [None, -0.1, None, 0.05]
+    assert best(ate) == [False, True, True, False]
+
+
+def test_what_is_best_depends_on_the_row() -> None:
+    runs = [
+        run(name, stereo=entry(1.0, poses, scale))
+        for name, poses, scale in (("a", 9, 0.9), ("b", 10, 1.05), ("c", 8, 1.5))
+    ]
+    found, rows = table(*runs)
+    assert best(rows["poses"]) == [False, True, False] and best(rows["step scale, end / start [1]"]) == [
+        False,
+        True,
+        False,
+    ]
+    assert best(rows["ATE (RMS) [m]"]) == [False] * 3, "equal values have no best"
+    assert best(rows["aligned by"]) == [False] * 3 and rows["aligned by"] == ["se3"] * 3
+    assert "ATE (RMS) [m] – best: least" in [row[0] for row in found.rows]
+
+
+def test_a_method_and_the_papers_are_of_one_kind() -> None:
+    found, rows = table(run("a", stereo=entry(0.1)), run("b", **{"stereo.paper": entry(0.3)}))
+    assert [(group.head, group.span) for group in found.groups] == [("", 1), ("stereo", 2)]
+    assert list(found.head) == ["", "a: stereo", "b: stereo.paper"]
+    assert best(rows["ATE (RMS) [m]"]) == [True, False]
+
+
+def test_a_single_run_is_compared_with_nothing() -> None:
+    found, rows = table(run("a", stereo=entry(None), integrated=entry(0.2)))
+    assert not found.groups and list(found.head) == ["", MethodName("stereo"), MethodName("integrated")]
+    assert rows["ATE (RMS) [m]"] == [None, 0.2]
