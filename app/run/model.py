@@ -1,0 +1,130 @@
+"""What is known of a run: every method's poses by time and points by id, as one value for each exposure.
+
+model = RunModel.start(methods)
+model = model.after(index, time_ns, steps)      # shares all but what this exposure changed
+model.as_known_at(k, steps_at)                  # as it was after exposure k, revised poses as known then
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Pose
+from ispom.types import Frame, Step, Trajectory
+
+from .points import PointMap
+from .poses import POSES_PER_BLOCK, PoseBlock, PoseHistory, Times
+
+
+@dataclass(frozen=True, eq=False)
+class MethodModel:
+    """Of one method, in its own world."""
+
+    poses: PoseHistory
+    points: PointMap
+
+
+@dataclass(frozen=True, eq=False)
+class RunModel:
+    times: Times
+    methods: Mapping[str, MethodModel]
+
+    @staticmethod
+    def start(methods: Iterable[str]) -> RunModel:
+        """Before the first exposure. Points are thinned, for drawing."""
+        return RunModel(Times.none(), {m: MethodModel(PoseHistory(), PointMap(thinned=True)) for m in methods})
+
+    def after(self, index: int, time_ns: int, steps: Iterable[Step]) -> RunModel:
+        """What the steps of exposure `index` add: their poses, those that they revise, key frames, and points."""
+        times, methods = self.times.with_exposure(index, time_ns), dict(self.methods)
+        for step in steps:
+            known = methods[step.method]
+            poses = _with_step(known.poses, times, step, index)
+            methods[step.method] = MethodModel(poses, known.points.with_points(step.landmarks, index))
+        return RunModel(times, methods)
+
+    def with_final(self, trajectories: Mapping[str, Trajectory]) -> RunModel:
+        """With the final trajectories in place of the poses known so far."""
+        index, methods = int(self.times.indices(slice(-1, None)).max(initial=0)), dict(self.methods)
+        for method, poses in trajectories.items():
+            known = methods[method]
+            rows = self.times.rows(poses.times_ns)
+            methods[method] = replace(known, poses=known.poses.with_poses(rows, poses, index))
+        return replace(self, methods=methods)
+
+    def as_known_at(self, index: int, steps_at: Callable[[int], tuple[Step, ...]]) -> RunModel:
+        """As after exposure `index`; `steps_at` gives the steps of exposures before it, where blocks changed since.
+
+        Points are those known then, at the places known now.
+        """
+        times = replace(self.times, count=self.times.rows_until(index))
+        steps = cache(steps_at)
+        found = {}
+        for method, known in self.methods.items():
+            blocks = known.poses.blocks[: -(-times.count // POSES_PER_BLOCK)]
+            past = (_block_at(b, block, times, index, method, steps) for b, block in enumerate(blocks))
+            found[method] = MethodModel(replace(known.poses, blocks=tuple(past)), _points_at(known.points, index))
+        return RunModel(times, found)
+
+
+def _with_step(poses: PoseHistory, times: Times, step: Step, index: int) -> PoseHistory:
+    poses = poses.with_poses(times.rows(step.revised.times_ns), step.revised, index)
+    row = times.rows(np.array([step.time_ns]))
+    if step.world_from_frame is not None:
+        poses = poses.with_poses(row, _single(step.time_ns, step.world_from_frame, step.frame), index)
+    return poses.with_key_frame(int(row[0]), index) if step.key_frame else poses
+
+
+def _block_at(
+    b: int, block: PoseBlock, times: Times, index: int, method: str, steps_at: Callable[[int], tuple[Step, ...]]
+) -> PoseBlock:
+    """The block as it was after an exposure: an earlier version, and the steps from there on."""
+    while block.changed > index and block.since > index and block.earlier is not None:
+        block = block.earlier
+    if block.changed <= index:
+        return block
+    start, start_row = block.since, b * POSES_PER_BLOCK
+    found = PoseHistory((block.earlier or PoseBlock.empty(start),))
+    inside = Times(times.count, times.times_ns(slice(None)), times.indices(slice(None)))
+    for i in range(start, index + 1):
+        for step in steps_at(i):
+            if step.method == method:
+                found = _within(found, inside, step, i, start_row)
+    return found.blocks[0]
+
+
+def _within(poses: PoseHistory, times: Times, step: Step, index: int, start_row: int) -> PoseHistory:
+    """What a step says about the rows of one block."""
+
+    def of_block(said: Trajectory) -> tuple[NDArray[np.int64], Trajectory]:
+        rows = times.rows(said.times_ns) - start_row
+        chosen = (rows >= 0) & (rows < POSES_PER_BLOCK)
+        return rows[chosen], said.select(chosen)
+
+    row = times.rows(np.array([step.time_ns]))[0] - start_row
+    poses = poses.with_poses(*of_block(step.revised), index)
+    if step.world_from_frame is not None:
+        poses = poses.with_poses(*of_block(_single(step.time_ns, step.world_from_frame, step.frame)), index)
+    return poses.with_key_frame(int(row), index) if step.key_frame and 0 <= row < POSES_PER_BLOCK else poses
+
+
+def _points_at(points: PointMap, index: int) -> PointMap:
+    """Those that were known, in blocks that stay the same objects where all of theirs were."""
+    blocks = []
+    for block in points.blocks:
+        count = int(np.searchsorted(block.born, index, side="right"))
+        if count == len(block.ids):
+            blocks.append(block)
+        elif count:
+            cut = (block.ids[:count], block.xyz[:count], block.rgb[:count], block.born[:count])
+            blocks.append(replace(block, **dict(zip(("ids", "xyz", "rgb", "born"), cut, strict=True))))
+    return replace(points, blocks=tuple(blocks), count=sum(len(block.ids) for block in blocks))
+
+
+def _single(time_ns: int, pose: Pose, frame: Frame) -> Trajectory:
+    return Trajectory(np.array([time_ns]), pose.rotation[None], pose.translation[None], frame)
