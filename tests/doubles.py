@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ispom.geometry import Pose
@@ -110,3 +112,37 @@ class FakeEstimator:
 
     def finish(self, state: tuple[int, ...]) -> Trajectory:
         return Trajectory.of([(t, pose_at(t)) for t in state], "video" if self.method == "monocular" else "rig")
+
+
+LOST_EVERY = 11
+"""Of a FullEstimator's exposures, each so manieth is lost."""
+
+
+class FullEstimator(FakeEstimator):
+    """Says all that a Step can say: covariances, losses, parts, drift of the unit, points without a place, and
+    revisions that differ from what they replace (the height of a pose is how often it was revised, in metres)."""
+
+    def step(self, state: tuple[int, ...], exposure: Exposure) -> tuple[tuple[int, ...], Step]:
+        after, step = super().step(state, exposure)
+        if len(after) % LOST_EVERY == 0:
+            nothing = {"world_from_frame": None, "residuals_px": np.zeros(0), "scale": None, "key_frame": False}
+            return after, replace(step, status=Status.LOST, revised=Trajectory.empty(), **nothing)  # type: ignore[arg-type]
+        lost = {t for i, t in enumerate(after, 1) if i % LOST_EVERY == 0}
+        again = [(t, raised(t, len(after) - i)) for i, t in enumerate(state, 1) if i > len(state) - 3 and t not in lost]
+        xyz = step.landmarks.xyz_in_world.copy()
+        xyz[::7] = np.nan
+        parts = () if self.method != "integrated" else (replace(step, method="monocular"),)
+        return after, replace(
+            step,
+            world_from_frame=raised(step.time_ns, 0),
+            covariance=np.diag([0.01, 0.02, 0.03, 1e-4, 1e-4, 1e-4]) * len(after),
+            revised=Trajectory.of(again, step.frame),
+            landmarks=replace(step.landmarks, xyz_in_world=xyz),
+            scale_sigma=0.01 * len(after) if self.method == "monocular" else None,
+            parts=parts,
+        )
+
+
+def raised(time_ns: int, times: int) -> Pose:
+    """The pose at a time as it is after so many revisions."""
+    return Pose(translation=np.array([0.0, times, 0.0])) @ pose_at(time_ns)

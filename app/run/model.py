@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Pose
+from ispom.geometry import Array, Pose
 from ispom.types import Frame, Step, Trajectory
 
 from .points import PointMap
@@ -27,6 +27,8 @@ class MethodModel:
 
     poses: PoseHistory
     points: PointMap
+    covariance: Array | None = None
+    """(6, 6) of the newest pose, as Step.covariance; None where the method gave none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,9 @@ class RunModel:
         for step in steps:
             known = methods[step.method]
             poses = _with_step(known.poses, times, step, index)
-            methods[step.method] = MethodModel(poses, known.points.with_points(step.landmarks, index))
+            points = known.points.with_points(step.landmarks, index)
+            covariance = known.covariance if step.world_from_frame is None else step.covariance
+            methods[step.method] = MethodModel(poses, points, covariance)
         return RunModel(times, methods)
 
     def with_final(self, trajectories: Mapping[str, Trajectory]) -> RunModel:
@@ -68,7 +72,8 @@ class RunModel:
         for method, known in self.methods.items():
             blocks = known.poses.blocks[: -(-times.count // POSES_PER_BLOCK)]
             past = (_block_at(b, block, times, index, method, steps) for b, block in enumerate(blocks))
-            found[method] = MethodModel(replace(known.poses, blocks=tuple(past)), _points_at(known.points, index))
+            poses, points = replace(known.poses, blocks=tuple(past)), _points_at(known.points, index)
+            found[method] = MethodModel(poses, points, _covariance_at(poses, times, index, method, steps))
         return RunModel(times, found)
 
 
@@ -96,6 +101,20 @@ def _block_at(
             if step.method == method:
                 found = _within(found, inside, step, i, start_row)
     return found.blocks[0]
+
+
+def _covariance_at(
+    poses: PoseHistory, times: Times, index: int, method: str, steps_at: Callable[[int], tuple[Step, ...]]
+) -> Array | None:
+    """Of the newest pose, as the exposures at its time and up to `index` tell it."""
+    row = poses.last_known()
+    if row is None:
+        return None
+    first = int(times.indices(slice(row, row + 1))[0])
+    following = times.indices(slice(row + 1, row + 2))
+    last = int(following[0]) if len(following) else index + 1
+    steps = [step for i in range(first, last) for step in steps_at(i) if step.method == method]
+    return next((s.covariance for s in reversed(steps) if s.world_from_frame is not None), None)
 
 
 def _within(poses: PoseHistory, times: Times, step: Step, index: int, start_row: int) -> PoseHistory:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from bisect import bisect_left, bisect_right
 
+import numpy as np
+
 from ispom.evaluation.placement import first_segment_placement
 from ispom.geometry import Pose, Similarity
 from ispom.types import Rig, Trajectory
@@ -46,3 +48,10 @@ class Placing:
             start = self._first_ns = self._times_ns[inside] + 1
             self._video = {t: pose for t, pose in self._video.items() if t >= start}
         return found
+
+
+def same_place(a: Similarity | None, b: Similarity | None) -> bool:
+    """Whether two placements are equal, not only the same object."""
+    if a is None or b is None:
+        return a is b
+    return a is b or (a.scale == b.scale and np.array_equal(a.pose.matrix, b.pose.matrix))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 from ispom.types import Frame, Trajectory
 
 POSES_PER_BLOCK = 100
@@ -162,6 +162,11 @@ class PoseHistory:
     def position(self, row: int) -> Array:
         """(3,) of a known pose."""
         return self.blocks[row // POSES_PER_BLOCK].positions[row % POSES_PER_BLOCK]
+
+    def pose(self, row: int) -> Pose:
+        """Of a known row."""
+        block, at = self.blocks[row // POSES_PER_BLOCK], row % POSES_PER_BLOCK
+        return Pose(block.rotations[at], block.positions[at])
 
     def second_before(self, times: Times, time_ns: int) -> tuple[int, Array] | None:
         """Time [ns] and position (3,) of the last pose at least a second before, or None."""

@@ -102,7 +102,8 @@ class Screen:
         opened = self._session.opened
         if state.run != self._run and opened is not None:
             self._run = state.run
-            self._scene.start(opened.sequence.rig, opened.truth)
+            self._scene.start(opened)
             self._look_at(opened.truth)
-        if state.index < len(history):
-            self._scene.show(history, state.index, state.hidden)
+        if state.displayed is not None and self._scene_key(state) != self._scene_shown:
+            self._scene_shown = self._scene_key(state)
+            self._scene.show(self._session.known_at(state.index), state.displayed, self._view.hidden)
