@@ -29,7 +29,8 @@ class Feed:
         """Exposures that came without their images."""
         self._rereads = rereads
         self._fresh: deque[Stepped] = deque(maxlen=IMAGES_WAITING)
-        self._finished: Finished | None = None
+        self.finished: Finished | None = None
+        """The final trajectories, while they wait."""
         self._end: int | None = None
         self._closed = False
         self._news = Condition()
@@ -43,9 +44,15 @@ class Feed:
     def finish(self, finished: Finished | None, *, ends: bool = False) -> None:
         """The final trajectories come after all that the history holds by now; with `ends`, nothing comes after."""
         with self._news:
-            self._finished = finished
-            if ends and self._end is None:
-                self._end = len(self.history)
+            if self._end is None:
+                self.finished = finished
+                self._end = len(self.history) if ends else None
+            self._news.notify()
+
+    def skip(self) -> None:
+        """What waits is given up, except for the final trajectories."""
+        with self._news:
+            self._end = self.position
             self._news.notify()
 
     def close(self) -> None:
@@ -62,17 +69,22 @@ class Feed:
     def take(self) -> Event | None:
         """The next event, waiting for it; None when no more will come."""
         with self._news:
-            self._news.wait_for(lambda: self._closed or self._waiting or self._finished or self._end is not None)
+            self._news.wait_for(lambda: self._closed or self._waiting or self.finished or self._end is not None)
             if self._closed:
                 return None
             if not self._waiting:
-                finished, self._finished = self._finished, None
+                finished, self.finished = self.finished, None
                 return finished
             index = self.position
             fresh = next((event for event in self._fresh if event.index == index), None)
         event = fresh or self._bare(index)
         self.position += 1
         return event
+
+    @property
+    def empty(self) -> bool:
+        """Whether all that came so far was taken."""
+        return not self._waiting and self.finished is None
 
     @property
     def _waiting(self) -> bool:

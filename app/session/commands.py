@@ -70,8 +70,15 @@ class Hide:
 
 
 @dataclass(frozen=True)
+class Notify:
+    """Tell the person of a fault."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class Shutdown:
     """Close the recording and end the worker."""
 
 
-Command = Play | StepBy | Seek | Speed | Restart | Open | Record | StopRecording | Hide | Shutdown
+Command = Play | StepBy | Seek | Speed | Restart | Open | Record | StopRecording | Hide | Notify | Shutdown

@@ -1,24 +1,16 @@
-"""The recordings folder, and the one recording that is being written from the history."""
+"""The recordings folder: what is in it, and what a new recording may be called."""
 
 from __future__ import annotations
 
-import logging
 import re
-from collections import deque
+import stat
 from pathlib import Path
-from threading import Event, Thread
 
-from ispom.errors import InputError, UnreadableImage
+from ispom.errors import InputError
 
-from ..rerun_log.file_recording import FileRecording
-from ..run.events import Finished, Opened, Stepped, blank
 from ..run.parts import part_of
-from ..run.record import ExposureRecord
-from .state import RecordedFile, Recording
+from .state import RecordedFile
 
-log = logging.getLogger(__name__)
-KEPT = 16
-"""Exposures whose images wait in memory to be recorded."""
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")
 
 
@@ -41,91 +33,14 @@ def recording_path(folder: Path, name: str, sequence: str) -> Path:
 
 
 def list_recordings(folder: Path) -> tuple[RecordedFile, ...]:
-    """The finished recordings, newest first."""
-    if not folder.is_dir():
-        return ()
-    files = sorted(folder.glob("**/*.rrd"), key=lambda path: -path.stat().st_mtime)
-    return tuple(RecordedFile(path.relative_to(folder).as_posix(), path.stat().st_size) for path in files)
-
-
-class RecordingWriter:
-    """Writes a history into a file, from its first exposure on, in a thread of its own: a slow disk stops nobody."""
-
-    def __init__(self, path: Path, opened: Opened, history: list[ExposureRecord]) -> None:
-        """OSError or InputError where the file cannot be made."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self.path, self._sequence, self._history = path, opened.sequence, history
-        self.failure: str | None = None
-        """Why the recording is not whole, one sentence; None while all is well."""
-        self._file = FileRecording(path, opened)
-        self._written = 0
-        self._end: int | None = None
-        self._finished: Finished | None = None
-        self._fresh: deque[Stepped] = deque(maxlen=KEPT)
-        self._more = Event()
-        self._hurry = False
-        self._thread = Thread(target=self._run, name="recording", daemon=True)
-        self._thread.start()
-
-    @property
-    def info(self) -> Recording:
-        return Recording(self.path.name, self._file.size_bytes, self._written, self._end is not None)
-
-    @property
-    def done(self) -> bool:
-        """Whether the file is closed."""
-        return not self._thread.is_alive()
-
-    def offer(self, event: Stepped) -> None:
-        """The newest exposure of the history, with its images, so that they need not be read again."""
-        self._fresh.append(event)
-        self._more.set()
-
-    def stop(self, finished: Finished | None) -> None:
-        """Writes what the history holds by now and the final trajectories, where there are any; then closes."""
-        if self._end is None:
-            self._finished, self._end = finished, len(self._history)
-            self._more.set()
-
-    def close(self, timeout_s: float) -> None:
-        """Closes the file within about this time, with what is written by then."""
-        self.stop(None)
-        self._thread.join(0.6 * timeout_s)
-        self._hurry = True
-        self._thread.join(0.4 * timeout_s)
-
-    def _run(self) -> None:
+    """The finished recordings, newest first. What cannot be looked at, such as a link that leads nowhere, and what is
+    still being written is not among them."""
+    found: list[tuple[float, RecordedFile]] = []
+    for path in folder.glob("**/*.rrd") if folder.is_dir() else ():
         try:
-            while not self._hurry:
-                if self._written < (len(self._history) if self._end is None else self._end):
-                    self._write(self._event(self._history[self._written]))
-                    self._written += 1
-                elif self._end is None:
-                    self._more.wait(1.0)
-                    self._more.clear()
-                else:
-                    break
-            if self._finished is not None and not self._hurry:
-                self._write(self._finished)
-        except (InputError, OSError) as fault:
-            self.failure = str(fault)
-        except Exception as fault:
-            log.exception("recording %s failed", self.path)
-            self.failure = f"internal fault, please report it: {type(fault).__name__}: {fault}"
-        self._file.close()
-        self.failure = self.failure or self._file.failure
-
-    def _write(self, event: Stepped | Finished) -> None:
-        self._file.write(event)
-        if self._file.failure:
-            raise InputError(self._file.failure)
-
-    def _event(self, record: ExposureRecord) -> Stepped:
-        """With the images that are at hand, or read again."""
-        fresh = next((event for event in tuple(self._fresh) if event.index == record.index), None)
-        if fresh:
-            return fresh
-        try:
-            return record.stepped(self._sequence[record.index])
-        except UnreadableImage:  # it was left out of the run, too, or went missing since
-            return record.stepped(blank(self._sequence, record.index))
+            facts = path.stat()
+        except OSError:
+            continue
+        if stat.S_ISREG(facts.st_mode) and not path.name.startswith("."):
+            found.append((facts.st_mtime, RecordedFile(path.relative_to(folder).as_posix(), facts.st_size)))
+    return tuple(file for _, file in sorted(found, key=lambda item: -item[0]))

@@ -8,18 +8,20 @@ from collections.abc import Callable
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Any, Protocol
 
 from ispom.errors import InputError
 from ispom.estimators import ALL_METHODS, Config, Method, Variant, build, default_methods, possible_methods
 from ispom.types import Sequence
 
 from ..run import warmup
-from ..run.events import Finished, Opened, Stepped
+from ..run.events import Finished, Opened
+from ..run.history import MEMORY_BYTES, History
+from ..run.model import RunModel
 from ..run.playback import Builder, Playback
-from ..run.record import ExposureRecord
 from . import commands as do
-from .recordings import RecordingWriter, list_recordings, recording_path
+from .current_run import CurrentRun
+from .recording_desk import RecordingDesk
+from .recordings import list_recordings
 from .state import (
     Activity,
     Computed,
@@ -32,6 +34,7 @@ from .state import (
     changed,
     reduce,
 )
+from .viewers import EventSink, Viewers
 
 log = logging.getLogger(__name__)
 IDLE_S = 0.5
@@ -39,13 +42,6 @@ WATCH_S = 0.05
 """How often a recording is looked at while nothing else happens."""
 CLOSE_S = 1.0
 """For a recording to be closed at the end."""
-
-
-class EventSink(Protocol):
-    """Where viewers in the browser get the run from. Never blocks."""
-
-    def open(self, opened: Opened) -> None: ...
-    def write(self, event: Stepped | Finished) -> None: ...
 
 
 class Session:
@@ -63,20 +59,20 @@ class Session:
         autoplay: bool = True,
         compiling: Callable[[Config], None] = lambda _: None,
         builder: Builder = build,
+        history_bytes: int = MEMORY_BYTES,
     ) -> None:
         """`methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
-        need, when they are about to run; `builder` makes the estimators."""
+        need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
+        may take of memory."""
         self.state = State(source, config=config or Config())
-        self.history: list[ExposureRecord] = []
-        """Only ever appended to, and replaced by a new list when a run starts: safe to read from any thread."""
-        self.truth: Any = None
-        self.opened: Opened | None = None
-        self._opener, self._wanted, self._live, self._autoplay = opener, methods, live, autoplay
+        self.run: CurrentRun | None = None
+        """The run that is on the screen. Another object for each start: readers take it once, and stay with it."""
+        self._opener, self._wanted, self._autoplay = opener, methods, autoplay
         self._folder, self._compiling, self._unready = recordings_dir, compiling, False
-        self._builder = builder
+        self._builder, self._history_bytes = builder, history_bytes
+        self._viewers = Viewers(live, lambda text: self._emit(NoticeAdded(text)))
+        self._recordings = RecordingDesk(recordings_dir)
         self._inbox: SimpleQueue[do.Command] = SimpleQueue()
-        self._playback: Playback | None = None
-        self._writer: RecordingWriter | None = None
         self._due_s = 0.0
         self._closing = False
         self._thread = Thread(target=self._run, name="session", daemon=True)
@@ -88,30 +84,55 @@ class Session:
         """Asks for something; what became of it shows in `state`."""
         self._inbox.put(command)
 
+    @property
+    def history(self) -> History:
+        """Of the run that is on the screen; empty before the first."""
+        return self.run.history if self.run is not None else History()
+
+    @property
+    def opened(self) -> Opened | None:
+        return self.run.opened if self.run is not None else None
+
+    def known_at(self, index: int) -> RunModel:
+        """What was known after exposure `index` of the run that is on the screen."""
+        return self.run.known_at(index) if self.run is not None else RunModel.start(())
+
     def close(self, timeout_s: float) -> bool:
-        """Closes the recording and ends the worker; False where that is too busy: the recording is closed even so."""
+        """Closes the recordings, the final trajectories included, and ends the worker.
+
+        False where that is too busy: what was computed by then is recorded even so, within about CLOSE_S more.
+        """
         self.post(do.Shutdown())
         self._thread.join(timeout_s)
         if not self._thread.is_alive():
             return True
-        if self._writer is not None:
-            self._writer.close(CLOSE_S)
+        if self._recordings.busy:
+            self._recordings.stop(self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None)
+            self._recordings.close(0.6 * CLOSE_S)
         return False
 
     def _run(self) -> None:
-        self._list_recordings()
-        self._open(self.state.source)
-        if self._autoplay and self._playback is not None:
+        self._guarded(self._list_recordings)
+        self._guarded(lambda: self._open(self.state.source))
+        if self._autoplay and self.run is not None:
             self._emit(changed(playing=True))
         while not self._closing:
-            for command in self._commands():
-                self._guarded(lambda command=command: self._obey(command))
-            self._guarded(self._advance)
-            self._watch_compiling()
-            self._watch_recording()
-        self._end_live()
-        if self._writer is not None:
-            self._writer.close(CLOSE_S)
+            self._guarded(self._turn)
+        self._guarded(self._end)
+
+    def _turn(self) -> None:
+        for command in self._commands():
+            self._guarded(lambda command=command: self._obey(command))
+        self._guarded(self._advance)
+        self._viewers.check()
+        self._watch_compiling()
+        self._watch_recordings()
+
+    def _end(self) -> None:
+        if self.run is not None:
+            self.run.stop()
+        self._stop_recording()
+        self._recordings.close(CLOSE_S)
 
     def _commands(self) -> list[do.Command]:
         """All that were posted, of seeks the newest only; waits for the first where there is nothing else to do."""
@@ -130,7 +151,7 @@ class Session:
     def _patience(self) -> float:
         if self.state.target is not None:
             return 0.0
-        idle = IDLE_S if self._writer is None else WATCH_S
+        idle = WATCH_S if self._recordings.busy else IDLE_S
         return min(idle, max(0.0, self._due_s - time.monotonic())) if self.state.playing else idle
 
     def _guarded(self, work: Callable[[], None]) -> None:
@@ -155,7 +176,8 @@ class Session:
             case do.Play(on):
                 self._play(not self.state.playing if on is None else on)
             case do.StepBy(count):
-                self._seek(self.state.index + count)
+                target = self.state.target
+                self._seek((self.state.index if target is None else target) + count)
             case do.Seek(index):
                 self._seek(index)
             case do.Speed(factor):
@@ -171,6 +193,8 @@ class Session:
                 self._stop_recording()
             case do.Hide(names):
                 self._emit(changed(hidden=names))
+            case do.Notify(text):
+                self._emit(NoticeAdded(text))
             case do.Shutdown():
                 self._closing = True
 
@@ -179,20 +203,22 @@ class Session:
     def _open(self, source: str) -> None:
         """Opens another source; where that fails, the one before stays as it was."""
         before = self.state
-        self._end_live()
+        if self.run is not None and self.run.live and source == before.source:
+            self.run.stop()  # a camera has to be let go before it can be opened again
         self._emit(Opening(source))
         self._busy(f"opening {source}")
         try:
             sequence = self._opener(source)
-            playback = Playback(
-                sequence, self._methods_for(source, sequence, before.config.variant), before.config, self._builder
-            )
+            methods = self._methods_for(source, sequence, before.config.variant)
+            playback = Playback(sequence, methods, before.config, self._builder)
         except InputError as mistake:
             self._opening_failed(before, str(mistake))
         except Exception as fault:
             log.exception("opening %s failed", source)
             self._opening_failed(before, f"internal fault while opening {source}: {type(fault).__name__}: {fault}")
         else:
+            if self.run is not None:
+                self.run.stop()
             self._begin(playback)
 
     def _methods_for(self, source: str, sequence: Sequence, variant: Variant) -> tuple[Method, ...]:
@@ -201,7 +227,7 @@ class Session:
         if not possible:
             raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
         wanted = self._wanted or usual
-        return wanted if self._playback is None else tuple(m for m in wanted if m in possible) or usual
+        return wanted if self.run is None else tuple(m for m in wanted if m in possible) or usual
 
     def _opening_failed(self, before: State, reason: str) -> None:
         if before.phase == "ready":
@@ -211,13 +237,12 @@ class Session:
             self._emit(OpeningFailed(reason))
 
     def _restart(self, methods: tuple[Method, ...], config: Config) -> None:
-        if self._playback is None:
+        if self.run is None:
             raise InputError("there is nothing to run yet: open a source first")
         if not methods:
             raise InputError("no method is chosen: switch on at least one")
-        playback = Playback(
-            self._playback.sequence, tuple(m for m in ALL_METHODS if m in methods), config, self._builder
-        )
+        sequence = self.run.playback.sequence
+        playback = Playback(sequence, tuple(m for m in ALL_METHODS if m in methods), config, self._builder)
         self._wanted = playback.methods
         self._emit(Opening(self.state.source))
         self._begin(playback)
@@ -227,117 +252,92 @@ class Session:
         self._stop_recording()
         self._compiling(playback.config)
         self._unready = not warmup.needed(playback.config) and not warmup.finished()
-        self._playback, self.history, self._due_s = playback, [], 0.0
-        opened = self.opened = playback.opened
+        run = self.run = CurrentRun(playback, self._history_bytes)
+        self._due_s = 0.0
         if playback.sequence.prepare is not None:
             playback.sequence.prepare(0)
-        self._to_viewers(lambda live: live.open(opened))
-        self._emit(opened)
+        self._viewers.open(run.opened, run.history)
+        self._emit(run.opened)
         if self._unready:
             self._emit(NoticeAdded(warmup.MEANWHILE, "info"))
 
     # Moving
 
     def _play(self, on: bool) -> None:
-        at_end = self._playback is not None and self._playback.done and self.state.index >= self.state.total - 1
-        if on and at_end and self.history:
-            self._emit(Displayed(self.history[0]))
+        run = self.run
+        if on and run is not None and run.playback.done and self.state.index >= self.state.total - 1 and run.history:
+            self._emit(Displayed(run.history[0]))
         self._due_s = 0.0
-        self._emit(changed(playing=on and self._playback is not None, target=None))
+        self._emit(changed(playing=on and run is not None, target=None))
 
     def _seek(self, index: int) -> None:
-        if self._playback is None:
+        if self.run is None:
             return
-        index = min(max(index, 0), len(self._playback.sequence) - 1)
-        if index < len(self.history):
-            self._emit(Displayed(self.history[index]))
+        index = min(max(index, 0), len(self.run.playback.sequence) - 1)
+        if index < len(self.run.history):
+            self._emit(Displayed(self.run.history[index]))
             self._emit(changed(playing=False, target=None))
         else:
             self._emit(changed(playing=False, target=index))
 
     def _advance(self) -> None:
         """One exposure on, where it is time for that."""
-        if self.state.target is not None:
-            self._compute()
+        run = self.run
+        if run is None:
+            self._emit(changed(playing=False, target=None))
+        elif self.state.target is not None:
+            self._compute(run)
             if self.state.target is not None and self.state.computed > self.state.target:
                 self._emit(changed(target=None))
         elif self.state.playing and time.monotonic() >= self._due_s:
-            if self.state.index + 1 < len(self.history):
-                self._emit(Displayed(self.history[self.state.index + 1]))
-            elif self._playback is not None and self._more(self._playback):
-                self._compute()
-            elif self._playback is None or self._playback.done:
+            if self.state.index + 1 < len(run.history):
+                self._emit(Displayed(run.history[self.state.index + 1]))
+            elif self._more(run):
+                self._compute(run)
+            elif run.playback.done:
                 self._emit(changed(playing=False))
-            self._schedule()
+            self._schedule(run)
 
-    def _more(self, playback: Playback) -> bool:
+    def _more(self, run: CurrentRun) -> bool:
         """Whether there is an exposure to compute; a live source is waited for a while."""
-        live = not playback.done and playback.sequence.grow is not None
-        found = playback.more(WATCH_S)
+        live = run.live
+        found = run.playback.more(WATCH_S)
         if live:
-            self._emit(changed(total=len(playback.sequence), notes=playback.sequence.notes))
-            if playback.done:
-                self._finish(playback.finish())
+            sequence = run.playback.sequence
+            self._emit(changed(total=len(sequence), notes=sequence.notes))
+            if run.playback.done:
+                self._finish(run.playback.finish())
         return found
 
-    def _end_live(self) -> None:
-        """A live source records no more, and its camera is free; what came so far stays."""
-        if self._playback is not None and self._playback.sequence.stop is not None:
-            self._playback.sequence.stop()
-
-    def _schedule(self) -> None:
+    def _schedule(self, run: CurrentRun) -> None:
         """When the next exposure is due at the chosen speed; time that was lost is not caught up."""
-        times, i = self._playback.sequence.times_ns if self._playback else (), self.state.index
+        times, i = run.playback.sequence.times_ns, self.state.index
         if self.state.speed is None or not 0 <= i < len(times) - 1:
             # As fast as possible: as fast as new exposures are computed, and the past no faster than eyes follow.
-            self._due_s = time.monotonic() + (1 / 120 if i + 1 < len(self.history) else 0.0)
+            self._due_s = time.monotonic() + (1 / 120 if i + 1 < len(run.history) else 0.0)
         else:
             gap_s = float(times[i + 1] - times[i]) * 1e-9 / self.state.speed
             self._due_s = max(time.monotonic(), self._due_s + gap_s)
 
-    def _compute(self) -> None:
-        assert self._playback is not None
-        if warmup.needed(self._playback.config) and not warmup.finished(WATCH_S):
+    def _compute(self, run: CurrentRun) -> None:
+        if warmup.needed(run.playback.config) and not warmup.finished(WATCH_S):
             if self.state.activity is None or self.state.activity.text != warmup.MESSAGE:
                 self._busy(warmup.MESSAGE)
             return
-        self._busy(f"{self._work} exposure {self._playback.position + 1}")
-        event = self._playback.step()
-        record = ExposureRecord.of(event, self.history[-1] if self.history else None)
-        self.history.append(record)
+        self._busy(f"{run.doing(self.state.source)} exposure {run.playback.position + 1}")
+        event, record = run.step()
         self._emit(Computed(record))
         if event.skipped:
-            self._emit(NoticeAdded(f"exposure {event.index + 1} is left out: {event.skipped}"))
-        self._to_viewers(lambda live: live.write(event))
-        if self._writer is not None:
-            self._writer.offer(event)
-        if self._playback.done:
-            self._finish(self._playback.finish())
+            self._emit(NoticeAdded(f"exposure {event.index + 1} is skipped: {event.skipped}"))
+        self._viewers.write(event)
+        self._recordings.offer(event)
+        if run.playback.done:
+            self._finish(run.playback.finish())
         self._emit(changed(activity=None))
 
-    @property
-    def _work(self) -> str:
-        """What takes its time when an exposure does."""
-        if not self.state.source.startswith("sim:"):
-            return "compiling, then computing" if not self.history else "computing"
-        return "building the scene, then" if not self.history else "rendering and computing"
-
     def _finish(self, finished: Finished) -> None:
-        self._to_viewers(lambda live: live.write(finished))
+        self._viewers.write(finished)
         self._emit(finished)
-
-    def _to_viewers(self, action: Callable[[EventSink], None]) -> None:
-        """A fault in what draws never stops what computes; the person is told once a run."""
-        if self._live is None:
-            return
-        try:
-            action(self._live)
-        except Exception as fault:
-            log.exception("the live stream failed")
-            self._live = None
-            self._emit(
-                NoticeAdded(f"the Rerun viewer is no longer fed, the run goes on ({type(fault).__name__}: {fault})")
-            )
 
     def _busy(self, text: str) -> None:
         self._emit(changed(activity=Activity(text, time.monotonic())))
@@ -345,24 +345,15 @@ class Session:
     # Recording
 
     def _record(self, name: str) -> None:
-        if self.opened is None:
+        if self.run is None:
             raise InputError("there is nothing to record yet: open a source first")
-        if self._writer is not None:
-            raise InputError(f"{self._writer.path.name} is being recorded: stop it before the next one")
-        try:
-            self._writer = RecordingWriter(
-                recording_path(self._folder, name, self.opened.sequence.name), self.opened, self.history
-            )
-        except OSError as fault:
-            raise InputError(
-                f"{self._folder} cannot be written ({fault.strerror}): free it or choose another"
-            ) from fault
-        self._emit(changed(recording=self._writer.info))
+        self._recordings.start(name, self.run)
+        self._emit(changed(recording=self._recordings.info()))
 
     def _stop_recording(self) -> None:
-        """The file is closed when all of the history so far is written, which may take a while."""
-        if self._writer is not None and self._playback is not None:
-            self._writer.stop(self._playback.finish() if self.history else None)
+        """The file is closed when all of the run so far is written, which may take a while."""
+        if self._recordings.recording and self.run is not None:
+            self._recordings.stop(self.run.playback.finish() if self.run.history else None)
 
     def _watch_compiling(self) -> None:
         """Tells that what this run did not wait for is ready, be the run still going on or not."""
@@ -370,20 +361,16 @@ class Session:
             self._unready = False
             self._emit(NoticeAdded(warmup.READY, "info"))
 
-    def _watch_recording(self) -> None:
-        """Shows how the recording goes, and what became of it."""
-        writer = self._writer
-        if writer is None:
-            return
-        if not writer.done:
-            if (info := writer.info) != self.state.recording:
-                self._emit(changed(recording=info))
-            return
-        self._writer = None
-        self._emit(changed(recording=None))
-        if writer.failure:
-            self._emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
-        self._list_recordings()
+    def _watch_recordings(self) -> None:
+        """Shows how a recording goes, and what became of it."""
+        ended = self._recordings.ended()
+        if (info := self._recordings.info()) != self.state.recording:
+            self._emit(changed(recording=info))
+        for writer in ended:
+            if writer.failure:
+                self._emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
+        if ended:
+            self._list_recordings()
 
     def _list_recordings(self) -> None:
         self._emit(changed(recordings=list_recordings(self._folder)))

@@ -43,6 +43,9 @@ class Screen:
         self.server.scene.world_axes.visible = False
         self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
         self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
+        self._fault = ""
+        self._scene_shown: tuple[object, ...] = ()
+        """What the scene was drawn from."""
         self.scene_wanted = True
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
@@ -86,12 +89,19 @@ class Screen:
         while not self._stop.wait(PAINT_S):
             try:
                 self.paint()
-            except Exception:
-                log.exception("painting failed")
+            except Exception as fault:
+                self._report(f"{type(fault).__name__}: {fault}")
+
+    def _report(self, fault: str) -> None:
+        """Tells of a fault, once as long as it stays the same: what can be painted is painted again and again."""
+        if fault != self._fault:
+            self._fault = fault
+            log.exception("painting failed")
+            self._session.post(do.Notify(f"Part of the controls could not be drawn ({fault}); the run goes on."))
 
     def paint(self) -> None:
         """Brings the panels and, less often, the scene up to date."""
-        state, history = self._session.state, self._session.history
+        state = self._session.state
         if state is not self._painted and (not state.playing or time.monotonic() >= self._due_s):
             self._painted, self._due_s = state, time.monotonic() + PLAYING_S
             for panel in self.panels:
@@ -104,6 +114,7 @@ class Screen:
             self._run = state.run
             self._scene.start(opened)
             self._look_at(opened.truth)
-        if state.displayed is not None and self._scene_key(state) != self._scene_shown:
-            self._scene_shown = self._scene_key(state)
-            self._scene.show(self._session.known_at(state.index), state.displayed, self._view.hidden)
+        shown = (state.displayed, state.computed, state.hidden)
+        if state.displayed is not None and shown != self._scene_shown:
+            self._scene_shown = shown
+            self._scene.show(self._session.known_at(state.index), state.displayed, state.hidden)

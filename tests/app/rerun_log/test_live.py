@@ -9,11 +9,14 @@ import psutil
 import pytest
 import rerun as rr
 from ispom_app.rerun_log import blueprint, live, rrd, tape
+from ispom_app.run.events import Stepped
+from ispom_app.run.feed import IMAGES_WAITING
+from ispom_app.run.history import History
 from ispom_app.run.playback import Playback
+from ispom_app.run.record import ExposureRecord
 from rerun.chunk import RrdReader
 
 from ispom.estimators import METHODS
-from ispom.types import VideoFrame
 from tests import doubles
 from tests.app import helpers
 
@@ -24,6 +27,18 @@ ALL = 1 << 40
 @pytest.fixture
 def run() -> Playback:
     return Playback(doubles.sequence(), METHODS, builder=helpers.build)
+
+
+@pytest.fixture
+def history() -> History:
+    return History()
+
+
+def stepped(run: Playback, history: History) -> Stepped:
+    """The next exposure, as the session keeps it before it tells of it."""
+    event = run.step()
+    history.append(ExposureRecord.of(event, history.last))
+    return event
 
 
 @pytest.fixture
@@ -56,13 +71,13 @@ def shown(found: live.LiveStream, run: Playback) -> bytes:
     return content
 
 
-def test_a_reader_that_comes_late_gets_the_run_from_its_beginning(run, stream, tmp_path):
-    stream.open(run.opened)
+def test_a_reader_that_comes_late_gets_the_run_from_its_beginning(run, stream, history, tmp_path):
+    stream.open(run.opened, history)
     steps = 0
     while not run.done:
-        stream.write(run.step())
+        stream.write(stepped(run, history))
         steps += 1
-        helpers.wait_for(lambda: stream._mailbox.empty, "the thread to follow")
+        helpers.wait_for(lambda: stream._feed.empty, "the thread to follow")
     stream.write(run.finish())
     counts = index_counts(shown(stream, run), tmp_path)
     assert counts["/decisions"] == steps
@@ -70,64 +85,50 @@ def test_a_reader_that_comes_late_gets_the_run_from_its_beginning(run, stream, t
     assert counts["/world/truth/path"] == 1
 
 
-def test_readers_are_told_of_more_and_of_another_run(run, stream):
+def test_readers_are_told_of_more_and_of_another_run(run, stream, history):
     rung: list[object] = []
     stream.grown.add(lambda: rung.append(stream.tape))
-    stream.open(run.opened)
+    stream.open(run.opened, history)
     first = stream.tape
     helpers.wait_for(lambda: rung.count(first) >= 2, "the opening to be on the tape")
-    stream.open(run.opened)
+    stream.open(run.opened, history)
     assert stream.tape is not first and stream.tape.run != first.run
     assert first.read(0, ALL) == (b"", 0)
 
 
-def test_a_reader_that_never_comes_costs_images_only(run):
-    mailbox = live.Mailbox(images=3)
-    while not run.done:
-        mailbox.put(run.step())
-    count = len(run.sequence)
-    assert mailbox.dropped == count - 3
-    events = [mailbox.take() for _ in range(count)]
-    assert [e.index for e in events] == list(range(count))  # type: ignore[union-attr]
-    sizes = [e.exposure.image.size for e in events if isinstance(e.exposure, VideoFrame)]  # type: ignore[union-attr]
-    assert sizes[0] == 0 and sizes[-1] > 0
-    mailbox.close()
-    assert mailbox.take() is None
-
-
-def test_the_live_stream_hands_over_without_waiting(run, stream, monkeypatch):
+def test_the_live_stream_hands_over_without_waiting(run, stream, history, monkeypatch):
     """Its thread is stuck for good: `write`, another `open` and `close` return all the same."""
     monkeypatch.setattr(live.LiveStream, "_run", lambda *_: live.threading.Event().wait())
-    stream.open(run.opened)
+    stream.open(run.opened, history)
     while not run.done:
-        stream.write(run.step())
-    assert stream.dropped == max(0, len(run.sequence) - live.IMAGES_WAITING)
-    stream.open(run.opened)
+        stream.write(stepped(run, history))
+    assert stream.dropped == max(0, len(run.sequence) - IMAGES_WAITING)
+    stream.open(run.opened, history)
     stream.write(run.finish())
     stream.close()
 
 
-def test_a_fault_of_the_live_thread_is_said_to_who_feeds_it(run, stream, monkeypatch):
+def test_a_fault_of_the_live_thread_is_said_to_who_feeds_it(run, stream, history, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr(tape.Tape, "append", full)
-        stream.open(run.opened)
+        stream.open(run.opened, history)
         helpers.wait_for(lambda: stream._failure, "the fault")
         with pytest.raises(RuntimeError, match="No space left"):
-            stream.write(run.step())
-    stream.open(run.opened)
-    stream.write(run.step())
+            stream.write(stepped(run, history))
+    stream.open(run.opened, history)
+    stream.write(stepped(run, history))
 
 
-def test_nothing_listens_for_the_live_stream(run, stream):
+def test_nothing_listens_for_the_live_stream(run, stream, history):
     """Another program on this machine can neither read it nor write to it."""
     me = psutil.Process()
     before = {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN}
-    stream.open(run.opened)
-    stream.write(run.step())
-    helpers.wait_for(lambda: stream._mailbox.empty and stream.tape._items, "the first exposure on the tape")
+    stream.open(run.opened, history)
+    stream.write(stepped(run, history))
+    helpers.wait_for(lambda: stream._feed.empty and stream.tape._items, "the first exposure on the tape")
     assert {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN} == before
 
 

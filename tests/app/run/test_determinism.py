@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from ispom_app.run.events import Finished, Opened, Stepped
+from ispom_app.run.history import History
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -23,8 +24,10 @@ class Viewer:
     def __init__(self) -> None:
         self.finished: Finished | None = None
 
-    def open(self, opened: Opened) -> None:
+    def open(self, opened: Opened, history: History) -> None:
         self.opened = opened
+
+    def check(self) -> None: ...
 
     def write(self, event: Stepped | Finished) -> None:
         if isinstance(event, Finished):

@@ -1,0 +1,66 @@
+"""Where viewers in browsers get the run from, guarded: a fault in what draws never stops what computes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from ..run.events import Event, Opened
+from ..run.history import History
+
+log = logging.getLogger(__name__)
+RESTARTS = 1
+"""How often in a run what failed is started again, from the run's first exposure on."""
+
+
+class EventSink(Protocol):
+    """Takes the events of one run after the other. Never blocks; what it raises is told, and the run goes on."""
+
+    def open(self, opened: Opened, history: History) -> None:
+        """Begins another run. What `history` of it holds is drawn first, without images."""
+        ...
+
+    def write(self, event: Event) -> None: ...
+
+    def check(self) -> None:
+        """Raises what went wrong since, if anything did."""
+        ...
+
+
+class Viewers:
+    """A sink that may fail. `tell` is given one sentence for the person."""
+
+    def __init__(self, sink: EventSink | None, tell: Callable[[str], None]) -> None:
+        self._wanted, self._tell = sink, tell
+        self._sink: EventSink | None = None
+        self._restarts = 0
+
+    def open(self, opened: Opened, history: History) -> None:
+        """Begins another run, whatever became of the one before."""
+        self._sink, self._restarts = self._wanted, RESTARTS
+        self._run = opened, history
+        self._guarded(lambda sink: sink.open(opened, history))
+
+    def write(self, event: Event) -> None:
+        self._guarded(lambda sink: sink.write(event))
+
+    def check(self) -> None:
+        """Notices a sink that failed by itself."""
+        self._guarded(lambda sink: sink.check())
+
+    def _guarded(self, action: Callable[[EventSink], None]) -> None:
+        if self._sink is None:
+            return
+        try:
+            action(self._sink)
+        except Exception as fault:
+            log.exception("the live view failed")
+            reason = f"{type(fault).__name__}: {fault}"
+            if self._restarts:
+                self._restarts -= 1
+                self._tell(f"The live view failed and was started again ({reason}).")
+                self._guarded(lambda sink: sink.open(*self._run))
+            else:
+                self._sink = None
+                self._tell(f"Live view stopped ({reason}); computation continues.")
