@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,23 +14,23 @@ from ispom.evaluation.comparison import local_scale
 from ispom.geometry import Array
 from ispom.io.whole import write_whole
 
-from ..colours import METHOD, TRUTH, css
-
-if TYPE_CHECKING:
-    from .command import Evaluated
+from ..colours import TRUTH, css
+from .evaluated import Evaluated
+from .line_styles import LineStyle, line_styles
 
 PLANES = ((0, 1), (0, 2), (1, 2))
-LINES = [css(rgb) for rgb in (*METHOD.values(), (204, 121, 167), (230, 159, 0), (86, 180, 233))]
+Styled = Sequence[tuple[Evaluated, LineStyle]]
 
 
 def write_plots(
     folder: Path, form: Literal["png", "svg"], items: Sequence[Evaluated], alignment: str, timed: bool
 ) -> None:
     """trajectory, errors and scale, as .png or .svg; InputError where the folder cannot be written to."""
+    styled = list(zip(items, line_styles([item.file.path for item in items]), strict=True))
     for name, figure in {
-        "trajectory": _trajectory(items),
-        "errors": _errors(items, timed),
-        "scale": _scale(items, timed),
+        "trajectory": _trajectory(styled),
+        "errors": _errors(styled, timed),
+        "scale": _scale(styled, timed),
     }.items():
         figure.suptitle(alignment if name != "scale" else "local scale, before alignment")
         content = BytesIO()
@@ -38,38 +38,38 @@ def write_plots(
         write_whole(folder / f"{name}.{form}", content.getvalue())
 
 
-def _trajectory(items: Sequence[Evaluated]) -> Figure:
+def _trajectory(items: Styled) -> Figure:
     figure = Figure(figsize=(15, 5), layout="constrained")
     for axes, (i, j) in zip(figure.subplots(1, 3), PLANES, strict=True):
-        for k, item in enumerate(items):
+        for k, (item, style) in enumerate(items):
             true, own = item.found.reference.translations, item.found.estimate.translations
             axes.plot(true[:, i], true[:, j], color=css(TRUTH), label="reference" if k == 0 else None)
-            axes.plot(own[:, i], own[:, j], color=_colour(k), linewidth=1, label=item.name)
+            axes.plot(own[:, i], own[:, j], **style.keywords, linewidth=1, label=item.name)
         axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal", adjustable="datalim")
     figure.axes[0].legend()
     return figure
 
 
-def _errors(items: Sequence[Evaluated], timed: bool) -> Figure:
+def _errors(items: Styled, timed: bool) -> Figure:
     figure = Figure(figsize=(10, 6), layout="constrained")
     position, rotation = figure.subplots(2, 1, sharex=True)
-    for k, item in enumerate(items):
+    for item, style in items:
         times = _since(item, item.found.reference.times_ns)
-        position.plot(times, item.found.position_errors, color=_colour(k), linewidth=1, label=item.name)
-        rotation.plot(times, item.found.rotation_errors_deg, color=_colour(k), linewidth=1)
+        position.plot(times, item.found.position_errors, **style.keywords, linewidth=1, label=item.name)
+        rotation.plot(times, item.found.rotation_errors_deg, **style.keywords, linewidth=1)
     position.set(ylabel="position error [m]")
     rotation.set(ylabel="rotation error [deg]", xlabel=_abscissa(timed))
     position.legend()
     return figure
 
 
-def _scale(items: Sequence[Evaluated], timed: bool) -> Figure:
+def _scale(items: Styled, timed: bool) -> Figure:
     figure = Figure(figsize=(10, 4), layout="constrained")
     axes = figure.subplots()
-    for k, item in enumerate(items):
+    for item, style in items:
         local = local_scale(item.found)
         times = _since(item, np.array(local["times_ns"], np.int64))
-        axes.plot(times, local["scale"], color=_colour(k), marker="o", label=item.name)
+        axes.plot(times, local["scale"], **style.keywords, marker="o", label=item.name)
     axes.set(ylabel="estimate / reference", xlabel=_abscissa(timed))
     axes.legend()
     return figure
@@ -82,7 +82,3 @@ def _since(item: Evaluated, times_ns: np.ndarray) -> Array:
 
 def _abscissa(timed: bool) -> str:
     return "time since the first compared pose [s]" if timed else "row"
-
-
-def _colour(k: int) -> str:
-    return LINES[k % len(LINES)]

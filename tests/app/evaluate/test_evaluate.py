@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from ispom_app.cli import main
-from ispom_app.evaluate.command import distinct_names
+from ispom_app.evaluate.evaluated import distinct_names
 
 from ispom.geometry import Pose
 from ispom.io.euroc import euroc_text
@@ -83,7 +83,7 @@ def test_the_protocol_is_always_stated(
     out = capsys.readouterr().out
     assert f"reference: {files['truth.tum']} (TUM, 200 poses" in out and "(EuRoC, 100 poses)" in out
     assert f"alignment: {alignment}: " in out and "at most 0.01 s away" in out
-    assert "half.csv: body" in out and "truth.tum: not told by the file" in out
+    assert "half.csv: body" in out and "truth.tum: unknown" in out
     assert "ATE, RMS [m]" in out and "KITTI t_err [%]" in out
 
 
@@ -125,6 +125,7 @@ def test_csv_and_plots(files: dict[str, Path], tmp_path: Path) -> None:
         (["truth.tum", "times.txt"], "times.txt line 1 has 1 columns"),
         (["truth.tum", "moved.tum", "--delta", "0"], "--delta must be at least 1"),
         (["truth.tum", "moved.tum", "--max-difference-s", "nan"], "--max-difference-s"),
+        (["truth.tum", "moved.tum", "--max-difference-s", "1e300"], "--max-difference-s"),
         (["truth.tum", "moved.tum", "--json", "truth.tum/a.json"], "cannot be written"),
         (["truth.tum"], "no estimate was given"),
     ],

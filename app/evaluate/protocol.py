@@ -1,0 +1,51 @@
+"""What must be known to read an evaluation's numbers rightly."""
+
+from __future__ import annotations
+
+import yaml
+
+from ispom.io.trajectories import TrajectoryFile
+
+from ..options import Evaluate
+
+ALIGNMENTS = {
+    "none": "none: coordinates are compared as they are",
+    "first": "first: the first compared poses coincide",
+    "scale": "scale: only the unit is fitted, over all compared poses",
+    "se3": "se3: rotation and translation, no scale, fitted over all compared poses",
+    "sim3": "sim3: rotation, translation and scale, fitted over all compared poses",
+}
+
+
+def frame_of(file: TrajectoryFile) -> str | None:
+    """Whose poses a file holds, where that is known: EuRoC's truth is of the body; `ispom run` says it beside."""
+    if file.format == "EuRoC":
+        return "body"
+    try:
+        manifest = yaml.safe_load((file.path.parent / "run.yaml").read_text(encoding="utf-8"))
+        return str(manifest["options"]["frame"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
+        return None
+
+
+def protocol_of(reference: TrajectoryFile, files: list[TrajectoryFile], options: Evaluate) -> dict[str, str]:
+    """What must be known to read the numbers rightly."""
+    frames = {str(file.path): frame_of(file) for file in (reference, *files)}
+    known = {frame for frame in frames.values() if frame}
+    frame = ", ".join(f"{path}: {frame or 'unknown'}" for path, frame in frames.items())
+    warning = " (different frames: the lever arm between them counts as error)" if len(known) > 1 else ""
+    row = "row by row: these KITTI files have no times"
+    time = f"each pose of the shorter file with the nearest in time, at most {options.max_difference_s:g} s away"
+    poses, path_m = len(reference.trajectory), reference.trajectory.length
+    seconds = (reference.trajectory.times_ns[-1] - reference.trajectory.times_ns[0]) * 1e-9
+    span = f" over {seconds:.1f} s" if reference.timed else ""
+    return {
+        "reference": f"{reference.path} ({reference.format}, {poses} poses, {path_m:.1f} m{span})",
+        "estimates": ", ".join(f"{f.path} ({f.format}, {len(f.trajectory)} poses)" for f in files),
+        "frames": f"poses are compared as the files have them{warning}; {frame}",
+        "association": time if reference.timed else row,
+        "alignment": ALIGNMENTS[options.alignment],
+        "RPE": f"over all pairs of compared poses i, i + {options.delta}",
+        "KITTI": "mean over 100 to 800 m from every tenth pose; below 200 m over 5 to 40 m from every pose",
+        "local scale": "path in the estimate, before alignment, over path in the reference, in ten windows along it",
+    }
