@@ -218,9 +218,9 @@ def _ended_by_interrupt(sequence: Sequence) -> Iterator[None]:
 def _compiled() -> None:
     """Waits for numba's first compilation, and says so on a terminal."""
     if not warmup.finished():
-        with Console(stderr=True).status(warmup.MESSAGE):
-            while not warmup.finished(0.2):
-                pass
+        with Console(stderr=True).status(warmup.message()) as status:
+            while not warmup.finished(0.5):
+                status.update(warmup.message())
 
 
 @contextmanager

@@ -12,8 +12,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LAYERS = (
-    {"errors", "geometry"},
-    {"settings", "types"},
+    {"caches", "child", "errors", "geometry"},
+    {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "chain", "persistent_list"},
     {"solvers", "io"},
     {"frontends", "sequences", "simulation", "calibration", "evaluation"},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
 import sys
 import tempfile
 import time
@@ -13,7 +12,8 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-from platformdirs import user_cache_path
+from ispom.caches import cache_folder
+from ispom.child import Child
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
 TIMEOUT_S = 30.0
@@ -27,8 +27,11 @@ def free_port(host: str = "127.0.0.1") -> int:
 
 
 def viewer_assets(cache: Path | None = None) -> Path:
-    """The folder that holds NAMES. OSError where the wheel's viewer does not start, or the cache is unwritable."""
-    folder = (cache or user_cache_path("ispom")) / f"rerun-viewer-{version('rerun-sdk')}"
+    """The folder that holds NAMES. OSError, one sentence, where the viewer does not start, or cannot be stored."""
+    parent = cache or cache_folder("rerun-viewer")
+    if parent is None:
+        raise OSError("the Rerun viewer must be unpacked: make the home folder or the temporary one writable")
+    folder = parent / version("rerun-sdk")
     if not all((folder / name).is_file() for name in NAMES):
         folder.mkdir(parents=True, exist_ok=True)
         _extract(folder)
@@ -52,29 +55,26 @@ def _extract(folder: Path) -> None:
             "TELEMETRY_ENABLED": "false",
             "BROWSER": "true",
         }
-        server = subprocess.Popen(
-            [str(program), *arguments],
-            env={**os.environ, **quiet},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        server = Child([sys.executable, "-m", "ispom.child", str(program), *arguments], quiet)
         try:
             for name in NAMES:
                 _store(_read(f"http://127.0.0.1:{web}/{name}", server), folder / name)
         finally:
-            server.terminate()
-            server.wait()
+            server.requests.close()  # ends the program, and then the process that holds it
+            server.wait(5.0)
+            server.stop()
 
 
-def _read(url: str, server: subprocess.Popen) -> bytes:
+def _read(url: str, server: Child) -> bytes:
     until = time.monotonic() + TIMEOUT_S
     while True:
         try:
             return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(url, timeout=TIMEOUT_S).read()
-        except OSError:
-            if server.poll() is not None or time.monotonic() > until:
-                raise
+        except OSError as fault:
+            if not server.running:
+                raise OSError(f"the Rerun viewer cannot be unpacked: its program {server.ending()}") from fault
+            if time.monotonic() > until:
+                raise OSError(f"the Rerun viewer cannot be unpacked: no answer in {TIMEOUT_S:.0f} s") from fault
             time.sleep(0.05)
 
 

@@ -1,29 +1,45 @@
 """Numba's first compilation, in a process of its own: in this one it would hold up the page, and stall the first steps.
 
-`start(config)` begins where machine code is still missing; `while not finished(0.05): say(MESSAGE)` comes before the
+`start(config)` begins where machine code is still missing; `while not finished(0.05): say(message())` comes before the
 first exposure is computed. The app's first start of all does not wait: it shows the paper's methods meanwhile.
 """
 
 from __future__ import annotations
 
-import subprocess
+import logging
 import sys
-from contextlib import suppress
-from dataclasses import replace
+import time
+from dataclasses import dataclass, replace
 
+from ispom.child import Child
 from ispom.estimators import Config
+from ispom.kernels import kept_share
 
+log = logging.getLogger(__name__)
 MESSAGE = "compiling the estimators, once after installing"
 MEANWHILE = "the modern estimators are being compiled, once after installing: the paper's methods run meanwhile"
 READY = "the modern estimators are compiled now: choose variant modern under Methods"
-COMPILE = """
-import os
-if hasattr(os, "nice"):
-    os.nice(10)  # whoever waits for the page comes first
-from ispom.estimators.warm_up import warm_up
-warm_up()
-"""
-_running: list[subprocess.Popen[bytes]] = []
+COMMAND = [sys.executable, "-m", "ispom.estimators.warm_up"]
+_running: list[tuple[Child, float]] = []
+"""The process, and when it was started [s, monotonic]: at most one."""
+_failures: list[str] = []
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the compilation is."""
+
+    share: float
+    """0..1"""
+    left_s: float | None
+    """Estimated time until its end [s]; None while too little is done to tell."""
+
+    @property
+    def text(self) -> str:
+        """For people: "20 s left", "1 % done"."""
+        if self.left_s is None:
+            return f"{100 * self.share:.0f} % done"
+        return f"{self.left_s:.0f} s left"
 
 
 def needed(config: Config) -> bool:
@@ -41,12 +57,11 @@ def start(config: Config) -> None:
     """Begins to compile, where these settings need it and it is still to be done."""
     from ispom.estimators.warm_up import compiled_before
 
-    if needed(config) and not _running and not compiled_before():
-        with suppress(OSError):
-            nothing = subprocess.DEVNULL
-            _running.append(
-                subprocess.Popen([sys.executable, "-c", COMPILE], stdin=nothing, stdout=nothing, stderr=nothing)
-            )
+    if needed(config) and not _running and not _failures and not compiled_before():
+        try:
+            _running.append((Child(COMMAND), time.monotonic()))
+        except OSError as fault:
+            _failed(str(fault))
 
 
 def finished(wait_s: float = 0.0) -> bool:
@@ -54,10 +69,37 @@ def finished(wait_s: float = 0.0) -> bool:
 
     Whatever became of it: what is not compiled then is compiled when it is needed.
     """
-    for process in list(_running):
-        try:
-            process.wait(wait_s)
-        except subprocess.TimeoutExpired:
+    for child, started in list(_running):
+        if not child.wait(wait_s):
             return False
-        _running.remove(process)
+        _running.remove((child, started))
+        if not child.succeeded:
+            _failed(f"the process {child.ending()}", child.last_words())
+        child.stop()
     return True
+
+
+def progress() -> Progress | None:
+    """How far it is; None where no compilation is going on."""
+    if finished() or not _running:
+        return None
+    share, (_, started) = kept_share(), _running[0]
+    return Progress(share, (time.monotonic() - started) * (1 - share) / share if share > 0.05 else None)
+
+
+def message() -> str:
+    """MESSAGE, and how long it is going to take."""
+    now = progress()
+    return MESSAGE if now is None else f"{MESSAGE}: {now.text}"
+
+
+def failure() -> str | None:
+    """One sentence where the compilation failed, or None; the estimators then compile as they go."""
+    return _failures[-1] if _failures else None
+
+
+def _failed(how: str, words: str = "") -> None:
+    """Once: one that failed is not tried again in this process."""
+    sentence = f"the estimators could not be compiled ahead ({how}): they are compiled as they run, which stalls them"
+    _failures.append(sentence)
+    log.warning("\n".join(filter(None, [sentence, words])))

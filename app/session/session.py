@@ -321,8 +321,11 @@ class Session:
 
     def _compute(self, run: CurrentRun) -> None:
         if warmup.needed(run.playback.config) and not warmup.finished(WATCH_S):
-            if self.state.activity is None or self.state.activity.text != warmup.MESSAGE:
-                self._busy(warmup.MESSAGE)
+            before, text = self.state.activity, warmup.message()
+            if before is None or not before.text.startswith(warmup.MESSAGE):
+                self._busy(text)
+            elif before.text != text:
+                self._emit(changed(activity=Activity(text, before.since_s)))
             return
         self._busy(f"{run.doing(self.state.source)} exposure {run.playback.position + 1}")
         event, record = run.step()

@@ -1,24 +1,22 @@
 """Compiles what numba must, by a short flight through a made-up cloud of balls: all methods, no files.
 
-Numba keeps machine code beside the sources (or in the user's cache folder). Compiling takes many seconds once; with the
-code kept, this takes one or two.
+Compiling takes a minute once; with the machine code kept (`ispom.kernels`), this takes seconds.
+`python -m ispom.estimators.warm_up` does it in a process of its own, which ends with the one that started it.
 """
 
 from __future__ import annotations
 
 import os
-import sys
-from contextlib import suppress
-from pathlib import Path
 
 import cv2
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
+from ispom.child import end_with_parent
 from ispom.estimators import Config, Method, Variant, build, default_methods
 from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.geometry import Array, Pose
+from ispom.kernels import is_kept, kernels, may_keep, remove_unused
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 
 BALLS, BALL_M = 700, 0.12
@@ -38,40 +36,12 @@ def warm_up() -> None:
         for exposure in exposures:
             state, _ = ensemble.step(state, exposure)
         ensemble.finish(state)
-    for kernel in kernels():
-        keep(kernel)
-
-
-def keep(kernel: Dispatcher) -> None:
-    """Makes what was kept of it as new as its source: numba goes by contents, and leaves it where they are the same."""
-    changed = Path(kernel.py_func.__code__.co_filename).stat().st_mtime_ns
-    for index in _indices(kernel):
-        with suppress(OSError):
-            os.utime(index, ns=(changed, max(changed, index.stat().st_mtime_ns)))
-
-
-def kernels() -> list[Dispatcher]:
-    """The compiled functions of all methods, but for those that only become part of others."""
-    modules = [module for name, module in sorted(sys.modules.items()) if name.startswith("ispom.")]
-    found = [value for module in modules for value in vars(module).values() if isinstance(value, Dispatcher)]
-    return [k for k in dict.fromkeys(found) if k.targetoptions.get("inline") != "always"]
+    remove_unused()
 
 
 def compiled_before() -> bool:
-    """Whether machine code of every kernel's present source was kept."""
-    return all(_kept(kernel) for kernel in kernels())
-
-
-def _kept(kernel: Dispatcher) -> bool:
-    changed = Path(kernel.py_func.__code__.co_filename).stat().st_mtime
-    return any(index.stat().st_mtime >= changed for index in _indices(kernel))
-
-
-def _indices(kernel: Dispatcher) -> list[Path]:
-    """The files in which numba tells what machine code it has kept."""
-    code = kernel.py_func.__code__
-    name = f"{Path(code.co_filename).stem}.{kernel.py_func.__qualname__}-{code.co_firstlineno}.py*.nbi"
-    return list(Path(str(kernel.stats.cache_path)).glob(name))
+    """Whether machine code of every kernel's present source is kept, or none can be: then each process compiles."""
+    return not may_keep() or all(is_kept(kernel) for kernel in kernels())
 
 
 def flight(rig: Rig) -> list[Exposure]:
@@ -112,3 +82,10 @@ def _image(camera: Camera, xyz_in_camera: Array, grey: NDArray) -> Image:
         radius = round(16 * camera.fx * BALL_M / xyz_in_camera[i, 2])
         cv2.circle(image, centre, radius, int(grey[i]), -1, cv2.LINE_AA, 4)
     return image
+
+
+if __name__ == "__main__":
+    end_with_parent()
+    if hasattr(os, "nice"):
+        os.nice(10)  # whoever waits for the page comes first
+    warm_up()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ispom.kernels import kernel
 from ispom.types import Image
 
 QUALITY = 0.002
@@ -43,7 +43,7 @@ def detect_spread(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel()
 def _select(column, row, taken, width, height, across, down, per_bucket, count, min_distance):
     """Greedy, strongest first; a coarse grid of taken places keeps the distance test local."""
     cell = max(min_distance, 1.0)

@@ -7,9 +7,9 @@ warped beforehand as the scene's geometry says, as in Forster et al. 2014, secti
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ispom.geometry import Array
+from ispom.kernels import kernel
 from ispom.types import Camera, Image
 
 RADIUS_PX = 5
@@ -49,7 +49,7 @@ def warps_of(camera: Camera, rotations: Array, translations: Array, xyz_in_camer
     return out * (z * iz)[:, None, None]
 
 
-@njit(cache=True)
+@kernel()
 def _at(image, u, v):
     x, y = int(u), int(v)
     a, b = u - x, v - y
@@ -58,7 +58,7 @@ def _at(image, u, v):
     )
 
 
-@njit(cache=True)
+@kernel()
 def _align(reference, reference_uv, image, uv, warps, iterations):
     n, side = len(uv), 2 * RADIUS_PX + 1
     score = np.full(n, -1.0)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ispom.frontends.klt import Klt
+from ispom.kernels import kernel
 from ispom.types import Image, TrackStatus
 
 SEARCH_WIDTH_PX = 700
@@ -76,7 +76,7 @@ def _contrast(image: Image) -> NDArray[np.int16]:
     return np.asarray(cv2.subtract(image, mean, dtype=cv2.CV_16S), np.int16)
 
 
-@njit(cache=True)
+@kernel()
 def _search_rows(left, right, place, count, max_ratio):
     """Disparity (N,) of the lowest cost, to half a pixel or better by a parabola; -1 where it is not clear."""
     height, width = left.shape

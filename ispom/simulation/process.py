@@ -1,22 +1,26 @@
 """Rendering in a process of its own: beside it neither estimators nor the page wait for Python's lock.
 
-Also nothing but that process has to import Open3D, and it can be started before anything else.
+It can be started before anything else, and ends when the process that wants its images does.
 """
 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
+
+from ispom.child import Child
+from ispom.errors import InputError
 
 if TYPE_CHECKING:
     from ispom.types import Image, Kind
@@ -36,8 +40,9 @@ class RenderPool:
         self._free, self._warm = list(self._processes), False
 
     def start(self) -> None:
-        """Begins to get the first one ready, and returns at once."""
-        self._processes[0].start()
+        """Begins to get the first one ready, and returns at once; where that fails, the first image says so."""
+        with suppress(OSError):
+            self._processes[0].start()
 
     def render(self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int) -> Image:
         """As `RenderProcess.render`, in a process that is free; waits for one."""
@@ -64,41 +69,60 @@ class RenderProcess:
     """Makes one image after the other. Safe from several threads; a process that died is replaced once."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._starting, self._talking = threading.Lock(), threading.Lock()
 
-    def start(self) -> subprocess.Popen[bytes]:
-        """Begins to get ready, which takes seconds, and returns at once; nothing where it runs already."""
+    def start(self) -> Child:
+        """Begins to get ready, which takes seconds, and returns at once; nothing where it runs already.
+
+        OSError where no process can be started.
+        """
         with self._starting:
-            if self._process is None or self._process.poll() is not None:
-                pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
-                self._process = subprocess.Popen(_COMMAND, stdin=pipe, stdout=pipe, stderr=nowhere)
-            return self._process
+            if self._child is None or not self._child.running:
+                self._child = Child(_COMMAND)
+            return self._child
 
     def render(self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int) -> Image:
-        """As `Source(seed, motion_blur, scale).render(time_ns, kind, threads)`. RuntimeError where that fails."""
+        """As `Source(seed, motion_blur, scale).render(time_ns, kind, threads)`.
+
+        InputError where no process lives long enough for it; RuntimeError where rendering fails in it.
+        """
         request = json.dumps([seed, motion_blur, scale, time_ns, kind, threads]).encode() + b"\n"
         with self._talking:
-            with contextlib.suppress(OSError, EOFError):
-                return _ask(self.start(), request)
-            self.stop()
             try:
-                return _ask(self.start(), request)
-            except (OSError, EOFError) as fault:
-                raise RuntimeError("the process that renders ended in the middle of its work") from fault
+                return self._render(request)
+            except _Ended:
+                pass
+            try:
+                return self._render(request)
+            except _Ended as ended:
+                raise InputError(
+                    f"the process that renders the simulation {ended}, twice: "
+                    "give it more memory or what it says is missing, and start again"
+                ) from ended
+
+    def _render(self, request: bytes) -> Image:
+        try:
+            child = self.start()
+        except OSError as fault:
+            raise _Ended(f"cannot be started ({fault.strerror})") from fault
+        try:
+            return _ask(child, request)
+        except (OSError, EOFError) as fault:
+            child.wait(1.0)  # it closed its pipes by ending, which takes a moment
+            self.stop()
+            raise _Ended(child.ending()) from fault
 
     def stop(self) -> None:
         """Ends the process."""
         with self._starting:
-            process, self._process = self._process, None
-        if process is None:
-            return
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(OSError):
-                    pipe.close()
-        process.kill()
-        process.wait()
+            child, self._child = self._child, None
+        if child is not None:
+            child.stop()
+
+
+class _Ended(Exception):
+    """How the process ended before it had answered: the rest of a sentence."""
 
 
 @cache
@@ -109,23 +133,38 @@ def render_pool() -> RenderPool:
     return pool
 
 
-def _ask(process: subprocess.Popen[bytes], request: bytes) -> Image:
-    assert process.stdin is not None and process.stdout is not None
-    process.stdin.write(request)
-    process.stdin.flush()
-    head = process.stdout.readline()
-    if not head:
+def _ask(child: Child, request: bytes) -> Image:
+    """The image asked for; OSError or EOFError where the process ended before it was whole."""
+    child.requests.write(request)
+    child.requests.flush()
+    head = child.answers.readline()
+    if not head.endswith(b"\n"):
         raise EOFError
     answer = json.loads(head)
     if isinstance(answer, str):
         raise RuntimeError(f"rendering failed: {answer}")
     image = np.empty(answer, np.uint8)
-    if process.stdout.readinto(image.data.cast("B")) < image.nbytes:  # type: ignore[attr-defined]
+    if child.answers.readinto(image.data.cast("B")) < image.nbytes:  # type: ignore[attr-defined]
         raise EOFError
     return image
 
 
-def _serve(requests: BinaryIO, answers: BinaryIO) -> None:
+def _requests() -> Iterator[bytes]:
+    """The lines of standard input. The process ends with it, also in the middle of an image: nobody waits for that."""
+    lines: SimpleQueue[bytes] = SimpleQueue()
+
+    def read() -> None:
+        with suppress(OSError):
+            for line in sys.stdin.buffer:
+                lines.put(line)
+        os._exit(0)
+
+    threading.Thread(target=read, name="requests", daemon=True).start()
+    while True:
+        yield lines.get()
+
+
+def _serve(requests: Iterable[bytes], answers: BinaryIO) -> None:
     """Answers every line of requests with the image's shape in a line and its bytes, or with a sentence."""
     import cv2
 
@@ -152,6 +191,6 @@ if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all of a terminal's processes; the first one decides
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no answer
-    with contextlib.suppress(OSError):
-        _serve(sys.stdin.buffer, answers)
-    os._exit(0)  # Open3D's threads take their time to end
+    with suppress(OSError):
+        _serve(_requests(), answers)
+    os._exit(0)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ispom.kernels import kernel
 
 _SMALLEST = 1e-13
 """Of a pivot, as a share of its diagonal entry: what is below is rounding, and counts as this."""
 
 
-@njit(cache=True)
+@kernel()
 def factor(a):
     """Lower triangular (n, n) L with L L' = a; of a only the lower triangle is read."""
     n = len(a)
@@ -29,7 +30,7 @@ def factor(a):
     return work
 
 
-@njit(cache=True)
+@kernel()
 def solve_factored(lower, b):
     """x (n,) with L L' x = b."""
     n, x = len(b), b.copy()
@@ -44,7 +45,7 @@ def solve_factored(lower, b):
     return x
 
 
-@njit(cache=True)
+@kernel()
 def inverse_factored(lower):
     """The inverse (n, n) of L L'."""
     n = len(lower)

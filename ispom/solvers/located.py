@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ispom.geometry import Array, Pose
+from ispom.kernels import kernel
 from ispom.solvers.continuous import Points, Spread
 from ispom.solvers.normal_equations import MIN_DEPTH, RIG, into_camera
 
@@ -70,7 +70,7 @@ def located_information(
     )[0]
 
 
-@njit(cache=True)
+@kernel()
 def _equations(r, p, camera_r, camera_t, anchors_r, anchors_t, values, seen, sigma, loss, rows, own):
     """Information (6, 6) of the pose, the noise (6, 6) in its right side, and how that follows the window (6, n)."""
     n = rows.shape[2]

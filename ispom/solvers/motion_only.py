@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.kernels import kernel
 from ispom.solvers.cholesky import factor, solve_factored
 from ispom.solvers.twist import moved
 
@@ -90,7 +90,7 @@ def _median(values: Array) -> float:
     return float(np.partition(values, middle)[middle])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _normal(xyz, seen, r, t, baseline, scale, h, g, distances):
     """Fills the normal equations, and the distances (N,) of the points from where they were seen."""
     per = 1.0 / (scale * scale)

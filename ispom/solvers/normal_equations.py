@@ -7,7 +7,8 @@ then seven of the rig: rotation and position of the video camera, and how late i
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ispom.kernels import kernel
 
 RIG = 7
 """Unknowns of the rig: rig_from_video's rotation (in the camera) [rad] and position [m], the clock offset [s]."""
@@ -17,7 +18,7 @@ GROSS = 1e4
 """Square of the error, in standard deviations, that such a point costs."""
 
 
-@njit(cache=True)
+@kernel()
 def squared_errors(
     r, p, cameras_r, cameras_t, baseline, exposure, camera, owner, seen, inverse_sigma, anchors_r, anchors_t, points
 ):
@@ -39,7 +40,7 @@ def squared_errors(
     return out
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def into_camera(r, p, camera_r, camera_t, anchor_r, anchor_t, point, world, rig, camera):
     """Where a point is, times its inverse depth (finite at infinity): from the rig, in the rig, in the camera."""
     a, b, rho = point[0], point[1], point[2]
@@ -52,7 +53,7 @@ def into_camera(r, p, camera_r, camera_t, anchor_r, anchor_t, point, world, rig,
         camera[i] = camera_r[0, i] * x + camera_r[1, i] * y + camera_r[2, i] * z
 
 
-@njit(cache=True)
+@kernel()
 def reduce(
     r,
     p,
@@ -217,7 +218,7 @@ def reduce(
     return hessian, right, inverses, sides, cross, cross_rig
 
 
-@njit(cache=True)
+@kernel()
 def _spread_exposure(hessian, right, h, b, rig, first, turns, weights, g):
     """Adds what one exposure says of its pose to the four knots that shape it (lower triangle)."""
     jacobian = np.zeros((6, 24))
@@ -236,7 +237,7 @@ def _spread_exposure(hessian, right, h, b, rig, first, turns, weights, g):
             hessian[g + k, base + j] += rig_block[k, j]
 
 
-@njit(cache=True)
+@kernel()
 def _inverse3(a):
     """Of a symmetric positive (3, 3)."""
     out = np.empty((3, 3))
@@ -249,7 +250,7 @@ def _inverse3(a):
     return out / max(a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0], 1e-300)
 
 
-@njit(cache=True)
+@kernel()
 def point_steps(step, first, turns, weights, knots, exposure, owner, inverses, sides, cross, cross_rig):
     """Steps (M, 3) of the points that go with a step (n,) of spline and rig."""
     pose = np.zeros((len(first), 6))
@@ -269,7 +270,7 @@ def point_steps(step, first, turns, weights, knots, exposure, owner, inverses, s
     return left
 
 
-@njit(cache=True)
+@kernel()
 def point_rows(chosen, first, turns, weights, knots, exposure, owner, inverses, cross, cross_rig):
     """(K, 3, n): how each of the chosen points (K,) follows the unknowns of spline and rig."""
     n = 6 * knots + RIG

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+from ispom.kernels import kernel
 
 ORDER = 4
 """Knots that shape the spline at any one time."""
@@ -75,7 +75,7 @@ class Sampled:
         return out
 
 
-@njit(cache=True)
+@kernel()
 def exp3(v):
     """Rotation (3, 3) of a rotation vector (3,)."""
     angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -87,7 +87,7 @@ def exp3(v):
     return _combination(v, 1.0, a, b)
 
 
-@njit(cache=True)
+@kernel()
 def log3(r):
     """Rotation vector (3,) of a rotation (3, 3) by less than pi."""
     x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
@@ -97,7 +97,7 @@ def log3(r):
     return np.array([factor * x, factor * y, factor * z])
 
 
-@njit(cache=True)
+@kernel()
 def right_jacobian(v):
     """(3, 3) J with exp(v + d) = exp(v) exp(J d) for small d."""
     angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -107,7 +107,7 @@ def right_jacobian(v):
     return _combination(v, 1.0, -(1.0 - np.cos(angle)) / angle2, (angle - np.sin(angle)) / (angle2 * angle))
 
 
-@njit(cache=True)
+@kernel()
 def inverse_right_jacobian(v):
     """The inverse of `right_jacobian`, for angles below 2 pi."""
     angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -118,7 +118,7 @@ def inverse_right_jacobian(v):
     return _combination(v, 1.0, 0.5, (1.0 - half * np.cos(half) / np.sin(half)) / angle2)
 
 
-@njit(cache=True)
+@kernel()
 def _combination(v, one, a, b):
     """one I + a [v]x + b [v]x^2."""
     x, y, z = v[0], v[1], v[2]
@@ -130,7 +130,7 @@ def _combination(v, one, a, b):
     return out
 
 
-@njit(cache=True)
+@kernel()
 def _sample(start, spacing, rotations, positions, times):
     n, last = len(times), len(rotations) - 4
     r, p, first = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(n, np.int64)
@@ -168,7 +168,7 @@ def _sample(start, spacing, rotations, positions, times):
     return r, p, first, jacobians, weights, rates
 
 
-@njit(cache=True)
+@kernel()
 def _moved(rotations, positions, step):
     r, p = np.empty_like(rotations), np.empty_like(positions)
     for k in range(len(rotations)):
@@ -177,7 +177,7 @@ def _moved(rotations, positions, step):
     return r, p
 
 
-@njit(cache=True)
+@kernel()
 def add_smoothness(rotations, positions, spacing, sigma_rad_s2, sigma_m_s2, hessian, right):
     """Adds to the normal equations that accelerations are about zero; returns the cost.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ispom.kernels import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def moved(rotations, translations, steps):
     """Poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho (Rodrigues)."""
     rotations_after, translations_after = np.empty_like(rotations), np.empty_like(translations)

@@ -9,7 +9,8 @@ Products may be rounded once with the sum they go into (`contract`): the same on
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ispom.kernels import kernel
 
 MIN_DEPTH = 1e-6
 """Points nearer are behind their camera."""
@@ -21,7 +22,7 @@ correction times those by q (3), all weighted. After them, per correction: what 
 by it is of that by the first."""
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(error_model="numpy", fastmath={"contract"})
 def _errors(q0, q1, q2, seen_x, seen_y, seen_right, baseline, e0, e1, e2, e3, rate):
     """Image x, y, right x of a point before its camera, and their errors; without a right place its error is 0."""
     iz = 1.0 / q2
@@ -37,7 +38,7 @@ def _errors(q0, q1, q2, seen_x, seen_y, seen_right, baseline, e0, e1, e2, e3, ra
     return x, y, right, ex, ey, er
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(error_model="numpy", fastmath={"contract"})
 def squared_errors(rotations, translations, points, cameras, owners, seen, rates, baseline, extra):
     """(K,) over all images; inf behind the camera."""
     out, e0, e1 = np.empty(len(cameras)), extra[0], extra[1]
@@ -58,7 +59,7 @@ def squared_errors(rotations, translations, points, cameras, owners, seen, rates
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(error_model="numpy")
 def robust_cost(squares, scale):
     """Half the sum of log(1 + squared error in scales)."""
     total, product, per = 0.0, 1.0, 1.0 / (scale * scale)
@@ -70,7 +71,7 @@ def robust_cost(squares, scale):
     return 0.5 * (total + np.log(product))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(error_model="numpy", fastmath={"contract"})
 def reduce_points(
     scale, damping, blocks, side, corner, inverses, gradients, cross, cross_extra,
     rotations, translations, points, cameras, owners, seen, rates, baseline, extra,
@@ -278,7 +279,7 @@ def reduce_points(
                     blocks[o, c, 5, a] -= u0 * a1 - u1 * a0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(error_model="numpy", fastmath={"contract"})
 def point_steps(cameras, owners, inverses, gradients, cross, cross_extra, pose_step, extra_step):
     """(M, 3), once the steps of the poses (C, 6) and the corrections (E,) are known; changes `gradients`."""
     out = np.empty((len(gradients), 3))

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import numpy as np
+import psutil
 import pytest
 
+from ispom.errors import InputError
 from ispom.simulation.process import RenderPool, RenderProcess
 from ispom.simulation.source import Source
 
@@ -27,8 +32,8 @@ def test_it_renders_what_is_rendered_here(process: RenderProcess) -> None:
 
 def test_one_that_was_killed_is_replaced(process: RenderProcess) -> None:
     first = process.start()
-    first.kill()
-    first.wait()
+    psutil.Process(first.pid).kill()
+    assert first.wait(20)
     assert process.render(0, False, 0.1, 0, "video", 1).shape == (48, 64, 3)
     assert process.start() is process.start() is not first
 
@@ -39,10 +44,45 @@ def test_what_it_cannot_render_is_an_error_and_it_goes_on(process: RenderProcess
     assert process.render(0, False, 0.1, 0, "video", 1).shape == (48, 64, 3)
 
 
-def test_one_that_always_dies_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ispom.simulation.process._COMMAND", ["false"])
-    with pytest.raises(RuntimeError, match="ended in the middle"):
+@pytest.mark.parametrize("at", ["reading", "half a head", "half an image"])
+def test_one_that_dies_at_any_moment_each_time_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    answer = {"reading": "", "half a head": "[48, 6", "half an image": "[48, 64, 3]\\n1234"}[at]
+    script = (
+        f"import os, sys; sys.stdin.readline(); sys.stdout.write('{answer}'); sys.stdout.flush()\n"
+        "sys.stderr.write('libX.so.1: cannot open shared object file\\n'); sys.stderr.flush(); os.kill(os.getpid(), 9)"
+    )
+    monkeypatch.setattr("ispom.simulation.process._COMMAND", [sys.executable, "-c", script])
+    with pytest.raises(InputError, match=r"renders .* was ended by SIGKILL \(libX\.so\.1: .*\), twice: ") as caught:
         RenderProcess().render(0, False, 0.1, 0, "video", 1)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("command", "how"), [(["no-such-program"], "cannot be started"), ([sys.executable, "-c", ""], "exit code 0")]
+)
+def test_one_that_does_not_get_ready_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, command: list[str], how: str
+) -> None:
+    monkeypatch.setattr("ispom.simulation.process._COMMAND", command)
+    pool = RenderPool()
+    pool.start()
+    with pytest.raises(InputError, match=how):
+        pool.render(0, False, 0.1, 0, "video", 1)
+
+
+def test_it_ends_with_whoever_started_it_in_the_middle_of_an_image() -> None:
+    """SIGKILL gives nobody the time to end it."""
+    script = (
+        "import os; from ispom.simulation.process import RenderProcess\n"
+        "process = RenderProcess(); process.render(0, False, 0.1, 0, 'video', 1); child = process.start()\n"
+        "child.requests.write(b'[0, true, 4.0, 0, \"stereo\", 1]\\n'); child.requests.flush()\n"  # a minute's work
+        "print(child.pid, flush=True); os.kill(os.getpid(), 9)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    with suppress(psutil.NoSuchProcess):
+        psutil.Process(int(done.stdout)).wait(10)
 
 
 def test_a_second_process_helps_once_the_first_has_answered(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
 
@@ -15,29 +16,60 @@ from tests.app import helpers
 MODERN = Config(variant="modern")
 
 
+def python(script: str) -> list[str]:
+    return [sys.executable, "-c", script]
+
+
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "_running", [])
+    monkeypatch.setattr(warmup, "_failures", [])
     monkeypatch.setattr(warm_up, "compiled_before", lambda: False)
 
 
 @pytest.mark.usefixtures("started")
 def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "COMPILE", "import sys; sys.stdin.read(1)")
-    monkeypatch.setattr(warmup.subprocess, "DEVNULL", warmup.subprocess.PIPE)
+    monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
     warmup.start(MODERN)
     warmup.start(MODERN)
-    (process,) = warmup._running
+    ((child, _),) = warmup._running
     assert not warmup.finished(0.01) and not warmup.finished()
-    process.communicate(b"x", timeout=20)
-    assert warmup.finished(20) and not warmup._running
+    child.requests.write(b"x")
+    child.requests.flush()
+    assert warmup.finished(20) and not warmup._running and warmup.failure() is None
 
 
 @pytest.mark.usefixtures("started")
-def test_one_that_fails_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "COMPILE", "raise SystemExit(3)")
+def test_how_far_it_is_can_be_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
+    assert warmup.progress() is None and warmup.message() == warmup.MESSAGE
+    warmup.start(MODERN)
+    ((child, started),) = warmup._running
+    monkeypatch.setattr(warmup.time, "monotonic", lambda: started + 30)
+    monkeypatch.setattr(warmup, "kept_share", lambda: 0.01)
+    assert warmup.message() == f"{warmup.MESSAGE}: 1 % done"
+    monkeypatch.setattr(warmup, "kept_share", lambda: 0.75)
+    assert warmup.progress() == warmup.Progress(0.75, 10.0) and warmup.message() == f"{warmup.MESSAGE}: 10 s left"
+    child.stop()
+    assert warmup.progress() is None
+
+
+@pytest.mark.usefixtures("started")
+@pytest.mark.parametrize(
+    "command",
+    [[sys.executable, "-c", "import sys; sys.exit('no room for LLVM')"], ["no-such-program"]],
+    ids=["fails", "does not start"],
+)
+def test_one_that_fails_is_over_said_to_be_and_not_tried_again(
+    monkeypatch: pytest.MonkeyPatch, command: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(warmup, "COMMAND", command)
     warmup.start(MODERN)
     assert warmup.finished(20)
+    assert ("no room for LLVM" if "-c" in command else "no-such-program") in (warmup.failure() or "")
+    assert len(caplog.records) == 1
+    warmup.start(MODERN)
+    assert not warmup._running
 
 
 @pytest.mark.usefixtures("started")
@@ -75,7 +107,7 @@ def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, 
 
 @pytest.mark.usefixtures("started")
 def test_the_first_start_shows_the_papers_methods_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "COMPILE", "pass")
+    monkeypatch.setattr(warmup, "COMMAND", python("pass"))
     assert warmup.at_first(MODERN).variant == "paper" and len(warmup._running) == 1
     assert warmup.finished(20)
     monkeypatch.setattr(warm_up, "compiled_before", lambda: True)

@@ -1,0 +1,118 @@
+"""Child processes that never outlive this one, however it ends, and whose last words are kept.
+
+The child holds a pipe from its parent as standard input: when that ends, so does the child, on every system, even
+after SIGKILL. A Python child watches it by `end_with_parent`; `python -m ispom.child PROGRAM ...` does so for others.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import BinaryIO
+
+KEPT_BYTES = 8192
+"""Of what a child writes on standard error, the end."""
+
+
+class Child:
+    """A running child process. Safe from several threads, but for what goes through `requests` and `answers`."""
+
+    def __init__(self, command: list[str], environment: Mapping[str, str] | None = None) -> None:
+        """Starts it with more variables in its environment. OSError where that fails."""
+        pipe = subprocess.PIPE
+        env = {**os.environ, **(environment or {})}
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=env)
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self.requests: BinaryIO = self._process.stdin  # type: ignore[assignment]
+        self.answers: BinaryIO = self._process.stdout  # type: ignore[assignment]
+        self._kept = b""
+        self._listener = threading.Thread(target=self._listen, name="child-stderr", daemon=True)
+        self._listener.start()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether it has ended without a failure."""
+        return self._process.poll() == 0
+
+    def wait(self, wait_s: float) -> bool:
+        """Whether it has ended; waits for that up to so long."""
+        try:
+            self._process.wait(wait_s)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def stop(self) -> None:
+        """Ends it at once, if it runs."""
+        self._process.kill()
+        self._process.wait()
+        for file in (self.requests, self.answers):
+            with suppress(OSError):
+                file.close()
+
+    def last_words(self) -> str:
+        """The end of what it wrote on standard error, at most KEPT_BYTES."""
+        if not self.running:
+            self._listener.join(1.0)  # a grandchild may hold the pipe open
+        return self._kept.decode(errors="replace").strip()
+
+    def ending(self) -> str:
+        """How it ended, and its last line: the rest of a sentence that begins with what it was for. Waits for that."""
+        code = self._process.wait()
+        with suppress(ValueError):
+            if code < 0:
+                return f"was ended by {signal.Signals(-code).name}{self._last_line()}"
+        return f"ended with exit code {code}{self._last_line()}"
+
+    def _last_line(self) -> str:
+        lines = self.last_words().splitlines()
+        return f" ({lines[-1].strip()})" if lines else ""
+
+    def _listen(self) -> None:
+        assert self._process.stderr is not None
+        with self._process.stderr as errors:
+            while some := os.read(errors.fileno(), KEPT_BYTES):
+                self._kept = (self._kept + some)[-KEPT_BYTES:]
+
+
+def end_with_parent() -> None:
+    """Called in a child that reads nothing from standard input: from now on it ends when its parent does."""
+
+    def watch() -> None:
+        with suppress(OSError):
+            while os.read(0, 4096):
+                pass
+        os._exit(1)
+
+    threading.Thread(target=watch, name="end-with-parent", daemon=True).start()
+
+
+def _run(command: list[str]) -> int:
+    """Runs another program until it or the parent ends."""
+    program = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+
+    def watch() -> None:
+        with suppress(OSError):
+            while os.read(0, 4096):
+                pass
+        program.kill()
+
+    threading.Thread(target=watch, name="end-with-parent", daemon=True).start()
+    return program.wait()
+
+
+if __name__ == "__main__":
+    sys.exit(_run(sys.argv[1:]))
