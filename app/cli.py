@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -14,6 +15,9 @@ from ispom.estimators import build
 from .bench.options import Bench
 from .options import App, Demo, Evaluate, Export, Report, Run, Serve, Sources
 from .run.playback import Builder
+
+if TYPE_CHECKING:
+    from .rerun_log.live import LiveStream
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
@@ -73,18 +77,30 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
     from .run.without_pandas import spare_pandas
 
     spare_pandas()
-    from .page.server import serve
+    from .page.server import Serving, serve
+    from .session.session import Session
+
+    def session(live: LiveStream) -> Session:
+        return Session(
+            command.open,
+            source,
+            Path("recordings"),
+            methods=command.methods or None,
+            config=command.config if command.variant else warmup.at_first(command.config),
+            live=live,
+            compiling=warmup.start,
+            builder=builder,
+        )
 
     return serve(
-        command.open,
-        source,
-        host=command.host,
-        port=command.port,
-        open_browser=command.browser,
-        methods=command.methods or None,
-        config=command.config if command.variant else warmup.at_first(command.config),
-        compiling=warmup.start,
-        builder=builder,
+        session,
+        Serving(
+            host=command.host,
+            port=command.port,
+            allowed_hosts=command.allow_host,
+            base=command.base,
+            open_browser=command.browser,
+        ),
     )
 
 

@@ -69,9 +69,14 @@ class Serve(Options):
     """What the app takes besides."""
 
     host: str = "127.0.0.1"
-    """Address to listen on; any other than this one lets other machines in."""
+    """Address to listen on. Any but the default lets other machines in, over plain HTTP; they need the token in the
+    printed address."""
     port: int = 8090
     """Port of the page; where it is taken, the next free one."""
+    allow_host: tuple[str, ...] = ()
+    """Host names under which a proxy in front of ISPOM is reached."""
+    base: str = "/"
+    """Path under which a proxy in front of ISPOM offers it, such as /ispom/."""
     browser: bool = True
     """Open the page in a browser."""
 

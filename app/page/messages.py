@@ -89,6 +89,6 @@ def command_of(text: str) -> do.Command | Pane | None:
                 return do.Record("")
             case "pane":
                 return Pane(bool(message["wide"]))
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         pass
     return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import logging
 import os
 import signal
@@ -13,64 +12,59 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Callable
-from pathlib import Path
+from dataclasses import dataclass
+from ipaddress import ip_address
 
 from aiohttp import web
 
-from ispom.errors import InputError
-from ispom.estimators import Config, Method, build
-from ispom.types import Sequence
-
-from ..run.playback import Builder
+from ..rerun_log.live import LiveStream
 from ..session.session import Session
+from ..viser_ui.screen import Screen
+from .access import LOOPBACK, Access, checked_base, checked_host
+from .connections import IDLE_S, SILENT, Connections
 from .gateway import Backends, Gateway
+from .listener import listener
 from .rerun_assets import viewer_assets
 
-log = logging.getLogger(__name__)
-PORTS_TRIED = 20
 CLOSE_S = 1.1
 """For the recording to be closed after Ctrl-C."""
 EXIT_S = 2.9
 """After this long the process ends, whatever still hangs."""
-_TAKEN = {errno.EADDRINUSE, errno.EACCES}
 
 
-def serve(
-    sequence_opener: Callable[[str], Sequence],
-    source: str = "sim:city",
-    *,
-    host: str = "127.0.0.1",
-    port: int = 8090,
-    open_browser: bool = True,
-    methods: tuple[Method, ...] | None = None,
-    config: Config | None = None,
-    recordings_dir: Path = Path("recordings"),
-    autoplay: bool = True,
-    compiling: Callable[[Config], None] = lambda _: None,
-    builder: Builder = build,
-) -> int:
+@dataclass(frozen=True, kw_only=True)
+class Serving:
+    """Where the page is, and who may come. InputError for what is no host, port or path."""
+
+    host: str = "127.0.0.1"
+    port: int = 8090
+    """The first that is tried; 0 for any."""
+    allowed_hosts: tuple[str, ...] = ()
+    """Names of a proxy in front."""
+    base: str = "/"
+    open_browser: bool = True
+
+    def access(self) -> Access:
+        trusted = frozenset(checked_host(name) for name in self.allowed_hosts)
+        own = {self.host.lower(), socket.gethostname().lower()}
+        return Access(frozenset(own) | trusted, trusted, checked_base(self.base))
+
+    @property
+    def lets_others_in(self) -> bool:
+        """Whether other machines reach it."""
+        try:
+            return not ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host.lower() not in LOOPBACK
+
+
+def serve(make_session: Callable[[LiveStream], Session], serving: Serving) -> int:
     """Runs the app until SIGINT or SIGTERM, then ends the process with code 0 (in the main thread; else it returns).
 
-    `sequence_opener` opens a source that the person names, now `source` and later what is typed in the page; it runs
-    in the worker thread and raises InputError for what cannot be opened. `methods` None means all that the source has
-    the cameras for. `compiling` begins to compile what settings need; `builder` makes the estimators. InputError where
-    `host` cannot be listened on.
+    `make_session` gives the session that feeds the live stream, not started yet. InputError where it cannot be served
+    as asked.
     """
-    code = asyncio.run(
-        _serve(
-            sequence_opener,
-            source,
-            host,
-            port,
-            open_browser,
-            methods,
-            config,
-            recordings_dir,
-            autoplay,
-            compiling,
-            builder,
-        )
-    )
+    code = asyncio.run(_serve(make_session, serving))
     if threading.current_thread() is threading.main_thread():
         # Viewers' and renderers' threads may hang for seconds at exit, and nothing of theirs is worth waiting for.
         logging.shutdown()
@@ -79,71 +73,47 @@ def serve(
     return code
 
 
-async def _serve(
-    opener: Callable[[str], Sequence],
-    source: str,
-    host: str,
-    port: int,
-    open_browser: bool,
-    methods: tuple[Method, ...] | None,
-    config: Config | None,
-    recordings: Path,
-    autoplay: bool,
-    compiling: Callable[[Config], None],
-    builder: Builder,
-) -> int:
-    listener = _listener(host, port)
+async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving) -> int:
+    access = serving.access()
+    listening = listener(serving.host, serving.port, _say)
+    port = listening.getsockname()[1]
     stopped = asyncio.Event()
     _on_signals(stopped)
-    live, session, screen = await asyncio.to_thread(
-        _start, opener, source, methods, config, recordings, autoplay, compiling, builder
-    )
-    backends = Backends(screen.port, live, viewer_assets, screen.show_scene)
+    backends = await asyncio.to_thread(_start, make_session)
+    gateway = Gateway(backends, access, f"ispom-{port}")
     runner = web.AppRunner(
-        Gateway(session, backends, recordings, {host, socket.gethostname()}).app, access_log=None, shutdown_timeout=0.3
+        gateway.app, access_log=None, logger=SILENT, keepalive_timeout=IDLE_S, lingering_time=1.0, shutdown_timeout=0.3
     )
     await runner.setup()
+    assert runner.server is not None
+    gateway.connections = Connections(runner.server)
     try:
-        await web.SockSite(runner, listener).start()
-        url = f"http://{_name(host)}:{listener.getsockname()[1]}/"
+        server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
+        url = f"http://{_name(serving.host)}:{port}{access.base}?token={access.token}"
         _say(f"ISPOM is at {url}   (Ctrl-C ends it)")
-        if open_browser:
+        if serving.lets_others_in:
+            _say("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
+            _say(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
+        if serving.open_browser:
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True, name="browser").start()
         await stopped.wait()
+        server.close()
     finally:
         _say("closing …")
-        if not await asyncio.to_thread(session.close, CLOSE_S):
-            _say("the worker was still busy: a recording that was going on ends with what was written so far")
+        if not await asyncio.to_thread(backends.session.close, CLOSE_S):
+            _say("The worker was still busy: a recording that was going on ends with what was written so far.")
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(runner.cleanup(), 0.7)
     return 0
 
 
-def _start(opener, source, methods, config, recordings, autoplay, compiling, builder):
-    from ..rerun_log.live import LiveStream
-    from ..viser_ui.screen import Screen
-
+def _start(make_session: Callable[[LiveStream], Session]) -> Backends:
     live = LiveStream()
-    options = {"methods": methods, "config": config, "live": live, "autoplay": autoplay, "compiling": compiling}
-    options |= {"builder": builder}
-    session = Session(opener, source, recordings, **options)
+    session = make_session(live)
     session.start()
     screen = Screen(session)
     screen.start()
-    return live, session, screen
-
-
-def _listener(host: str, port: int) -> socket.socket:
-    """A socket on the first free port from `port` on (0: on any); says which ones are taken."""
-    for candidate in range(port, port + PORTS_TRIED) if port else (0,):
-        try:
-            family = socket.getaddrinfo(host, candidate, type=socket.SOCK_STREAM)[0][0]
-            return socket.create_server((host, candidate), family=family, backlog=128)
-        except OSError as fault:
-            if fault.errno not in _TAKEN:
-                raise InputError(f"{host} cannot be listened on ({fault.strerror}): give another --host") from fault
-            _say(f"port {candidate} is taken, trying the next one")
-    raise InputError(f"ports {port} to {port + PORTS_TRIED - 1} are all taken: give another --port")
+    return Backends(session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_scene)
 
 
 def _name(host: str) -> str:

@@ -18,6 +18,7 @@ from ..run.events import Finished, Opened
 from ..run.history import MEMORY_BYTES, History
 from ..run.model import RunModel
 from ..run.playback import Builder, Playback
+from ..subscribers import Subscribers
 from . import commands as do
 from .current_run import CurrentRun
 from .recording_desk import RecordingDesk
@@ -65,10 +66,13 @@ class Session:
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
         may take of memory."""
         self.state = State(source, config=config or Config())
+        self.changes = Subscribers()
+        """Called, in the worker's thread, at each new state."""
         self.run: CurrentRun | None = None
         """The run that is on the screen. Another object for each start: readers take it once, and stay with it."""
         self._opener, self._wanted, self._autoplay = opener, methods, autoplay
-        self._folder, self._compiling, self._unready = recordings_dir, compiling, False
+        self.recordings_dir = recordings_dir
+        self._compiling, self._unready = compiling, False
         self._builder, self._history_bytes = builder, history_bytes
         self._viewers = Viewers(live, lambda text: self._emit(NoticeAdded(text)))
         self._recordings = RecordingDesk(recordings_dir)
@@ -170,6 +174,7 @@ class Session:
 
     def _emit(self, event: Event) -> None:
         self.state = reduce(self.state, event)
+        self.changes.notify()
 
     def _obey(self, command: do.Command) -> None:
         match command:
@@ -376,4 +381,4 @@ class Session:
             self._list_recordings()
 
     def _list_recordings(self) -> None:
-        self._emit(changed(recordings=list_recordings(self._folder)))
+        self._emit(changed(recordings=list_recordings(self.recordings_dir)))

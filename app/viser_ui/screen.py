@@ -19,6 +19,7 @@ from .panels.record import RecordPanel
 from .panels.run import RunPanel
 from .panels.view import ViewPanel
 from .panels.why import WhyPanel
+from .portless import PortlessViser
 from .scene import Scene
 
 log = logging.getLogger(__name__)
@@ -30,12 +31,13 @@ SCENE_S = 0.25
 
 
 class Screen:
-    """The viser server on 127.0.0.1, and the thread that keeps it up to date."""
+    """The viser server, and the thread that keeps it up to date."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         rich.get_console().quiet = True  # viser's banner names a port that is nobody's business
-        self.server = viser.ViserServer(host="127.0.0.1", port=0, label="ISPOM", verbose=False)
+        self.viser = PortlessViser("ISPOM")
+        self.server = self.viser.server
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(52, 148, 208))
         self.server.gui.main_panel.dock_left()
         self.server.gui.main_panel.set_width(380)
@@ -49,10 +51,6 @@ class Screen:
         self.scene_wanted = True
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
-
-    @property
-    def port(self) -> int:
-        return self.server.get_port()
 
     def start(self) -> None:
         self._thread.start()

@@ -5,10 +5,12 @@ import { openViewer } from "./rerun.js";
 import { makeSplitter } from "./splitter.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
 
+history.replaceState(null, "", location.pathname); // the token is the cookie's now, and nobody's to copy
+
 const dark = matchMedia("(prefers-color-scheme: dark)");
 dark.addEventListener("change", () => location.reload());
 const controls = document.getElementById("controls");
-controls.src = `/viser/${dark.matches ? "?darkMode" : ""}`;
+controls.src = `viser/${dark.matches ? "?darkMode" : ""}`;
 
 let socket;
 let state = null;
@@ -21,7 +23,7 @@ makeSplitter((now) => {
 });
 
 function connect() {
-  socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/ws`);
+  socket = new WebSocket(new URL("ws", document.baseURI).href.replace("http", "ws"));
   socket.onopen = () => send({ do: "pane", wide });
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);

@@ -13,8 +13,7 @@ export function feedLive(handle) {
 
   function connect() {
     const url = new URL(`live?run=${run}&next=${next}`, document.baseURI);
-    url.protocol = url.protocol.replace("http", "ws");
-    const socket = new WebSocket(url);
+    const socket = new WebSocket(url.href.replace("http", "ws"));
     const more = () => socket.readyState === WebSocket.OPEN && socket.send("more");
     socket.binaryType = "arraybuffer";
     socket.onopen = () => Array.from({ length: AHEAD }, more);

@@ -39,7 +39,7 @@ export function openViewer(dark, seek, drawn) {
 
 async function start(canvas, dark, onEvent) {
   at("loaded").hidden = false;
-  await wasm_bindgen({ module_or_path: counted("/viewer/re_viewer_bg.wasm") });
+  await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
   say("Starting the Rerun viewer …");
   const handle = new wasm_bindgen.WebHandle({
     hide_welcome_screen: true,

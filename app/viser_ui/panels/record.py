@@ -56,7 +56,7 @@ def listing(files: tuple[RecordedFile, ...]) -> str:
         return '<div style="padding:4px 14px;font-size:12px;opacity:.7">No recordings yet.</div>'
     rows = "".join(
         '<div style="display:flex;gap:8px"><a style="flex:1;color:inherit" download '
-        f'href="/recordings/{quote(f.name)}">{escape(f.name)}</a><span>{size(f.size_bytes)}</span></div>'
+        f'href="../recordings/{quote(f.name)}">{escape(f.name)}</a><span>{size(f.size_bytes)}</span></div>'
         for f in files
     )
     return f'<div style="padding:4px 14px;font-size:12px"><b>Recordings</b>{rows}</div>'

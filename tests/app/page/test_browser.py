@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from aiohttp import ClientSession
@@ -189,13 +190,14 @@ def test_recording_leaves_a_sound_file(page: Page, app: App):
     page.until("!state.recording", "the end of the recording")
     link = page.controls.get_by_role("link", name="double-1.rrd")
     link.wait_for()
-    assert link.get_attribute("href") == "/recordings/double-1.rrd"
+    assert link.get_attribute("href") == "../recordings/double-1.rrd"
     rerun = Path(sys.executable).with_name("rerun")
     subprocess.run([str(rerun), "rrd", "verify", str(app.recordings / "double-1.rrd")], check=True, capture_output=True)
 
 
 def test_the_page_asks_nobody_else_and_complains_of_nothing(page: Page, app: App):
-    own = (app.url, app.url.replace("http", "ws"), "data:", "blob:")
+    base = app.url.partition("?")[0]
+    own = (base, base.replace("http", "ws"), "data:", "blob:")
     foreign = {url for url in page.requests if not url.startswith(own)}
     assert not foreign
     assert not page.faults
@@ -211,7 +213,7 @@ def test_closed_and_opened_again_it_shows_the_same(page: Page, browser, app: App
 
 
 def test_a_taken_port_is_said_and_the_next_one_used(app: App, tmp_path: Path):
-    taken = int(app.url.rsplit(":", 1)[1].strip("/"))
+    taken = urlsplit(app.url).port
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.app.page.serve_double", str(tmp_path), str(taken)],
         cwd=ROOT,
@@ -239,14 +241,14 @@ def test_a_signal_closes_the_recording_within_three_seconds(tmp_path: Path, numb
     rerun = Path(sys.executable).with_name("rerun")
     subprocess.run([str(rerun), "rrd", "verify", str(files[0])], check=True, capture_output=True)
     with socket.socket() as probe:
-        assert probe.connect_ex(("127.0.0.1", int(app.url.rsplit(":", 1)[1].strip("/")))) != 0
+        assert probe.connect_ex(("127.0.0.1", urlsplit(app.url).port)) != 0
 
 
 def press_record(url: str) -> None:
     """Presses record without a browser."""
 
     async def main() -> None:
-        async with ClientSession() as client, client.ws_connect(f"{url}ws") as ws:
+        async with ClientSession() as client, client.ws_connect(url.replace("?", "ws?")) as ws:
             await ws.receive()
             await ws.send_str('{"do": "record"}')
             while True:

@@ -1,185 +1,199 @@
-"""One port: what it passes on, what it refuses, and that it survives readers that go away."""
+"""One port: what it passes on, and that it survives readers that go away."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from aiohttp import ClientSession, WSMsgType, web
-from ispom_app.page.gateway import Backends, Gateway
+import rich
+import viser
+from aiohttp import WSMsgType
+from ispom_app.page import files
 from ispom_app.page.messages import Pane, command_of, message_of
-from ispom_app.page.rerun_assets import NAMES, viewer_assets
+from ispom_app.page.rerun_assets import viewer_assets
+from ispom_app.rerun_log.rrd import HEADER
 from ispom_app.rerun_log.tape import Tape
 from ispom_app.session import commands as do
 from ispom_app.session.state import NoticeAdded, State, reduce
-from ispom_app.subscribers import Subscribers
+from ispom_app.viser_ui.portless import PortlessViser
+
+from tests.app.helpers import wait_for
+from tests.app.page.served import Served, serving
 
 
-class FakeSession:
-    """A state to show, and the commands that came."""
-
-    def __init__(self) -> None:
-        self.state = State("double")
-        self.commands: list[do.Command] = []
-
-    def post(self, command: do.Command) -> None:
-        self.commands.append(command)
+@pytest.fixture(scope="module")
+def panels() -> Iterator[PortlessViser]:
+    rich.get_console().quiet = True
+    found = PortlessViser("test")
+    yield found
+    wait_for(lambda: not found.server._websock_server._live_connections, "viser to part from its pages")
+    found.server.stop()
 
 
-class FakeLive:
-    """No run yet."""
+@pytest.mark.parametrize("base", ["/", "/ispom/", "/a/b/"])
+def test_everything_comes_through_one_port_under_any_base(tmp_path: Path, panels: PortlessViser, base: str):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "run.rrd").write_bytes(b"rows")
 
-    def __init__(self) -> None:
-        self.tape: Tape | None = None
-        self.grown = Subscribers()
-
-
-@asynccontextmanager
-async def listening(app: web.Application) -> AsyncIterator[int]:
-    runner = web.AppRunner(app, shutdown_timeout=0.1)
-    await runner.setup()
-    site = web.TCPSite(runner, "127.0.0.1", 0)
-    await site.start()
-    try:
-        yield site._server.sockets[0].getsockname()[1]  # type: ignore[union-attr]
-    finally:
-        await runner.cleanup()
-
-
-def backend() -> web.Application:
-    """Stands in for viser."""
-
-    async def page(request: web.Request) -> web.Response:
-        return web.Response(text=f"viser {request.path_qs}")
-
-    async def socket(request: web.Request) -> web.WebSocketResponse:
-        ws = web.WebSocketResponse(protocols=["viser-v1"])
-        await ws.prepare(request)
-        async for message in ws:
-            await ws.send_bytes(b"echo " + message.data)
-        return ws
-
-    async def root(request: web.Request) -> web.StreamResponse:
-        return await (socket if "Upgrade" in request.headers else page)(request)
-
-    app = web.Application()
-    app.add_routes([web.get("/{path:.*}", root)])
-    return app
-
-
-def through(tmp_path: Path, check: Callable[[ClientSession, str, FakeSession, list[bool]], Awaitable[None]]) -> None:
-    """Runs the check against a gateway in front of stand-ins."""
-
-    async def main() -> None:
-        (tmp_path / "run.rrd").write_bytes(b"rows")
-        for name in NAMES:
-            (tmp_path / name).write_bytes(b"viewer")
-        session, wide = FakeSession(), []
-        async with listening(backend()) as port:
-            backends = Backends(port, FakeLive(), lambda: tmp_path, wide.append)
-            gateway = Gateway(session, backends, tmp_path, {"127.0.0.1"})  # type: ignore[arg-type]
-            async with listening(gateway.app) as public, ClientSession() as client:
-                await asyncio.wait_for(check(client, f"http://127.0.0.1:{public}", session, wide), 20)
-
-    asyncio.run(main())
-
-
-def test_everything_comes_through_one_port(tmp_path: Path):
-    async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
+    async def check(at: Served) -> None:
         async def text(path: str) -> str:
-            async with client.get(url + path) as found:
+            async with at.client.get(at.url + path) as found:
                 assert found.status == 200, path
                 return await found.text()
 
-        assert "<title>ISPOM</title>" in await text("/")
-        assert "splitter" in await text("/web/splitter.js")
-        assert await text("/viser/a/b?darkMode") == "viser /a/b?darkMode"
-        assert await text("/viewer/re_viewer_bg.wasm") == "viewer"
-        async with client.get(f"{url}/recordings/run.rrd") as found:
+        page = await text("")
+        assert "<title>ISPOM</title>" in page and '="/' not in page  # no address that leaves the base
+        assert "splitter" in await text("web/splitter.js")
+        assert "viser" in await text("viser/?darkMode")
+        assert await text("rerun/re_viewer_bg.wasm") == "viewer"
+        async with at.client.get(f"{at.url}recordings/a/run.rrd") as found:
             assert await found.read() == b"rows" and found.headers["Content-Disposition"] == "attachment"
-        async with client.ws_connect(f"{url}/viser", protocols=["viser-v1"]) as ws:
-            assert ws.protocol == "viser-v1"
-            await ws.send_bytes(b"hello")
-            assert (await ws.receive()).data == b"echo hello"
+        async with at.client.ws_connect(f"{at.url}viser", protocols=[f"viser-v{viser.__version__}"]) as ws:
+            assert ws.protocol == f"viser-v{viser.__version__}"
+            assert (await ws.receive()).type is WSMsgType.BINARY
+        async with at.client.ws_connect(f"{at.url}ws") as ws:
+            assert (await ws.receive_json())["phase"] == "opening"
 
-    through(tmp_path, check)
+    serving(tmp_path, check, viser=panels, base=base)
+
+
+def test_a_base_without_its_slash_leads_to_the_page(tmp_path: Path):
+    async def check(at: Served) -> None:
+        async with at.client.get(at.url.rstrip("/")) as found:
+            assert found.status == 200 and found.url.path == "/ispom/"
+
+    serving(tmp_path, check, base="/ispom/")
 
 
 def test_the_page_may_speak_to_its_own_server_only(tmp_path: Path):
-    async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
-        for path in ("/", "/viser/"):
-            async with client.get(url + path) as found:
+    async def check(at: Served) -> None:
+        for path in ("", "viser/"):
+            async with at.client.get(at.url + path) as found:
                 policy = found.headers["Content-Security-Policy"]
                 assert "default-src 'self'" in policy and "http" not in policy
-        async with client.get(f"{url}/") as found:
+        async with at.client.get(at.url) as found:
             assert "connect-src 'self' blob: data:;" in found.headers["Content-Security-Policy"]
 
-    through(tmp_path, check)
+    serving(tmp_path, check)
 
 
-def test_other_sites_are_refused(tmp_path: Path):
-    async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
-        for headers in ({"Host": "evil.example:80"}, {"Origin": "http://evil.example"}, {"Origin": "null"}):
-            for path in ("/", "/ws", "/viser/", "/recordings/run.rrd"):
-                async with client.get(url + path, headers=headers) as found:
-                    assert found.status == 403, (path, headers)
-        port = url.rsplit(":", 1)[1]
-        async with client.get(
-            f"{url}/", headers={"Host": f"localhost:{port}", "Origin": f"http://localhost:{port}"}
-        ) as ok:
-            assert ok.status == 200
+def test_after_an_upgrade_browsers_get_the_new_viewer(tmp_path: Path):
+    async def check(at: Served) -> None:
+        url = f"{at.url}rerun/re_viewer.js"
+        async with at.client.get(url) as found:
+            assert found.headers["Cache-Control"] == "no-cache"
+            tag = found.headers["ETag"]
+        async with at.client.get(url, headers={"If-None-Match": tag}) as found:
+            assert found.status == 304
+        (tmp_path / "re_viewer.js").write_bytes(b"the next version")
+        async with at.client.get(url, headers={"If-None-Match": tag}) as found:
+            assert await found.read() == b"the next version"
 
-    through(tmp_path, check)
-
-
-@pytest.mark.parametrize(
-    "path", ["/recordings/../secret", "/recordings/%2e%2e/secret", "/web/..%2fserver.py", "/web/no"]
-)
-def test_nothing_outside_its_folders_is_served(tmp_path: Path, path: str):
-    async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
-        reader, writer = await asyncio.open_connection("127.0.0.1", int(url.rsplit(":", 1)[1]))
-        writer.write(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n".encode())
-        assert b" 404 " in (await reader.readline())
-        writer.close()
-
-    (tmp_path.parent / "secret").write_text("secret")
-    through(tmp_path, check)
+    serving(tmp_path, check)
 
 
 def test_states_go_out_and_commands_come_in(tmp_path: Path):
-    async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
-        async with client.ws_connect(f"{url}/ws") as one, client.ws_connect(f"{url}/ws") as two:
+    async def check(at: Served) -> None:
+        async with at.client.ws_connect(f"{at.url}ws") as one, at.client.ws_connect(f"{at.url}ws") as two:
             for ws in (one, two):
-                assert json.loads((await ws.receive()).data)["phase"] == "opening"
-            session.state = reduce(session.state, NoticeAdded("careful"))
+                assert (await ws.receive_json())["phase"] == "opening"
+            at.session.become(reduce(at.session.state, NoticeAdded("careful")))
             for ws in (one, two):
-                assert json.loads((await ws.receive()).data)["notices"][0]["text"] == "careful"
+                assert (await ws.receive_json())["notices"][0]["text"] == "careful"
             await one.send_str('{"do": "pane", "wide": true}')
             await one.send_str("nonsense")
             await one.send_str('{"do": "seek", "index": 7}')
-            while not session.commands:
+            while not at.session.commands:
                 await asyncio.sleep(0.005)
-            assert session.commands == [do.Seek(7)] and wide == [True]
-        while wide[-1]:
+            assert at.session.commands == [do.Seek(7)] and at.wide == [True]
+        while at.wide[-1]:
             await asyncio.sleep(0.005)
 
-    through(tmp_path, check)
+    serving(tmp_path, check)
+
+
+def test_a_page_gets_as_much_of_the_run_as_it_asks_for(tmp_path: Path):
+    async def check(at: Served) -> None:
+        at.live.tape = tape = Tape(tmp_path)
+        tape.append(b"opening", b"")
+        async with at.client.ws_connect(f"{at.url}live") as ws:
+            await ws.send_str("more")
+            assert await ws.receive_str() == tape.run
+            assert await ws.receive_bytes() == b"\0\0\0\1" + HEADER + b"opening"
+            tape.append(b"lasting", b"image")
+            at.live.grown.notify()
+            await ws.send_str("more")
+            assert await ws.receive_bytes() == b"\0\0\0\2" + HEADER + b"lastingimage"
+            await ws.send_str("more")
+            tape.append(b"later", b"")
+            at.live.grown.notify()
+            assert await ws.receive_bytes() == b"\0\0\0\3" + HEADER + b"later"
+        async with at.client.ws_connect(f"{at.url}live?run={tape.run}&next=2") as ws:
+            await ws.send_str("more")
+            assert await ws.receive_bytes() == b"\0\0\0\3" + HEADER + b"later"
+            await ws.send_str("more")
+            at.live.tape = second = Tape(tmp_path)
+            second.append(b"another run", b"")
+            at.live.grown.notify()
+            assert await ws.receive_str() == second.run
+            assert await ws.receive_bytes() == b"\0\0\0\1" + HEADER + b"another run"
+        tape.close()
+        second.close()
+
+    serving(tmp_path, check)
+
+
+def test_a_viewer_that_stops_reading_costs_the_others_nothing(tmp_path: Path):
+    async def check(at: Served) -> None:
+        at.live.tape = tape = Tape(tmp_path)
+        async with at.client.ws_connect(f"{at.url}live") as stuck, at.client.ws_connect(f"{at.url}live") as other:
+            for _ in range(100):
+                await stuck.send_str("more")  # and never reads
+            for i in range(64):
+                tape.append(b"x" * 1_000_000, b"")
+                at.live.grown.notify()
+                await other.send_str("more")
+                while isinstance(message := (await other.receive()).data, str):
+                    pass
+                assert message[:4] == (i + 1).to_bytes(4, "big")
+        tape.close()
+
+    serving(tmp_path, check)
 
 
 def test_a_reader_that_goes_away_harms_nobody(tmp_path: Path):
-    async def check(client: ClientSession, url: str, session: FakeSession, wide: list[bool]) -> None:
+    async def check(at: Served) -> None:
+        (tmp_path / "big.rrd").write_bytes(bytes(20_000_000))
         for _ in range(5):
-            _, writer = await asyncio.open_connection("127.0.0.1", int(url.rsplit(":", 1)[1]))
-            writer.write(b"GET /viewer/re_viewer_bg.wasm HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            _, writer = await asyncio.open_connection("127.0.0.1", at.port)
+            head = f"GET /recordings/big.rrd?token={at.access.token} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+            writer.write(head.encode())
             writer.transport.abort()
-        async with client.ws_connect(f"{url}/ws") as ws:
+        async with at.client.ws_connect(f"{at.url}ws") as ws:
             assert (await ws.receive()).type is WSMsgType.TEXT
 
-    through(tmp_path, check)
+    serving(tmp_path, check)
+
+
+def test_a_reader_that_takes_a_file_too_slowly_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(files, "SEND_S", 0.05)
+
+    async def check(at: Served) -> None:
+        (tmp_path / "big.rrd").write_bytes(bytes(50_000_000))
+        _, writer = await asyncio.open_connection("127.0.0.1", at.port, limit=1000)
+        writer.write(f"GET /recordings/big.rrd?token={at.access.token} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+        assert at.gateway.connections is not None
+        server = at.gateway.connections._server
+        while not server.connections:
+            await asyncio.sleep(0.005)
+        while server.connections:
+            await asyncio.sleep(0.005)
+        writer.close()
+
+    serving(tmp_path, check)
 
 
 @pytest.mark.parametrize(
@@ -190,7 +204,12 @@ def test_a_reader_that_goes_away_harms_nobody(tmp_path: Path):
         ('{"do": "pane", "wide": false}', Pane(False)),
         ('{"do": "seek"}', None),
         ('{"do": "seek", "index": "far"}', None),
+        ('{"do": "seek", "index": 1e999}', None),
+        ('{"do": "seek", "index": NaN}', None),
+        ('{"do": "seek", "index": ' + "9" * 5000 + "}", None),
         ('{"do": "open", "source": "/etc"}', None),
+        ("[" * 60_000, None),
+        ('{"do":' * 10_000, None),
         ("[]", None),
         ("{", None),
     ],
@@ -208,5 +227,5 @@ def test_the_viewer_comes_out_of_the_wheel():
     assert (folder / "re_viewer_bg.wasm").read_bytes()[:4] == b"\0asm"
     script = (folder / "re_viewer.js").read_text()
     # The parts of the viewer's interface that the page stands on.
-    for part in ("class WebHandle", "viewer_control(request_bytes)", "start(canvas)"):
+    for part in ("class WebHandle", "viewer_control(request_bytes)", "start(canvas)", "send_rrd_to_channel(id, data)"):
         assert part in script

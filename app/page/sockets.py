@@ -1,0 +1,93 @@
+"""What the page's WebSockets say: states out and commands in, the run's stream, and viser's messages."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from ..session.session import Session
+from ..viser_ui.portless import PortlessViser
+from .messages import Pane, command_of, message_of
+from .wakeup import Wakeup
+
+HEARTBEAT_S = 20.0
+"""A page that does not answer within half of it is gone, and one that does not read as well."""
+COMMAND_BYTES = 64 << 10
+VISER_BYTES = 4 << 20
+"""Longest messages of a page."""
+COMMANDS_PER_S = 200
+"""A page that sends more is closed; a key held down repeats 30 times."""
+REFRESH_S, PLAYING_S = 0.03, 0.1
+"""Least time between two states for a page; and while it plays, where every one is a new picture of the page."""
+
+
+async def opened(request: web.Request, most_bytes: int, protocols: tuple[str, ...] = ()) -> web.WebSocketResponse:
+    """The request as a WebSocket, without compression: a short message could hide a long one."""
+    socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=most_bytes, compress=False, protocols=protocols)
+    await socket.prepare(request)
+    return socket
+
+
+class Talk:
+    """States out, commands in."""
+
+    def __init__(self, session: Session, news: Wakeup, see: Callable[[Talk, bool], None]) -> None:
+        """`see` is told whether this page has room for viser's scene."""
+        self._session, self._news, self._see = session, news, see
+
+    async def serve(self, socket: web.WebSocketResponse) -> None:
+        """Until the page goes away."""
+        sending = asyncio.create_task(self._send(socket))
+        second, count = 0, 0
+        try:
+            async for message in socket:
+                second, count = (now, count + 1) if (now := int(time.monotonic())) == second else (now, 1)
+                if count > COMMANDS_PER_S:
+                    await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
+                elif message.type is WSMsgType.TEXT:
+                    self._obey(command_of(message.data))
+        finally:
+            sending.cancel()
+            self._see(self, False)
+
+    def _obey(self, heard: object) -> None:
+        if isinstance(heard, Pane):
+            self._see(self, heard.wide)
+        elif heard is not None:
+            self._session.post(heard)  # type: ignore[arg-type]
+
+    async def _send(self, socket: web.WebSocketResponse) -> None:
+        shown = None
+        with suppress(ConnectionError):  # the browser went away
+            while True:
+                news = self._news.next()
+                if (state := self._session.state) is not shown:
+                    shown = state
+                    await socket.send_str(json.dumps(message_of(state)))
+                    await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)
+                else:
+                    await news.wait()
+
+
+async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser) -> None:
+    """A page's connection to viser, until one of the two ends it."""
+    line = viser.connect(socket.ws_protocol or "", socket.send_bytes)
+    closing = asyncio.create_task(_close_after(line.served, socket))
+    try:
+        async for message in socket:
+            if message.type is WSMsgType.BINARY:
+                await line.put(message.data)
+    finally:
+        line.hang_up()
+        closing.cancel()
+
+
+async def _close_after(served: asyncio.Future[None], socket: web.WebSocketResponse) -> None:
+    await asyncio.wait({served})
+    failed = not served.cancelled() and served.exception() is not None
+    await socket.close(code=WSCloseCode.INVALID_TEXT if failed else WSCloseCode.OK)
