@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from dataclasses import replace
 
 import rerun as rr
@@ -27,6 +28,8 @@ from .streams import APPLICATION, send
 from .tape import Tape
 
 log = logging.getLogger(__name__)
+SHARED_S = 0.1
+"""Longest time whose exposures go to the tape together."""
 FLUSH_S = 5.0
 """Longest wait for Rerun's own threads."""
 
@@ -92,10 +95,12 @@ class LiveStream:
                 blueprint.send(encoder.lasting, recorder.opened)
                 encoder.send(recorder.opening())
                 self._append(tape, encoder)
+                due_s = 0.0
                 while (event := feed.take()) is not None:
                     encoder.send(recorder.batch(event))
-                    if feed.empty:  # in haste, several exposures share their chunks
+                    if feed.empty or time.monotonic() > due_s:  # in haste, several exposures share their chunks
                         self._append(tape, encoder)
+                        due_s = time.monotonic() + SHARED_S
         except Exception as fault:
             if self.tape is tape:  # else the run is over, and its files are closed
                 log.exception("the live stream failed")

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from ispom_app.cli import main
 from ispom_app.page import server
+from ispom_app.session import session
 
 from ispom.errors import InputError
 from ispom.estimators import Config
@@ -16,29 +17,34 @@ from tests.sequences.kitti_folder import make_drive
 
 @pytest.fixture
 def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """What the session is made of, and how it is served."""
     calls: list[tuple[Any, ...]] = []
 
-    def serve(opener: Any, source: str, **options: Any) -> int:
-        calls.append((opener, source, options))
+    def serve(make_session: Any, serving: server.Serving) -> int:
+        calls.append((*make_session(None), serving))
         return 0
 
     monkeypatch.setattr(server, "serve", serve)
+    monkeypatch.setattr(session, "Session", lambda opener, source, folder, **options: (opener, source, options))
     return calls
 
 
 def test_the_demo_is_the_city_on_this_machine_only(served: list[tuple[Any, ...]]) -> None:
     assert main(["demo", "--no-browser"]) == 0
-    ((_, source, options),) = served
-    assert source == "sim:city" and options["host"] == "127.0.0.1"
-    assert not options["open_browser"] and options["methods"] is None
+    ((_, source, options, serving),) = served
+    assert source == "sim:city" and options["methods"] is None
+    assert serving == server.Serving(open_browser=False) and not serving.lets_others_in
 
 
 def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
     drive = str(make_drive(tmp_path))
-    arguments = ["--port", "9000", "--host", "0.0.0.0", "--stereo-every", "3", "--methods", "stereo", "monocular"]
+    arguments = ["--port", "9000", "--host", "0.0.0.0", "--allow-host", "lab.example", "--base", "/ispom/"]
+    arguments += ["--stereo-every", "3", "--methods", "stereo", "monocular"]
     assert main(["app", drive, *arguments, "--stereo.matching", "klt"]) == 0
-    ((opener, source, options),) = served
-    assert source == drive and (options["host"], options["port"]) == ("0.0.0.0", 9000) and options["open_browser"]
+    ((opener, source, options, serving),) = served
+    assert source == drive and serving == server.Serving(
+        host="0.0.0.0", port=9000, allowed_hosts=("lab.example",), base="/ispom/"
+    )
     assert options["methods"] == ("stereo", "monocular") and options["config"].stereo.matching == "klt"
     assert opener(source).kinds.count("stereo") == 2
     with pytest.raises(InputError, match="does not exist"):
@@ -59,7 +65,7 @@ def test_a_mistake_of_the_app_is_told_in_one_sentence(
 def test_a_variants_settings_are_flags_of_their_own(served: list, tmp_path: Path) -> None:
     flags = ["--variant", "modern", "--modern.stereo.no-self-calibration", "--modern.monocular.max-tracks", "300"]
     assert main(["app", str(make_drive(tmp_path)), *flags, "--methods", "stereo", "integrated_paper"]) == 0
-    ((_, _, options),) = served
+    ((_, _, options, _),) = served
     config = options["config"]
     assert config.variant == "modern" and options["methods"] == ("stereo", "integrated_paper")
     assert not config.of("stereo").self_calibration and config.of("monocular").max_tracks == 300
