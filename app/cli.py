@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from ispom.ensemble import build
 from ispom.errors import InputError
-from ispom.estimators import build
+from ispom.methods import faults, in_order
 
 from .bench.options import Bench
 from .options import App, Demo, Evaluate, Export, Report, Run, Serve, Sources
@@ -37,6 +38,8 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
     one sentence."""
     description = "Compare image-only position-and-orientation estimators."
     command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
+    for fault in faults():
+        sys.stderr.write(f"ispom: {fault}\n")
     try:
         return _execute(command, builder)
     except InputError as error:
@@ -80,13 +83,16 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
     from .page.server import Serving, serve
     from .session.session import Session
 
+    variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
+
     def session(live: LiveStream) -> Session:
         return Session(
             command.open,
             source,
             Path("recordings"),
-            methods=command.methods or None,
-            config=command.config if command.variant else warmup.at_first(command.config),
+            methods=in_order(command.methods) or None,
+            variant=variant,
+            config=command.config,
             live=live,
             compiling=warmup.start,
             builder=builder,

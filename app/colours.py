@@ -6,6 +6,7 @@ have a contrast of at least 3 on white and on Rerun's near-black, so that they r
 
 from __future__ import annotations
 
+from ispom.methods import names
 from ispom.types import TrackStatus
 
 Rgb = tuple[int, int, int]
@@ -14,8 +15,12 @@ METHOD: dict[str, Rgb] = {
     "monocular": (213, 94, 0),  # vermillion
     "stereo": (0, 114, 178),  # blue
     "integrated": (0, 158, 115),  # bluish green
-    "integrated_paper": (179, 96, 146),  # reddish purple, a little darker
+    "monocular.paper": (166, 118, 29),  # ochre
+    "stereo.paper": (106, 120, 205),  # periwinkle
+    "integrated.paper": (179, 96, 146),  # reddish purple, a little darker
 }
+OTHERS: tuple[Rgb, ...] = ((150, 90, 210), (110, 130, 50), (0, 140, 150), (190, 70, 80))
+"""Of methods of other packages, in turn."""
 TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
@@ -35,10 +40,19 @@ TRACK: dict[TrackStatus, Rgb] = {
 }
 
 
+def of(method: str) -> Rgb:
+    """The colour of a method."""
+    if method in METHOD:
+        return METHOD[method]
+    others = [name for name in names() if name not in METHOD]
+    return OTHERS[others.index(method) % len(OTHERS)] if method in others else OTHERS[0]
+
+
 def label(method: str) -> str:
-    """A method's name for people: `Monocular`, `Integrated (paper)`."""
-    kind, *others = method.replace("_", ".").split(".")
-    return f"{kind.capitalize()} ({' '.join(others)})" if others else kind.capitalize()
+    """A method's name for people: "Monocular (paper)" of monocular.paper."""
+    base, _, kind = method.partition(".")
+    text = base[:1].upper() + base[1:].replace("_", " ")
+    return f"{text} ({kind.replace('_', ' ')})" if kind else text
 
 
 def shade(colour: Rgb, towards: Rgb, fraction: float) -> Rgb:

@@ -10,7 +10,6 @@ from typing import Any
 import yaml
 
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS
 from ispom.io.colmap import colmap_model
 from ispom.io.euroc import euroc_text
 from ispom.io.kitti import poses_text
@@ -21,9 +20,11 @@ from ispom.io.rows import read_text
 from ispom.io.tables import landmarks_csv, trajectory_csv
 from ispom.io.tum import read_tum, seconds_text, tum_text
 from ispom.io.whole import write_whole
+from ispom.methods import method as registered
+from ispom.methods import names
 from ispom.types import Frame, Trajectory
 
-from .colours import METHOD
+from . import colours
 from .options import Export
 from .run.run_folder import MARKER
 
@@ -75,7 +76,7 @@ def _frame(run: Path) -> Frame:
 
 
 def _methods(options: Export) -> list[str]:
-    present = [m for m in ALL_METHODS if (options.run / f"{m}.tum").exists()]
+    present = [m for m in names() if (options.run / f"{m}.tum").exists()]
     missing = [m for m in options.methods if m not in present]
     if missing or not present:
         raise InputError(f"{options.run} has no trajectory of {missing[0] if missing else 'any method'}: run it first")
@@ -87,7 +88,7 @@ def _files(options: Export, method: str, frame: Frame) -> tuple[Files, str]:
     if options.format == "colmap":
         return _colmap(options, method)
     trajectory = read_tum(options.run / f"{method}.tum", frame)
-    unit = "a unit of its own" if method == "monocular" else "metres"
+    unit = "a unit of its own" if registered(method).unit == "own" else "metres"
     summary = f"{len(trajectory)} poses world_from_{frame} in {unit}"
     match options.format:
         case "tum":
@@ -101,7 +102,7 @@ def _files(options: Export, method: str, frame: Frame) -> tuple[Files, str]:
         raise InputError(f"{options.run / 'landmarks.npz'} has no points of {method}: run again")
     summary = f"{summary}, {len(scene.landmarks)} points"
     if options.format == "ply":
-        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, METHOD[method])}, summary
+        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, colours.of(method))}, summary
     tables: Files = {f"{method}.csv": trajectory_csv(trajectory)}
     return tables | {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}, summary
 

@@ -16,11 +16,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from ispom.ensemble import build
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS, Method, build, default_methods
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
+from ispom.methods import default_methods, in_order, names, require_cameras, with_asked
+from ispom.methods import method as registered
 from ispom.sequences.live import without_secrets
 from ispom.types import Sequence
 
@@ -39,7 +41,7 @@ OUTPUTS = [
     "run.yaml",
     "rig.yaml",
     "truth.tum",
-    *(f"{m}.tum" for m in ALL_METHODS),
+    *(f"{m}.tum" for m in names()),
     "metrics.json",
     LANDMARKS,
     STEPS,
@@ -55,13 +57,12 @@ def run(options: Run, builder: Builder = build) -> int:
     """
     sequence = options.open(options.source)
     methods = _asked(options, sequence)
-    # The integration is measured between stereo poses; it computes those anyway.
-    played: tuple[Method, ...] = (*methods, "stereo") if "integrated" in methods else methods
-    playback = Playback(sequence, tuple(dict.fromkeys(played)), options.config, builder)
-    warmup.start(options.config)
+    # An integration is measured between the stereo poses that it asks for; those are computed anyway.
+    playback = Playback(sequence, with_asked(methods), options.config, builder)
+    warmup.start(methods, options.config)
     folder = RunFolder(options.out or _default_folder(sequence.name))
     folder.remove(OUTPUTS)
-    told = {"methods": list(methods), "variant": options.config.variant, "frame": options.frame, "seed": options.seed}
+    told = {"methods": list(methods), "frame": options.frame, "seed": options.seed}
     told |= {"stereo_every": options.stereo_every, "video_scale": options.video_scale}
     told |= {"max_exposures": options.max_exposures, "recording": options.recording}
     told |= {"camera": None if options.camera is None else str(options.camera)}
@@ -86,9 +87,10 @@ def run(options: Run, builder: Builder = build) -> int:
     return 0
 
 
-def _asked(options: Run, sequence: Sequence) -> tuple[Method, ...]:
+def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:
     """The methods to run; InputError where the rig lacks the camera of the asked frame."""
-    methods: tuple[Method, ...] = options.methods or default_methods(sequence.rig, options.config.variant)
+    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
+    require_cameras(methods, sequence.rig)
     if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
         raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
     return methods
@@ -100,7 +102,7 @@ def _default_folder(name: str) -> Path:
 
 
 def _play(
-    playback: Playback, methods: tuple[Method, ...], options: Run, folder: RunFolder, statistics: RunStatistics
+    playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder, statistics: RunStatistics
 ) -> Finished:
     """Steps through the sequence. Whatever ends that, what was computed is written."""
     memories = MapCollectors()
@@ -143,7 +145,7 @@ def _play(
 def _write(
     playback: Playback,
     finished: Finished,
-    methods: tuple[Method, ...],
+    methods: tuple[str, ...],
     options: Run,
     folder: RunFolder,
     statistics: RunStatistics,
@@ -151,15 +153,15 @@ def _write(
     rig, frame = playback.sequence.rig, options.frame
     for method in methods:
         unit_m = 1.0
-        if method == "monocular":
-            unit_m = finished.placements[method].scale if playback.monocular_placed else None
+        if registered(method).unit == "own":
+            unit_m = finished.placements[method].scale if method in playback.placed_methods else None
         folder.write(f"{method}.tum", tum_text(in_frame(finished.trajectories[method], rig, frame, unit_m)))
     if playback.truth is not None:
         folder.write("truth.tum", tum_text(in_frame(playback.truth, rig, frame)))
     folder.write("metrics.json", metrics_text(playback.opened, finished, methods, statistics))
 
 
-def _require_poses(source: str, finished: Finished, methods: tuple[Method, ...]) -> None:
+def _require_poses(source: str, finished: Finished, methods: tuple[str, ...]) -> None:
     if all(len(finished.trajectories[method]) < 2 for method in methods):
         raise InputError(f"{source}: no method found any motion: give images with texture in focus, and overlap")
 

@@ -1,38 +1,51 @@
-"""The command line's options, as values. Fields of the configs become flags too: `--monocular.scale-transfer norm`."""
+"""The command line's options, as values. Settings of the methods are flags: `--monocular.paper.scale-transfer unit`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from ispom.estimators import (
-    DEFAULT_VARIANT,
-    Config,
-    IntegratedConfig,
-    Method,
-    ModernConfig,
-    MonocularConfig,
-    StereoConfig,
-    Variant,
-)
 from ispom.evaluation.ate import Alignment
+from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
+
+
+def _field(name: str) -> str:
+    """What a method's settings are called as a field: `monocular_paper` of `monocular.paper`."""
+    return name.replace(".", "_").replace("-", "_")
+
+
+if TYPE_CHECKING:
+    Name = str
+
+    class Settings: ...
+else:
+    Name = Literal[names()]
+    Settings = make_dataclass(
+        "Settings",
+        [
+            (_field(name), Annotated[method.config, tyro.conf.arg(name=name)], field(default_factory=method.config))
+            for name, method in registry().items()
+        ],
+        frozen=True,
+        kw_only=True,
+    )
+"""The configs of all methods, a field each: so every setting is a flag, as in `--stereo.paper.max-tracks 300`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """What every command takes."""
 
-    methods: tuple[Method, ...] = ()
-    """Methods to run; none given means all that the source has the cameras for. `integrated_paper` is the paper's
-    integration beside the modern one."""
+    methods: tuple[Name, ...] = ()
+    """Methods to run, any beside each other; none given means all of --variant that the source has the cameras for."""
     variant: Variant | None = None
-    """Which implementation of the methods: modern, or paper, as printed. Not said: modern; but at its first start of
-    all, while modern is being compiled, the app begins with paper."""
+    """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern. On
+    first launch the app uses paper until compilation finishes."""
     stereo_every: int = 1
     """Of a stereo recording, every K-th pair is stereo; every left image is video."""
     video_scale: float = 1.0
@@ -43,14 +56,12 @@ class Options:
     """Use only the first N exposures."""
     camera: Path | None = None
     """Calibration of a live camera (a camera.yaml); of images or a video, in place of that beside them."""
-    monocular: MonocularConfig = field(default_factory=MonocularConfig)
-    stereo: StereoConfig = field(default_factory=StereoConfig)
-    integrated: IntegratedConfig = field(default_factory=IntegratedConfig)
-    modern: ModernConfig = field(default_factory=ModernConfig)
+    settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
 
     @property
     def config(self) -> Config:
-        return Config(self.monocular, self.stereo, self.integrated, self.modern, self.variant or DEFAULT_VARIANT)
+        """The settings of all methods."""
+        return Config({name: getattr(self.settings, _field(name)) for name in names()})
 
     def open(self, source: str) -> Sequence:
         """The sequence of a source, shaped by these options; InputError where that cannot be."""
@@ -163,7 +174,7 @@ class Export:
     format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
     """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: key frames, points and what they saw, as a
     text model; csv: poses and points with a header."""
-    methods: tuple[Method, ...] = ()
+    methods: tuple[Name, ...] = ()
     """Methods to export; none given means all of the run."""
     out: Path | None = None
     """Folder to write to; without it, export/FORMAT in the run's."""

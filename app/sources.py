@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators import possible_methods
+from ispom.methods import possible_methods
 from ispom.types import Camera, Kind, Sequence, Trajectory
 
 GAP = 1.5

@@ -313,22 +313,42 @@ class Landmarks:
 
 @dataclass(frozen=True)
 class Decision:
-    """A named test that steered the estimator: "parallax 14.2 px >= 20 px: no"."""
+    """A named check that steered the estimator: "parallax 14.2 px >= 20 px: no"."""
 
     name: str
+    """What is compared, in words."""
     value: float
     threshold: float
     passed: bool
     unit: str = ""
     relation: Literal[">=", "<=", ">", "<", "="] = ">="
-    because: str = ""
+    consequence: str = ""
     """What followed, where that is not plain from the name."""
+    key: str = ""
+    """Stable name for plots, columns and break points, as in `parallax`; unique within a Step together with `about`."""
+    question: str = ""
+    """What the check helps to answer ("New key frame?"); empty where it stands for itself."""
+    kind: Literal["requirement", "trigger", "finding"] = "requirement"
+    """requirement: not passed is a failure; trigger: any one that passes answers the question with yes; finding: a
+    measurement beside its threshold, where neither outcome is a failure."""
+    about: str = ""
+    """The track, pair or key frame that it is about, where a Step has the same check several times."""
+
+    @property
+    def failed(self) -> bool:
+        return self.kind == "requirement" and not self.passed
+
+    @property
+    def margin(self) -> float:
+        """By how much the value lies on the passing side of the threshold; negative on the other side."""
+        gap = self.value - self.threshold
+        return -abs(gap) if self.relation == "=" else -gap if self.relation in ("<", "<=") else gap
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         outcome = "yes" if self.passed else "no"
         text = f"{self.name} {self.value:.4g}{unit} {self.relation} {self.threshold:.4g}{unit}: {outcome}"
-        return f"{text} ({self.because})" if self.because else text
+        return f"{text} ({self.consequence})" if self.consequence else text
 
 
 class Status(StrEnum):
@@ -341,7 +361,6 @@ class Status(StrEnum):
 class Step:
     """All that one estimator can say about one exposure."""
 
-    method: str
     time_ns: int
     status: Status
     frame: Frame = "rig"
@@ -366,7 +385,16 @@ class Step:
     parts: tuple[Step, ...] = ()
     """Steps of the estimators that this one is made of, at the same exposure."""
     scale_sigma: float | None = None
-    """Deviation of the logarithm of the unit here, against that at the start; None where it is not said."""
+    """Standard deviation of the logarithm of the unit here, relative to that at the start; None where unknown."""
+    method: str = ""
+    """The method's name; put in by the ensemble."""
+    final_until_ns: int | None = None
+    """Poses before this time will hardly be revised any more; None where that is not known yet."""
+    restarted: bool = False
+    """A new world begins at this exposure: earlier poses share nothing with later ones but the last known pose."""
+    calibration: Mapping[str, Array] = field(default_factory=dict)
+    """What was found to be wrong with the calibration so far, by name: `pair` (4,) as solvers.window.Window.extra of
+    two cameras, `lens` (2,) as that of one camera."""
 
 
 @dataclass(frozen=True, eq=False)

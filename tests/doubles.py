@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from ispom.ensemble import Ensemble, Member
 from ispom.geometry import Pose
+from ispom.methods import in_order, method
 from ispom.types import (
     Camera,
     Decision,
@@ -65,19 +69,22 @@ def sequence(video_frames: int = 20) -> Sequence:
     )
 
 
+def ensemble(methods: Iterable[str], make: Callable[[str], Any]) -> Ensemble:
+    """These methods with made estimators, without those that they ask."""
+    names = in_order(methods)
+    return Ensemble(names, {name: Member(method(name), make(name)) for name in names})
+
+
 class FakeEstimator:
     """Walks the true path; keeps the contract."""
 
     def __init__(self, method: str) -> None:
         self.method = method
 
-    def uses(self, exposure: Exposure) -> bool:
-        return self.method == "integrated" or isinstance(exposure, StereoPair) == (self.method == "stereo")
-
     def start(self) -> tuple[int, ...]:
         return ()
 
-    def step(self, state: tuple[int, ...], exposure: Exposure) -> tuple[tuple[int, ...], Step]:
+    def step(self, state: tuple[int, ...], exposure: Exposure, asked: object = None) -> tuple[tuple[int, ...], Step]:
         time_ns, n = exposure.time_ns, 30
         rng = np.random.default_rng(time_ns)
         camera, frame = ("left", "rig") if isinstance(exposure, StereoPair) else ("video", "video")
@@ -94,10 +101,9 @@ class FakeEstimator:
         return (
             (*state, time_ns),
             Step(
-                self.method,
                 time_ns,
                 Status.TRACKING,
-                "rig" if self.method != "monocular" else frame,  # type: ignore[arg-type]
+                "rig" if not self.method.startswith("monocular") else frame,  # type: ignore[arg-type]
                 pose_at(time_ns),
                 key_frame=len(state) % 5 == 0,
                 tracks={camera: tracks},
@@ -106,12 +112,14 @@ class FakeEstimator:
                 revised=Trajectory.of([(t, pose_at(t)) for t in state[-3:]]),
                 scale=1.0,
                 seconds={"track": 0.004, "pose": 0.001},
-                decisions=(Decision("parallax", 14.2, 20.0, False, "px", because="no key frame"),),
+                decisions=(Decision("parallax", 14.2, 20.0, False, "px", consequence="no key frame", key="parallax"),),
+                method=self.method,
             ),
         )
 
-    def finish(self, state: tuple[int, ...]) -> Trajectory:
-        return Trajectory.of([(t, pose_at(t)) for t in state], "video" if self.method == "monocular" else "rig")
+    def finish(self, state: tuple[int, ...], asked: object = None) -> Trajectory:
+        frame = "video" if self.method.startswith("monocular") else "rig"
+        return Trajectory.of([(t, pose_at(t)) for t in state], frame)
 
 
 LOST_EVERY = 11
@@ -122,7 +130,7 @@ class FullEstimator(FakeEstimator):
     """Says all that a Step can say: covariances, losses, parts, drift of the unit, points without a place, and
     revisions that differ from what they replace (the height of a pose is how often it was revised, in metres)."""
 
-    def step(self, state: tuple[int, ...], exposure: Exposure) -> tuple[tuple[int, ...], Step]:
+    def step(self, state: tuple[int, ...], exposure: Exposure, asked: object = None) -> tuple[tuple[int, ...], Step]:
         after, step = super().step(state, exposure)
         if len(after) % LOST_EVERY == 0:
             nothing = {"world_from_frame": None, "residuals_px": np.zeros(0), "scale": None, "key_frame": False}

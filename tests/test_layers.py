@@ -18,6 +18,9 @@ LAYERS = (
     {"solvers", "io"},
     {"frontends", "sequences", "simulation", "calibration", "evaluation"},
     {"estimators"},
+    {"methods"},
+    {"ensemble"},
+    {"warm_up"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}

@@ -96,7 +96,7 @@ def test_a_trajectory_of_unequal_lengths_is_refused() -> None:
 
 
 def test_a_decision_reads_as_a_sentence() -> None:
-    decision = Decision("parallax", 14.2, 20, False, "px", because="no key frame")
+    decision = Decision("parallax", 14.2, 20, False, "px", consequence="no key frame")
     assert str(decision) == "parallax 14.2 px >= 20 px: no (no key frame)"
 
 

@@ -18,11 +18,11 @@ from typing import Any
 from rich.console import Console
 
 from ispom.errors import InputError
-from ispom.estimators import Method
 from ispom.io.whole import write_whole
+from ispom.methods import names
 
-from .consistency import COMPARED, print_consistency
-from .options import VARIANTS, Bench
+from .consistency import print_consistency
+from .options import Bench
 from .plan import CASES, Case, found_below
 from .tables import print_blocks, print_case, print_unit
 
@@ -35,11 +35,10 @@ PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba")
 
 @dataclass(frozen=True)
 class Row:
-    """A method and variant on a case, and what was found: see measure.py; {"error": ...} where nothing was."""
+    """A method on a case, and what was found: see measure.py; {"error": ...} where nothing was."""
 
     case: str
-    method: Method
-    variant: str
+    method: str
     found: dict[str, Any]
 
 
@@ -66,7 +65,7 @@ def _rows_and_blocks(console: Console, chosen: list[Case], options: Bench, repor
     pair = _unit_pair(options.data)
     for case in chosen:
         found = found_below(case, options.data)
-        methods: list[Method] = [m for m in case.methods if not options.methods or m in options.methods]
+        methods: list[str] = [m for m in case.methods if not options.methods or m in options.methods]
         if found is None:
             console.print(f"{case.title}: skipped, there is no {case.places[0]} in {options.data} (see --data)")
             report["skipped"].append(case.key)
@@ -86,13 +85,11 @@ def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
     told = []
     # Not the user's cache: so many flights would push out the ones that are really used.
     with tempfile.TemporaryDirectory() as folder:
-        for method in (m for m in COMPARED if not options.methods or m in options.methods):
-            for variant in options.variants or VARIANTS:
-                with _telling(f"{method} {variant}: {options.seeds} seeds"):
-                    task = {"method": method, "variant": variant, "seeds": options.seeds, "folder": folder}
-                    found = _child("consistency", task)
-                print_consistency(console, method, variant, found)
-                told.append({"method": method, "variant": variant, **found})
+        for method in (m for m in names() if not options.methods or m in options.methods):
+            with _telling(f"{method}: {options.seeds} seeds"):
+                found = _child("consistency", {"method": method, "seeds": options.seeds, "folder": folder})
+            print_consistency(console, method, found)
+            told.append({"method": method, **found})
     return told
 
 
@@ -103,15 +100,14 @@ def _chosen(options: Bench) -> list[Case]:
     return [case for case in CASES if not options.sources or case.key in options.sources]
 
 
-def _rows(case: Case, methods: list[Method], options: Bench, pair: tuple[Path, ...]) -> Iterator[Row]:
+def _rows(case: Case, methods: list[str], options: Bench, pair: tuple[Path, ...]) -> Iterator[Row]:
     task: dict[str, Any] = {"case": case.key, "source": case.source, "pair": _texts(pair), "runs": options.runs}
     if case.simulated:
         with _telling(f"{case.title}: rendering, where that was not done before"):
             _child("measure", task | {"method": None}, one_thread=False)
     for method in methods:
-        for variant in options.variants or VARIANTS:
-            with _telling(f"{case.title}: {method} {variant}, {options.runs} runs"):
-                yield Row(case.key, method, variant, _child("measure", task | {"method": method, "variant": variant}))
+        with _telling(f"{case.title}: {method}, {options.runs} runs"):
+            yield Row(case.key, method, _child("measure", task | {"method": method}))
 
 
 def _child(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:

@@ -16,32 +16,30 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ispom.estimators import Method, Variant
 from ispom.evaluation.consistency import PARTS, Errors, consistency, errors
+from ispom.methods import method as registered
 from ispom.sequences.simulated import open_simulated
 from ispom.types import Sequence, Step
 
-from .measure import KINDS, ensemble_of
+from .measure import ensemble_of
 
 DURATION_S = 8.0
 """Of each flight: sim:tiny, longer than it is by itself."""
 AXES = ("x", "y", "z", "about x", "about y", "about z")
-COMPARED: tuple[Method, ...] = ("monocular", "stereo", "integrated")
-"""None is aligned with the truth, which would take part of the error away: poses are compared in the gauge that they
-are estimated in."""
 GAUGE = {
-    "monocular": "Relative to the first pose and the length of the map's first baseline, to which the truth is scaled.",
-    "stereo": "Relative to the first pose, in metres.",
-    "integrated": "Relative to the first pose, in metres.",
+    "own": "Relative to the first pose and the length of the map's first baseline, to which the truth is scaled.",
+    "metric": "Relative to the first pose, in metres.",
 }
+"""Nothing is aligned with the truth, which would take part of the error away: poses are compared in the gauge that they
+are estimated in."""
 
 
-def measured(method: Method, variant: Variant, seeds: int, folder: Path) -> dict[str, Any]:
+def measured(method: str, seeds: int, folder: Path) -> dict[str, Any]:
     """By part of the pose: NEES over the seeds; empty where the method gives no covariances."""
     cv2.setNumThreads(1)
     runs: list[Errors] = []
     for seed in range(seeds):
-        runs.append(_errors(open_simulated("tiny", seed, folder / str(seed), duration_s=DURATION_S), method, variant))
+        runs.append(_errors(open_simulated("tiny", seed, folder / str(seed), duration_s=DURATION_S), method))
         if not len(runs[0].times_ns):
             return {}
     found = {name: consistency(runs, part) for name, part in PARTS.items()}
@@ -49,15 +47,15 @@ def measured(method: Method, variant: Variant, seeds: int, folder: Path) -> dict
     return told | {"per_axis": _per_axis(runs)} if told else {}
 
 
-def _errors(sequence: Sequence, method: Method, variant: Variant) -> Errors:
-    ensemble = ensemble_of(method, variant, sequence.rig)
+def _errors(sequence: Sequence, method: str) -> Errors:
+    ensemble = ensemble_of(method, sequence.rig)
     state, given = ensemble.start(), list[Step]()
     for i, kind in enumerate(sequence.kinds):
-        if kind in KINDS[method]:
+        if kind in registered(method).needs:
             state, steps = ensemble.step(state, sequence[i])
             given += steps
     assert sequence.truth is not None
-    if method == "monocular":
+    if registered(method).unit == "own":
         return errors(given, sequence.truth.moved(right=sequence.rig.rig_from_video), own_unit=True)
     return errors(given, sequence.truth)
 
@@ -69,13 +67,14 @@ def _per_axis(runs: list[Errors]) -> list[float]:
     return np.sqrt(np.mean(twists**2 / variances, axis=0)).tolist()
 
 
-def print_consistency(console: Console, method: str, variant: str, found: dict[str, Any]) -> None:
-    name = f"{method}, {variant}"
+def print_consistency(console: Console, method: str, found: dict[str, Any]) -> None:
     if "error" in found or not found:
-        console.print(f"{name}: {found.get('error', 'gives no covariances')}")
+        console.print(f"{method}: {found.get('error', 'gives no covariances')}")
         return
     runs = found["pose"]["runs"]
-    table = Table(name, "NEES", "of", "band of the mean", "times inside", "above", "sigma x", box=None, pad_edge=False)
+    table = Table(
+        method, "NEES", "of", "band of the mean", "times inside", "above", "sigma x", box=None, pad_edge=False
+    )
     for part in PARTS:
         row = found[part]
         low, high = row["band"]
@@ -86,13 +85,13 @@ def print_consistency(console: Console, method: str, variant: str, found: dict[s
     console.print(
         f"{runs} seeds of sim:tiny, {DURATION_S:g} s. The mean over the seeds should lie in its 95 % band at about "
         f"95 % of the times; sigma x: what the standard deviations should be multiplied by; of each axis: {axes}. "
-        f"{GAUGE[method]}\n"
+        f"{GAUGE[registered(method).unit]}\n"
     )
 
 
 def main(argument: str) -> None:
     task = json.loads(argument)
-    found = measured(task["method"], task["variant"], task["seeds"], Path(task["folder"]))
+    found = measured(task["method"], task["seeds"], Path(task["folder"]))
     sys.stdout.write(json.dumps(found) + "\n")
 
 

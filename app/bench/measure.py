@@ -15,19 +15,18 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError
-from ispom.estimators import Config, Ensemble, Method, Variant, build
 from ispom.evaluation import metrics
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import aligned
+from ispom.methods import Config
+from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Status, Trajectory
 
 from .peak import peak_mb
 from .plan import CASES, Case
 from .unit import Unit, cpu_clock
-
-KINDS = {"monocular": ("video",), "stereo": ("stereo",), "integrated": ("video", "stereo")}
-"""Of the exposures that a method uses; no others are decoded."""
 
 
 @dataclass
@@ -40,11 +39,11 @@ class Times:
     """Wall time, as the steps tell it."""
 
 
-def measured(case: Case, method: Method, variant: Variant, runs: int, pair: tuple[Path, ...]) -> dict[str, Any]:
+def measured(case: Case, method: str, runs: int, pair: tuple[Path, ...]) -> dict[str, Any]:
     """Times (medians of the runs), memory and accuracy. InputError where the case cannot be opened or run."""
     cv2.setNumThreads(1)
     sequence, unit = case.open(), Unit(pair)
-    ensemble = ensemble_of(method, variant, sequence.rig)
+    ensemble = ensemble_of(method, sequence.rig)
     asked = _asked(sequence, method)
     found, trajectory, lost = [], Trajectory.empty(), 0
     for _ in range(runs):
@@ -54,10 +53,8 @@ def measured(case: Case, method: Method, variant: Variant, runs: int, pair: tupl
     unit.measure()
     peak = peak_mb()
     accuracy = _accuracy(trajectory, sequence, method)
-    if method == "integrated" and sequence.truth is not None:
-        _, stereo, _ = _run(
-            ensemble_of("stereo", variant, sequence.rig), "stereo", sequence, _asked(sequence, "stereo")
-        )
+    if sequence.truth is not None and (pairs := registered(method).asks.get("stereo")):
+        _, stereo, _ = _run(ensemble_of(pairs, sequence.rig), pairs, sequence, _asked(sequence, pairs))
         accuracy |= metrics.between_stereo(trajectory, stereo, sequence.truth)
     return {
         "unit_ms": unit.ms,
@@ -67,21 +64,22 @@ def measured(case: Case, method: Method, variant: Variant, runs: int, pair: tupl
         "peak_mb": peak,
         **accuracy,
         "poses": len(trajectory),
-        "asked": sequence.kinds[: asked[-1] + 1].count("stereo" if method == "stereo" else "video"),
+        "asked": sequence.kinds[: asked[-1] + 1].count("video" if "video" in registered(method).needs else "stereo"),
         "lost": lost,
     }
 
 
-def ensemble_of(method: Method, variant: Variant, rig: Rig) -> Ensemble:
-    """One method with the default settings of a variant."""
-    return build(Config(variant=variant), (method,), rig)
+def ensemble_of(method: str, rig: Rig) -> Ensemble:
+    """One method with its default settings."""
+    return build(Config(), (method,), rig)
 
 
-def _asked(sequence: Sequence, method: Method) -> list[int]:
-    return [i for i, kind in enumerate(sequence.kinds) if kind in KINDS[method]]
+def _asked(sequence: Sequence, method: str) -> list[int]:
+    """The exposures that it uses; no others are decoded."""
+    return [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).needs]
 
 
-def _run(ensemble: Ensemble, method: Method, sequence: Sequence, asked: list[int]) -> tuple[Times, Trajectory, int]:
+def _run(ensemble: Ensemble, method: str, sequence: Sequence, asked: list[int]) -> tuple[Times, Trajectory, int]:
     """One run, and how many steps were lost; each exposure is decoded just before its step, outside the clock."""
     state, times, lost = ensemble.start(), Times(), 0
     for i in asked:
@@ -102,11 +100,11 @@ def _statistics(runs: list[list[float]]) -> dict[str, float]:
     return {"median": median, "p95": p95}
 
 
-def _accuracy(trajectory: Trajectory, sequence: Sequence, method: Method) -> dict[str, Any]:
+def _accuracy(trajectory: Trajectory, sequence: Sequence, method: str) -> dict[str, Any]:
     """As in metrics.json; of metric methods also how far off the path came, its first pose being given."""
     if sequence.truth is None:
         return {}
-    metric = method != "monocular"
+    metric = registered(method).unit == "metric"
     found = metrics.errors(trajectory, sequence.truth, sequence.rig, metric)
     truth = sequence.truth.moved(right=sequence.rig.rig_from(trajectory.frame), frame=trajectory.frame)
     own, other = associate(trajectory, truth)
@@ -131,7 +129,7 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
     pair = tuple(Path(p) for p in task["pair"])
     try:
         if task["method"] is not None:
-            return measured(case, task["method"], task["variant"], task["runs"], pair)
+            return measured(case, task["method"], task["runs"], pair)
         render(case)
         return {}
     except InputError as error:

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
-from ispom.estimators import Method, Variant
-
-VARIANTS: tuple[Variant, ...] = get_args(Variant)
+from ..options import Name
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Measures speed, memory and accuracy of every method and variant, beside the figures of other programs."""
+    """Measures speed, memory and accuracy of every method, beside the figures of other programs."""
 
     data: Path = Path("data")
     """Folder that holds KITTI odometry (kitti/sequences/06 and 00), EuRoC (V1_01_easy) ...; what is not there is left
     out. The simulations need none."""
     sources: tuple[str, ...] = ()
     """Sources to measure, such as sim-tiny or kitti-06; none given means all."""
-    methods: tuple[Method, ...] = ()
+    methods: tuple[Name, ...] = ()
     """Methods to measure; none given means all."""
-    variants: tuple[Variant, ...] = ()
-    """Variants to measure; none given means all."""
     runs: int = 3
     """Runs of each; the medians of their times are told."""
     blocks: bool = True

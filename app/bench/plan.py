@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ispom.estimators import METHODS, Method
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
 
@@ -16,7 +15,7 @@ class Case:
 
     key: str
     title: str
-    methods: tuple[Method, ...]
+    methods: tuple[str, ...]
     frames: int
     """Only the first ones of the video camera, and the pairs among them, are used."""
     source: str = ""
@@ -39,31 +38,38 @@ class Case:
 
 _KITTI = ("kitti/sequences", "kitti/dataset/sequences", "sequences", "dataset/sequences", "kitti", "")
 _06, _00 = ((tuple(f"{folder}/{drive}".lstrip("/") for folder in _KITTI)) for drive in ("06", "00"))
+
+
+def _both(*names: str) -> tuple[str, ...]:
+    """These methods, modern and as published."""
+    return tuple(variant for name in names for variant in (name, f"{name}.paper"))
+
+
 CASES = (
-    Case("sim-tiny", "sim:tiny, 3 s", METHODS, 90, "sim:tiny"),
-    Case("sim-city", "sim:city, its first 5 s", METHODS, 150, "sim:city"),
-    Case("kitti-06", "KITTI 06, its first 51 pairs", ("monocular", "stereo"), 51, places=_06),
+    Case("sim-tiny", "sim:tiny, 3 s", _both("monocular", "stereo", "integrated"), 90, "sim:tiny"),
+    Case("sim-city", "sim:city, its first 5 s", _both("monocular", "stereo", "integrated"), 150, "sim:city"),
+    Case("kitti-06", "KITTI 06, its first 51 pairs", _both("monocular", "stereo"), 51, places=_06),
     Case(
         "kitti-06-two-rate",
         "KITTI 06, emulated video at half size, every 5th pair stereo",
-        ("integrated",),
+        _both("integrated"),
         51,
         places=_06,
         stereo_every=5,
         video_scale=0.5,
     ),
-    Case("kitti-00", "KITTI 00, its first 200 left images", ("monocular",), 200, places=_00),
+    Case("kitti-00", "KITTI 00, its first 200 left images", _both("monocular"), 200, places=_00),
     Case(
         "handheld",
         "a hand-held camera over a checkerboard, 250 frames",
-        ("monocular",),
+        _both("monocular"),
         250,
         places=("handheld_board",),
     ),
     Case(
         "euroc",
         "EuRoC V1_01, its first 20 pairs: standing still",
-        ("stereo",),
+        _both("stereo"),
         20,
         places=("euroc_v1_01_start", "V1_01_easy", "euroc/V1_01_easy", "EuRoC/V1_01_easy", "vicon_room1/V1_01_easy"),
     ),

@@ -21,25 +21,30 @@ def print_case(console: Console, case: Case, rows: list[Row]) -> None:
     """A table of accuracy, speed and memory with the peers' figures, and one of the stages."""
     table = Table("", *COLUMNS, title=case.title, title_justify="left", pad_edge=False, box=None)
     _aligned(table)
-    for method in dict.fromkeys(row.method for row in rows):
-        for row in (r for r in rows if r.method == method and "error" not in r.found):
-            table.add_row(f"{method}, {row.variant}", *_cells(row.found))
-        for peer in PEERS.get((case.key, method), ()):
+    for kind in dict.fromkeys(map(_kind, rows)):
+        for row in (r for r in rows if _kind(r) == kind and "error" not in r.found):
+            table.add_row(row.method, *_cells(row.found))
+        for peer in PEERS.get((case.key, kind), ()):
             table.add_row(
                 f"  {peer.name}", "", "", peer.unit_ratio, peer.t_err_percent, peer.ate_m, "", "", style="dim"
             )
     console.print(table)
     for row in rows:
         for note in _notes(row.found):
-            console.print(f"{row.method}, {row.variant}: {note}")
-    for method in dict.fromkeys(row.method for row in rows):
-        for peer in PEERS.get((case.key, method), ()):
+            console.print(f"{row.method}: {note}")
+    for kind in dict.fromkeys(map(_kind, rows)):
+        for peer in PEERS.get((case.key, kind), ()):
             if peer.note:
-                console.print(f"  {peer.name}, {method}: {peer.note}")
+                console.print(f"  {peer.name}, {kind}: {peer.note}")
     stages = [(row, stage, ms) for row in rows for stage, ms in row.found.get("stages_ms", {}).items()]
     if stages:
         console.print(_stages(stages))
     console.print()
+
+
+def _kind(row: Row) -> str:
+    """What other programs are compared with: `stereo` of stereo.paper."""
+    return row.method.partition(".")[0]
 
 
 def _cells(found: dict[str, Any]) -> list[str]:
@@ -76,7 +81,7 @@ def _stages(stages: list[tuple[Row, str, dict[str, float]]]) -> Table:
     table = Table("stage", "median ms", "p95 ms", pad_edge=False, box=None)
     _aligned(table)
     for row, stage, ms in stages:
-        table.add_row(f"{row.method}, {row.variant}: {stage}", _number(ms["median"], ".2f"), _number(ms["p95"], ".2f"))
+        table.add_row(f"{row.method}: {stage}", _number(ms["median"], ".2f"), _number(ms["p95"], ".2f"))
     return table
 
 

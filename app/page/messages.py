@@ -6,6 +6,8 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+from ispom.methods import method as registered
+
 from .. import colours
 from ..rerun_log.blueprint import hidden_paths
 from ..session import commands as do
@@ -64,10 +66,10 @@ def _method(method: str, state: State) -> dict[str, Any]:
     hint = [f"{label}: {STATUS[status]}."]
     if error:
         hint.append(f"Its position is {error} from the truth at this exposure.")
-        hint += [OWN_UNIT] if method.startswith("monocular") else []
+        hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
         "label": label,
-        "colour": colours.css(colours.METHOD[method]),
+        "colour": colours.css(colours.of(method)),
         "status": status,
         "error": error,
         "hint": "\n".join(hint),

@@ -11,6 +11,7 @@ from ispom.evaluation.association import associate
 from ispom.evaluation.ate import alignment, placed
 from ispom.evaluation.metrics import MIN_POSES
 from ispom.geometry import rotation_angle_rad
+from ispom.methods import method as registered
 from ispom.types import Trajectory
 
 from .folder import Run
@@ -41,8 +42,8 @@ def drawn(run: Run, method: str) -> tuple[Trajectory, str]:
     estimate = run.trajectories[method]
     reference = run.truth if run.truth is not None else _metric(run, method)
     if reference is None:
-        return estimate, "its own world" + (" and unit" if method == "monocular" else "")
-    kind = "sim3" if method == "monocular" else "se3"
+        return estimate, "its own world" + (" and unit" if registered(method).unit == "own" else "")
+    kind = "sim3" if registered(method).unit == "own" else "se3"
     own, true = associate(estimate, reference)
     if len(own) < MIN_POSES:
         return estimate, "not aligned: too few poses in common"
@@ -51,9 +52,10 @@ def drawn(run: Run, method: str) -> tuple[Trajectory, str]:
 
 
 def _metric(run: Run, method: str) -> Trajectory | None:
-    if method != "monocular":
+    if registered(method).unit == "metric":
         return None
-    return next((t for m in ("integrated", "stereo") if len(t := run.trajectories.get(m, Trajectory.empty()))), None)
+    metric = [t for m, t in run.trajectories.items() if registered(m).unit == "metric"]
+    return max(metric, key=len, default=None)
 
 
 def errors(run: Run, method: str) -> Errors | None:
@@ -94,7 +96,7 @@ def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
     if not moving.any():
         return None
     ratio = moved[moving] / really[moving]
-    if method == "monocular":
+    if registered(method).unit == "own":
         first = float(np.median(ratio[:10]))
         if first <= 0:
             return None
@@ -111,7 +113,7 @@ def mattered(run: Run) -> list[Said]:
     return [
         said
         for said in run.decisions
-        if not said.decision.passed and (said.decision.because or (said.method, said.decision.name) not in routine)
+        if not said.decision.passed and (said.decision.consequence or (said.method, said.decision.name) not in routine)
     ]
 
 

@@ -21,7 +21,7 @@ class MethodName:
 
     @property
     def colour(self) -> str:
-        return colours.css(colours.METHOD[self.name])
+        return colours.css(colours.of(self.name))
 
 
 @dataclass(frozen=True)

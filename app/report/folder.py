@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import read_rig
 from ispom.io.rows import read_text
 from ispom.io.tum import read_tum
+from ispom.methods import names
 from ispom.types import Frame, Rig, Trajectory
 
 from ..run.run_folder import MARKER
@@ -37,7 +37,7 @@ class Run:
     manifest: Mapping[str, Any]
     """run.yaml: plain values, lists of them, and mappings of those."""
     metrics: Mapping[str, Mapping[str, Any]]
-    """metrics.json, by method, in the order of ALL_METHODS."""
+    """metrics.json, by method, in the order of the registry."""
     path_length_m: float | None
     rig: Rig
     trajectories: Mapping[str, Trajectory]
@@ -120,12 +120,10 @@ def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:
     methods = found.get("methods") if isinstance(found, dict) else None
     if not isinstance(methods, dict) or not all(isinstance(entry, dict) for entry in methods.values()):
         raise InputError(f"{path} has no methods as `ispom run` writes them: restore the file, or run again")
-    if unknown := sorted(methods.keys() - set(ALL_METHODS)):
-        raise InputError(
-            f"{path}: {unknown[0][:40]!r} is none of {', '.join(ALL_METHODS)}: restore the file, or run again"
-        )
+    if unknown := sorted(methods.keys() - set(names())):
+        raise InputError(f"{path}: {unknown[0][:40]!r} is none of {', '.join(names())}: restore the file, or run again")
     length = found.get("path_length_m")
-    return {m: methods[m] for m in ALL_METHODS if m in methods}, length if isinstance(length, int | float) else None
+    return {m: methods[m] for m in names() if m in methods}, length if isinstance(length, int | float) else None
 
 
 def _sha256(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispom.methods import method as registered
 from ispom.types import TrackStatus
 
 from .. import colours
@@ -77,12 +78,11 @@ def step_scales(run: Run, most: int = MAX_POINTS) -> Figure:
 
 
 def transferred_scales(run: Run, most: int = MAX_POINTS) -> Figure:
-    units = {"monocular": "unit carried on [1]", "stereo": "unit [1]", "integrated": "m per monocular unit"}
     traces = []
     for method, steps in run.steps.items():
         known = np.isfinite(steps.columns["scale"])
         if known.any():
-            name, colour = f"{method}: {units[method]}", colour_of(method)
+            name, colour = f"{method}: {registered(method).scale}", colour_of(method)
             values = steps.columns["scale"][known]
             traces.append(thinned(most, name, colour, run.seconds(steps.times_ns[known]), values, peaks=False))
     note = "The factor that each method itself used from step to step."

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS
 from ispom.io.rows import read_text
+from ispom.methods import names
 from ispom.types import Decision
 
 from ..run.step_log import DECISION_COLUMNS, DROPPED, STEP_COLUMNS
@@ -50,13 +50,13 @@ class Said:
 
 
 def read_steps(path: Path) -> dict[str, Steps]:
-    """By method, in the order of ALL_METHODS; InputError names the line that is wrong."""
+    """By method, in the order of the registry; InputError names the line that is wrong."""
     found: dict[str, list[tuple[int, dict[str, str]]]] = {}
     for line, row in _rows(path, STEP_COLUMNS):
-        if row["method"] not in ALL_METHODS:
+        if row["method"] not in names():
             raise _wrong(path, line, "method", row)
         found.setdefault(row["method"], []).append((line, row))
-    return {method: _steps(path, found[method]) for method in ALL_METHODS if method in found}
+    return {method: _steps(path, found[method]) for method in names() if method in found}
 
 
 def read_decisions(path: Path) -> tuple[Said, ...]:

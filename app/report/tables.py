@@ -84,9 +84,9 @@ def _events(run: Run) -> list[list[Any]]:
                 time_s = float(run.seconds(steps.times_ns[row]))
                 found.append([int(steps.exposures[row]), time_s, MethodName(method), f"{before} → {after}", ""])
     for said in mattered(run):
-        what = str(said.decision).removesuffix(f" ({said.decision.because})")
+        what = str(said.decision).removesuffix(f" ({said.decision.consequence})")
         time_s = (said.time_ns - run.first_ns) * 1e-9
-        found.append([said.exposure, time_s, MethodName(said.method), what, said.decision.because])
+        found.append([said.exposure, time_s, MethodName(said.method), what, said.decision.consequence])
     return found
 
 

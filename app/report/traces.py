@@ -35,7 +35,7 @@ def points_per_line(runs: int) -> int:
 
 def colour_of(method: str) -> str:
     """As CSS writes it."""
-    return colours.css(colours.METHOD[method])
+    return colours.css(colours.of(method))
 
 
 def line(name: str, colour: str, x: np.ndarray, y: np.ndarray, dash: str = "solid") -> dict[str, Any]:

@@ -182,7 +182,7 @@ def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float])
         facts += [text] if (text := told(step, units_m.get(method, 1.0))) else []
         rows = [
             f"| {d.name} | {d.value:.4g} {d.unit} | {d.relation} {d.threshold:.4g} | {'yes' if d.passed else 'no'} | "
-            f"{d.because} |"
+            f"{d.consequence} |"
             for d in step.decisions
         ]
         table = ["| test | value | asked | passed | so |", "| --- | --- | --- | --- | --- |", *rows] if rows else []

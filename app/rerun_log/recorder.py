@@ -25,6 +25,7 @@ import numpy as np
 import rerun as rr
 
 from ispom.geometry import Array, Pose, Similarity
+from ispom.methods import method as registered
 from ispom.types import Frame, Step, StereoPair, Tracks, Trajectory
 
 from .. import colours, uncertainty
@@ -32,9 +33,6 @@ from ..run.events import Event, Finished, Opened, Stepped
 from . import entities
 from .memory import Cloud, PoseHistory
 
-SCALES = {"monocular": "unit carried on", "stereo": "unit", "integrated": "m per monocular unit"}
-SCALES["integrated_paper"] = SCALES["integrated"]
-"""What Step.scale means."""
 TINT = 0.3
 """How much of a cloud's colour is its method's, the rest being what the camera saw."""
 
@@ -113,7 +111,7 @@ class Recorder:
         for method, trajectory in event.trajectories.items():
             if len(trajectory):
                 path = self._paths[method]
-                line = _lines([trajectory.translations], colours.METHOD[method], 2.0)
+                line = _lines([trajectory.translations], colours.of(method), 2.0)
                 entries += self._path_blocks(method, path.update(trajectory))
                 entries += self._cloud_blocks(method, self._clouds[method].changed())
                 entries.append(Entry(f"world/{method}/path/final", line))
@@ -134,9 +132,13 @@ class Recorder:
             )
         for method in self.opened.methods:
             for kind in ("error", "inliers", "residual"):
-                yield Entry(f"plots/{kind}/{method}", _series(_name(method), colours.METHOD[method]), static=True)
-            for kind, name, pale in (("transferred", SCALES[method], 0.5), ("of_truth", "step / true step", 0.0)):
-                colour = colours.shade(colours.METHOD[method], (128, 128, 128), pale)
+                yield Entry(f"plots/{kind}/{method}", _series(_name(method), colours.of(method)), static=True)
+            scale = registered(method).scale
+            for kind, name, pale in (
+                ("transferred", scale, 0.5),
+                ("of_truth", "step / true step", 0.0),
+            ):
+                colour = colours.shade(colours.of(method), (128, 128, 128), pale)
                 yield Entry(f"plots/scale/{method}/{kind}", _series(f"{_name(method)}: {name}", colour), static=True)
 
     def _place(self, placements: Mapping[str, Similarity]) -> Iterator[Entry]:
@@ -194,17 +196,20 @@ class Recorder:
     def _spread(self, step: Step) -> Iterator[Entry]:
         found, place = uncertainty.of_step(step), f"world/{step.method}/spread"
         if found is not None:
-            yield Entry(place, entities.ellipsoid(found, colours.METHOD[step.method]))
+            yield Entry(place, entities.ellipsoid(found, colours.of(step.method)))
         elif step.method in self._spreads:
             yield Entry(place, rr.Clear(recursive=False))
         (self._spreads.discard if found is None else self._spreads.add)(step.method)
 
     def _camera(self, method: str) -> Iterator[Entry]:
-        frame, colour = self._paths[method].frame, colours.METHOD[method]
-        yield Entry(f"world/{method}/camera", self._frusta(frame, self._own_size(method), colour, method != "stereo"))
+        frame, colour = self._paths[method].frame, colours.of(method)
+        yield Entry(
+            f"world/{method}/camera",
+            self._frusta(frame, self._own_size(method), colour, "video" in registered(method).needs),
+        )
 
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
-        path, colour = self._paths[method], colours.METHOD[method]
+        path, colour = self._paths[method], colours.of(method)
         outlines = self._outlines(path.frame, 0.5 * self._own_size(method), main_camera=True)
         for block in sorted(blocks):
             yield Entry(f"world/{method}/path/{block}", _lines([path.line(block)], colour, 1.5))
@@ -215,7 +220,7 @@ class Recorder:
     def _cloud_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         for block in sorted(blocks):
             xyz, rgb = self._clouds[method].points(block)
-            tinted = (1 - TINT) * rgb + TINT * np.array(colours.METHOD[method])
+            tinted = (1 - TINT) * rgb + TINT * np.array(colours.of(method))
             yield Entry(f"world/{method}/cloud/{block}", rr.Points3D(xyz, colors=tinted.astype(np.uint8), radii=[-1.5]))
 
     def _plots(self, step: Step, event: Stepped) -> Iterator[Entry]:
@@ -323,14 +328,14 @@ def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
     fractions = [0.0, *(0.3 + 0.5 * i / len(stages) for i in range(len(stages)))]
     return rr.SeriesLines(
         names=[_name(method), *(f"{_name(method)}: {stage}" for stage in stages)],
-        colors=[colours.shade(colours.METHOD[method], (160, 160, 160), f) for f in fractions],
+        colors=[colours.shade(colours.of(method), (160, 160, 160), f) for f in fractions],
         widths=[2.5, *[1.0] * len(stages)],
     )
 
 
 def _drift_series(method: str) -> rr.SeriesLines:
     """What the unit may have become since the start, one standard deviation up and down."""
-    colour = colours.shade(colours.METHOD[method], (128, 128, 128), 0.7)
+    colour = colours.shade(colours.of(method), (128, 128, 128), 0.7)
     names = [f"{_name(method)}: unit since the start, {side} sigma" for side in ("plus a", "minus a")]
     return rr.SeriesLines(names=names, colors=[colour, colour], widths=[1.0, 1.0])
 

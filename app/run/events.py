@@ -9,8 +9,8 @@ from uuid import uuid4
 
 import numpy as np
 
-from ispom.estimators import Config, Method
 from ispom.geometry import Similarity
+from ispom.methods import Config
 from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
 
 
@@ -19,7 +19,7 @@ class Opened:
     """A sequence was opened and its estimators built."""
 
     sequence: Sequence
-    methods: tuple[Method, ...]
+    methods: tuple[str, ...]
     config: Config
     truth: Trajectory | None
     """world_from_rig, moved so that it starts at the pose where the estimates start."""

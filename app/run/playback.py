@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError, UnreadableImage
-from ispom.estimators import Config, Ensemble, Method, build
 from ispom.geometry import Pose, Similarity
+from ispom.methods import STEREO, Config
+from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
 from .placing import Placing
 
-Builder = Callable[[Config, tuple[Method, ...], Rig], Ensemble]
+Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of the asked methods; InputError as `ispom.estimators.build`."""
 UNREADABLE_SHARE = 0.01
 """A run goes on without this share of its exposures; more that are unreadable end it."""
@@ -26,7 +28,7 @@ class Playback:
     """Steps through a sequence. Not a value: it holds the current state of a run, and nothing that grows."""
 
     sequence: Sequence
-    methods: tuple[Method, ...]
+    methods: tuple[str, ...]
     config: Config = field(default_factory=Config)
     builder: Builder = build
 
@@ -38,9 +40,12 @@ class Playback:
         """What was wrong with each exposure that was left out."""
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
-        self._placements: dict[str, Similarity] = {"monocular": Similarity(1.0, start)}
-        self._placing: Placing | None = Placing(self.sequence.rig) if "stereo" in self.methods else None
-        """None where there is nothing to wait for: no metric method runs, or the segment was found."""
+        own = [name for name in self.methods if registered(name).unit == "own"]
+        metric = (n for n in self.methods if registered(n).unit == "metric" and registered(n).needs == STEREO)
+        self._placements: dict[str, Similarity] = {name: Similarity(1.0, start) for name in own}
+        self._metric_method = next(metric, None)
+        self._placing: dict[str, Placing] = {name: Placing(self.sequence.rig) for name in own}
+        """Of the methods with a unit of their own that are not placed yet."""
 
     @property
     def opened(self) -> Opened:
@@ -64,9 +69,9 @@ class Playback:
         return self.position < len(self.sequence)
 
     @property
-    def monocular_placed(self) -> bool:
-        """Whether a stereo segment has fixed the unit of the monocular trajectory."""
-        return "monocular" in self._placements and self._placing is None and "stereo" in self.methods
+    def placed_methods(self) -> frozenset[str]:
+        """The methods with a unit of their own whose unit a stereo segment has fixed."""
+        return frozenset(self._placements.keys() - self._placing.keys())
 
     def step(self) -> Stepped:
         """Runs the next exposure. The position does not advance where loading it raises InputError.
@@ -107,23 +112,23 @@ class Playback:
         for step in steps:
             pose = self.placed(step)
             truth = self.truth.at(step.time_ns) if self.truth is not None else None
-            metric = step.method != "monocular" or self.monocular_placed
+            metric = step.method not in self._placing
             if pose is not None and truth is not None and metric:
                 errors[step.method] = float(np.linalg.norm(pose.translation - truth.translation))
         return errors
 
     def _place(self, steps: tuple[Step, ...]) -> None:
-        """Once: the first stereo segment fixes where, and in what unit, the monocular trajectory is drawn."""
-        if self._placing is None:
-            return
-        for step in steps:
-            if step.method == "stereo" and step.world_from_frame is not None:
-                self._placing.add_metric(step.time_ns, step.world_from_frame)
-            if step.method == "monocular":
-                self._placing.add_video(step.revised)
-        placement = self._placing.found()
-        if placement is not None:
-            self._placements["monocular"], self._placing = placement, None
+        """Once a method: the first stereo segment fixes where, and in what unit, its trajectory is drawn."""
+        for name, placing in tuple(self._placing.items()) if self._metric_method else ():
+            for step in steps:
+                if step.method == self._metric_method and step.world_from_frame is not None:
+                    placing.add_metric(step.time_ns, step.world_from_frame)
+                if step.method == name:
+                    placing.add_video(step.revised)
+            placement = placing.found()
+            if placement is not None:
+                self._placements[name] = placement
+                del self._placing[name]
 
 
 def _truth_from_start(sequence: Sequence) -> Trajectory | None:

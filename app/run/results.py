@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ispom.estimators import Method
 from ispom.evaluation import metrics
+from ispom.methods import Config, with_asked
+from ispom.methods import method as registered
 from ispom.types import Frame, Rig, Sequence, Status, StereoPair, Trajectory
 
 from .events import Finished, Opened, Stepped
@@ -60,7 +61,7 @@ def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | Non
     return trajectory.moved(right=own_from_frame.scaled(1 / unit_m if unit_m else 0.0), frame=frame)
 
 
-def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...], statistics: RunStatistics) -> str:
+def metrics_text(opened: Opened, finished: Finished, methods: tuple[str, ...], statistics: RunStatistics) -> str:
     """metrics.json. Without truth: only what can be said without it."""
     sequence, truth = opened.sequence, opened.truth
     report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes)}
@@ -71,15 +72,15 @@ def metrics_text(opened: Opened, finished: Finished, methods: tuple[Method, ...]
         trajectory = finished.trajectories[method]
         entry = {"poses": len(trajectory), **statistics.of(method)}
         if truth is not None:
-            entry |= metrics.errors(trajectory, truth, sequence.rig, metric=method != "monocular")
-        if truth is not None and method == "integrated":
-            entry |= metrics.between_stereo(trajectory, finished.trajectories["stereo"], truth)
+            entry |= metrics.errors(trajectory, truth, sequence.rig, metric=registered(method).unit == "metric")
+        if truth is not None and (stereo := registered(method).asks.get("stereo")):
+            entry |= metrics.between_stereo(trajectory, finished.trajectories[stereo], truth)
         report["methods"][method] = entry
     return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
 
 
 def run_text(
-    source: str, sequence: Sequence, options: Mapping[str, Any], config: Any, images_sha256: str | None = None
+    source: str, sequence: Sequence, options: Mapping[str, Any], config: Config, images_sha256: str | None = None
 ) -> str:
     """run.yaml: what is needed to repeat the run, and to know that it was on the same images (of a run that ended)."""
     found = {
@@ -89,7 +90,7 @@ def run_text(
         "exposures": {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
         "images_sha256": images_sha256,
         "options": dict(options),
-        "config": asdict(config),
+        "config": {name: asdict(config.of(name)) for name in with_asked(options["methods"])},
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "platform": platform.platform(),
     }

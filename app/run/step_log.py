@@ -34,7 +34,7 @@ DECISION_COLUMNS = (
     "threshold",
     "unit",
     "passed",
-    "because",
+    "consequence",
 )
 
 
@@ -113,7 +113,7 @@ def _decision_rows(event: Stepped, step: Step) -> Iterator[list[Any]]:
         value, threshold = _number(d.value), _number(d.threshold)
         yield [
             *(event.index, step.time_ns, step.method, d.name),
-            *(value, d.relation, threshold, d.unit, int(d.passed), d.because),
+            *(value, d.relation, threshold, d.unit, int(d.passed), d.consequence),
         ]
 
 

@@ -9,17 +9,19 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from ispom.child import Child
-from ispom.estimators import Config
 from ispom.kernels import kept_share
+from ispom.methods import BUILT_IN, Config, Variant, with_asked
 
 log = logging.getLogger(__name__)
 MESSAGE = "compiling the estimators, once after installing"
 MEANWHILE = "the modern estimators are being compiled, once after installing: the paper's methods run meanwhile"
-READY = "the modern estimators are compiled now: choose variant modern under Methods"
-COMMAND = [sys.executable, "-m", "ispom.estimators.warm_up"]
+READY = "the modern estimators are compiled now: choose them under Methods"
+COMMAND = [sys.executable, "-m", "ispom.warm_up"]
+COMPILED = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
 _running: list[tuple[Child, float]] = []
 """The process, and when it was started [s, monotonic]: at most one."""
 _failures: list[str] = []
@@ -42,22 +44,26 @@ class Progress:
         return f"{self.left_s:.0f} s left"
 
 
-def needed(config: Config) -> bool:
-    """Whether these settings run compiled code."""
-    return config.variant == "modern" or config.monocular.local_bundle
+def needed(methods: Iterable[str], config: Config) -> bool:
+    """Whether these methods run compiled code of this package."""
+    return any(name in COMPILED or _adjusts(name, config) for name in with_asked(methods))
 
 
-def at_first(config: Config) -> Config:
-    """The settings to open the app with: the paper's, which need no compiling, while that goes on."""
-    start(config)
-    return replace(config, variant="paper") if _running else config
+def _adjusts(name: str, config: Config) -> bool:
+    return name == "monocular.paper" and config.of(name).local_bundle
 
 
-def start(config: Config) -> None:
-    """Begins to compile, where these settings need it and it is still to be done."""
-    from ispom.estimators.warm_up import compiled_before
+def at_first(config: Config) -> Variant:
+    """The variant to open the app with: the paper's, which needs no compiling, while that goes on."""
+    start(COMPILED, config)
+    return "paper" if _running else "modern"
 
-    if needed(config) and not _running and not _failures and not compiled_before():
+
+def start(methods: Iterable[str], config: Config) -> None:
+    """Begins to compile, where these methods need it and it is still to be done."""
+    from ispom.warm_up import compiled_before
+
+    if needed(methods, config) and not _running and not _failures and not compiled_before():
         try:
             _running.append((Child(COMMAND), time.monotonic()))
         except OSError as fault:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ispom.estimators import Config, Method
+from ispom.methods import Config
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Speed:
 class Restart:
     """Start the run again from the first exposure, with these methods and settings."""
 
-    methods: tuple[Method, ...]
+    methods: tuple[str, ...]
     config: Config
 
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 
+from ispom.ensemble import build
 from ispom.errors import InputError
-from ispom.estimators import ALL_METHODS, Config, Method, Variant, build, default_methods, possible_methods
+from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
 from ispom.types import Sequence
 
 from ..run import warmup
@@ -54,11 +55,12 @@ class Session:
         source: str,
         recordings_dir: Path,
         *,
-        methods: tuple[Method, ...] | None = None,
+        methods: tuple[str, ...] | None = None,
+        variant: Variant = "modern",
         config: Config | None = None,
         live: EventSink | None = None,
         autoplay: bool = True,
-        compiling: Callable[[Config], None] = lambda _: None,
+        compiling: Callable[[tuple[str, ...], Config], None] = lambda *_: None,
         builder: Builder = build,
         history_bytes: int = MEMORY_BYTES,
     ) -> None:
@@ -74,6 +76,7 @@ class Session:
         self.recordings_dir = recordings_dir
         self._compiling, self._unready = compiling, False
         self._builder, self._history_bytes = builder, history_bytes
+        self._variant: Variant = variant
         self._viewers = Viewers(live, lambda text: self._emit(NoticeAdded(text)))
         self._recordings = RecordingDesk(recordings_dir)
         self._inbox: SimpleQueue[do.Command] = SimpleQueue()
@@ -214,7 +217,7 @@ class Session:
         self._busy(f"opening {source}")
         try:
             sequence = self._opener(source)
-            methods = self._methods_for(source, sequence, before.config.variant)
+            methods = self._methods_for(source, sequence)
             playback = Playback(sequence, methods, before.config, self._builder)
         except InputError as mistake:
             self._opening_failed(before, str(mistake))
@@ -226,9 +229,9 @@ class Session:
                 self.run.stop()
             self._begin(playback)
 
-    def _methods_for(self, source: str, sequence: Sequence, variant: Variant) -> tuple[Method, ...]:
+    def _methods_for(self, source: str, sequence: Sequence) -> tuple[str, ...]:
         """Those asked for; of a later source those of them that it has the cameras for, or else the usual ones."""
-        possible, usual = possible_methods(sequence.rig, variant), default_methods(sequence.rig, variant)
+        possible, usual = possible_methods(sequence.rig), default_methods(sequence.rig, self._variant)
         if not possible:
             raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
         wanted = self._wanted or usual
@@ -241,13 +244,13 @@ class Session:
         else:
             self._emit(OpeningFailed(reason))
 
-    def _restart(self, methods: tuple[Method, ...], config: Config) -> None:
+    def _restart(self, methods: tuple[str, ...], config: Config) -> None:
         if self.run is None:
             raise InputError("there is nothing to run yet: open a source first")
         if not methods:
             raise InputError("no method is chosen: switch on at least one")
         sequence = self.run.playback.sequence
-        playback = Playback(sequence, tuple(m for m in ALL_METHODS if m in methods), config, self._builder)
+        playback = Playback(sequence, in_order(methods), config, self._builder)
         self._wanted = playback.methods
         self._emit(Opening(self.state.source))
         self._begin(playback)
@@ -255,8 +258,8 @@ class Session:
 
     def _begin(self, playback: Playback) -> None:
         self._stop_recording()
-        self._compiling(playback.config)
-        self._unready = not warmup.needed(playback.config) and not warmup.finished()
+        self._compiling(playback.methods, playback.config)
+        self._unready = not warmup.needed(playback.methods, playback.config) and not warmup.finished()
         run = self.run = CurrentRun(playback, self._history_bytes)
         self._due_s = 0.0
         if playback.sequence.prepare is not None:
@@ -325,7 +328,7 @@ class Session:
             self._due_s = max(time.monotonic(), self._due_s + gap_s)
 
     def _compute(self, run: CurrentRun) -> None:
-        if warmup.needed(run.playback.config) and not warmup.finished(WATCH_S):
+        if warmup.needed(run.playback.methods, run.playback.config) and not warmup.finished(WATCH_S):
             before, text = self.state.activity, warmup.message()
             if before is None or not before.text.startswith(warmup.MESSAGE):
                 self._busy(text)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
-from ispom.estimators import Config, Method, possible_methods
+from ispom.methods import Config, possible_methods
 
 from ..run.events import Finished, Opened
 from ..run.record import ExposureRecord, MethodStatus
@@ -60,8 +60,8 @@ class State:
     name: str = ""
     """Of the sequence, as a person knows it."""
     notes: tuple[str, ...] = ()
-    possible: tuple[Method, ...] = ()
-    methods: tuple[Method, ...] = ()
+    possible: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ()
     config: Config = field(default_factory=Config)
     run: int = 0
     """Counts runs; viewers start afresh when it changes."""
@@ -179,7 +179,7 @@ def reduce(state: State, event: Event) -> State:
                 phase="ready",
                 name=sequence.name,
                 notes=sequence.notes,
-                possible=possible_methods(sequence.rig, config.variant),
+                possible=possible_methods(sequence.rig),
                 methods=methods,
                 config=config,
                 run=state.run + 1,

@@ -8,14 +8,15 @@ from pathlib import Path
 
 from ispom_app.session.session import Session
 
-from ispom.estimators import METHODS, Config, Ensemble, Method
+from ispom.ensemble import Ensemble
+from ispom.methods import Config
 from ispom.types import Rig
 from tests import doubles
 
 
-def build(config: Config, methods: tuple[Method, ...], rig: Rig) -> Ensemble:
-    """Stands in for ispom.estimators.build."""
-    return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in METHODS if m in methods})
+def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
+    """Stands in for ispom.ensemble.build."""
+    return doubles.ensemble(methods, doubles.FakeEstimator)
 
 
 def opener(source: str):

@@ -15,17 +15,19 @@ from ispom_app.rerun_log import file_recording
 from ispom_app.run.playback import Builder
 from ispom_app.run.run_folder import MARKER, RunFolder
 
-from ispom.estimators import METHODS, Config, Ensemble, Method, build
+from ispom.ensemble import Ensemble, build
 from ispom.io.tum import read_tum
+from ispom.methods import Config
 from ispom.types import Rig
 from tests import doubles
+from tests.alone import METHODS
 from tests.sequences.kitti_folder import make_drive
 
 
-def fakes(config: Config, methods: tuple[Method, ...], rig: Rig) -> Ensemble:
+def fakes(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
     """Ranges are checked, no estimator is built."""
     build(config, (), rig)
-    return Ensemble(methods, {m: doubles.FakeEstimator(m) for m in methods})
+    return doubles.ensemble(methods, doubles.FakeEstimator)
 
 
 def sentence(capsys: pytest.CaptureFixture[str], *arguments: str, builder: Builder = fakes) -> str:

@@ -11,7 +11,7 @@ from ispom_app.page import server
 from ispom_app.session import session
 
 from ispom.errors import InputError
-from ispom.estimators import Config
+from ispom.methods import Config
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -40,12 +40,12 @@ def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) ->
     drive = str(make_drive(tmp_path))
     arguments = ["--port", "9000", "--host", "0.0.0.0", "--allow-host", "lab.example", "--base", "/ispom/"]
     arguments += ["--stereo-every", "3", "--methods", "stereo", "monocular"]
-    assert main(["app", drive, *arguments, "--stereo.matching", "klt"]) == 0
+    assert main(["app", drive, *arguments, "--stereo.paper.matching", "klt"]) == 0
     ((opener, source, options, serving),) = served
     assert source == drive and serving == server.Serving(
         host="0.0.0.0", port=9000, allowed_hosts=("lab.example",), base="/ispom/"
     )
-    assert options["methods"] == ("stereo", "monocular") and options["config"].stereo.matching == "klt"
+    assert options["methods"] == ("monocular", "stereo") and options["config"].of("stereo.paper").matching == "klt"
     assert opener(source).kinds.count("stereo") == 2
     with pytest.raises(InputError, match="does not exist"):
         opener(f"{drive}/nowhere")
@@ -62,14 +62,14 @@ def test_a_mistake_of_the_app_is_told_in_one_sentence(
     assert capsys.readouterr().err == "ispom: ports 1 to 20 are all taken: give another --port\n"
 
 
-def test_a_variants_settings_are_flags_of_their_own(served: list, tmp_path: Path) -> None:
-    flags = ["--variant", "modern", "--modern.stereo.no-self-calibration", "--modern.monocular.max-tracks", "300"]
-    assert main(["app", str(make_drive(tmp_path)), *flags, "--methods", "stereo", "integrated_paper"]) == 0
+def test_a_methods_settings_are_flags_of_its_own(served: list, tmp_path: Path) -> None:
+    flags = ["--variant", "modern", "--stereo.no-self-calibration", "--monocular.paper.max-tracks", "300"]
+    assert main(["app", str(make_drive(tmp_path)), *flags, "--methods", "stereo", "integrated.paper"]) == 0
     ((_, _, options, _),) = served
     config = options["config"]
-    assert config.variant == "modern" and options["methods"] == ("stereo", "integrated_paper")
-    assert not config.of("stereo").self_calibration and config.of("monocular").max_tracks == 300
-    assert config.stereo == Config().stereo
+    assert options["variant"] == "modern" and options["methods"] == ("stereo", "integrated.paper")
+    assert not config.of("stereo").self_calibration and config.of("monocular.paper").max_tracks == 300
+    assert config.of("stereo.paper") == Config().of("stereo.paper")
 
 
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["app"], ["run"]])

@@ -14,13 +14,13 @@ import yaml
 from ispom_app.cli import main
 from ispom_app.run.run_folder import MARKER
 
-from ispom.estimators import METHODS
 from ispom.io.kitti import read_poses, read_times
 from ispom.io.maps import map_bytes, read_maps
 from ispom.io.rig import rig_text
 from ispom.io.trajectories import read_trajectory
 from ispom.io.tum import read_tum, tum_text
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 from tests.io.test_maps import scene
 from tests.sequences.kitti_folder import make_drive

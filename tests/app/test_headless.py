@@ -17,11 +17,11 @@ from ispom_app.run.playback import Builder
 from ispom_app.run.results import in_frame
 from ispom_app.run.run_folder import MARKER
 
-from ispom.estimators import METHODS, Ensemble
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
 from ispom.types import Step, Trajectory
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
 
@@ -53,10 +53,10 @@ def names(folder: Path) -> set[str]:
 
 def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
-    assert run(drive, out, "--stereo-every", "2", "--monocular.scale-transfer", "vector") == 0
+    assert run(drive, out, "--stereo-every", "2", "--monocular.max-tracks", "400") == 0
     assert names(out) == FILES | {"run.rrd"}
     told = yaml.safe_load((out / "run.yaml").read_text())
-    assert told["source"] == drive and told["config"]["monocular"]["scale_transfer"] == "vector"
+    assert told["source"] == drive and told["config"]["monocular"]["max_tracks"] == 400
     assert told["exposures"] == {"video": 6, "stereo": 3} and "numpy" in told["versions"]
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(0.5)
     assert len(read_tum(out / "stereo.tum")) == 3 and len(read_tum(out / "monocular.tum")) == 6
@@ -105,10 +105,10 @@ def test_a_complete_run_is_never_overwritten(drive: str, tmp_path: Path, capsys:
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_keeps_what_was_computed(number: signal.Signals, code: int, drive: str, tmp_path: Path) -> None:
-    def interrupted(self, state, exposure):
+    def interrupted(self, state, exposure, asked=None):
         if exposure.time_ns == 300_000_000:
             signal.raise_signal(number)
-        return doubles.FakeEstimator.step(self, state, exposure)
+        return doubles.FakeEstimator.step(self, state, exposure, asked)
 
     class Interrupted(doubles.FakeEstimator):
         step = interrupted
@@ -117,7 +117,7 @@ def test_a_signal_keeps_what_was_computed(number: signal.Signals, code: int, dri
     # A shell's background jobs, the tests among them, are started with SIGINT ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        assert run(drive, out, builder=lambda c, m, r: Ensemble(m, {x: Interrupted(x) for x in m})) == code
+        assert run(drive, out, builder=lambda c, m, r: doubles.ensemble(m, Interrupted)) == code
     except SystemExit as exit:
         assert exit.code == code
     assert names(out) == FILES | {"run.rrd", MARKER}
@@ -128,11 +128,11 @@ def test_a_signal_keeps_what_was_computed(number: signal.Signals, code: int, dri
 
 def test_a_bug_leaves_the_marker(drive: str, tmp_path: Path) -> None:
     class Broken(doubles.FakeEstimator):
-        def step(self, state, exposure) -> tuple[tuple[int, ...], Step]:
+        def step(self, state, exposure, asked=None) -> tuple[tuple[int, ...], Step]:
             raise ZeroDivisionError("oops")
 
     with pytest.raises(ZeroDivisionError):
-        run(drive, tmp_path / "out", "--no-recording", builder=lambda c, m, r: Ensemble(m, {x: Broken(x) for x in m}))
+        run(drive, tmp_path / "out", "--no-recording", builder=lambda c, m, r: doubles.ensemble(m, Broken))
     assert "oops" in (tmp_path / "out" / MARKER).read_text()
 
 
@@ -196,5 +196,5 @@ def test_runs_tell_whether_they_saw_the_same_images(drive: str, tmp_path: Path) 
         return yaml.safe_load((tmp_path / name / "run.yaml").read_text())["images_sha256"]
 
     first = seen("a")
-    assert len(first) == 64 and seen("b", "--stereo.max-points", "500") == first
+    assert len(first) == 64 and seen("b", "--stereo.max-tracks", "300") == first
     assert seen("c", "--video-scale", "0.5") != first and seen("d", "--max-exposures", "6") != first

@@ -13,8 +13,8 @@ from ispom_app.run.events import Opened, Stepped
 from ispom_app.run.record import ExposureRecord
 from ispom_app.viser_ui.panels.why import report
 
-from ispom.estimators import Config
 from ispom.geometry import Pose, Similarity
+from ispom.methods import Config
 from ispom.types import Status, Step
 from tests import doubles
 
@@ -33,7 +33,7 @@ def test_the_ellipsoid_holds_95_percent_of_the_poses_around():
 
 
 def test_what_is_told_is_the_largest_of_each():
-    step = Step("stereo", 0, Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE)
+    step = Step(0, Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE, method="stereo")
     assert uncertainty.told(step, 1.0) == "95 % within 83.9 mm and 0.32°"
     assert uncertainty.told(step, 10.0) == "95 % within 0.839 m and 0.32°"
     assert uncertainty.told(replace(step, covariance=None), 1.0) == ""
@@ -43,7 +43,9 @@ def test_what_is_told_is_the_largest_of_each():
 def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
     sequence = doubles.sequence()
     recorder = Recorder(Opened(sequence, ("stereo",), Config(), None))
-    step = Step("stereo", int(sequence.times_ns[0]), Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE)
+    step = Step(
+        int(sequence.times_ns[0]), Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE, method="stereo"
+    )
     logged = []
     for index, given in enumerate((step, replace(step, covariance=None), replace(step, covariance=None))):
         event = Stepped(index, sequence[index], (given,), {"stereo": Similarity()}, {})
@@ -62,7 +64,9 @@ def test_it_is_a_layer_that_can_be_hidden():
 def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
     sequence = doubles.sequence()
     recorder = Recorder(Opened(sequence, ("monocular",), Config(), None))
-    step = Step("monocular", int(sequence.times_ns[0]), Status.TRACKING, "video", POSE, scale=1.002, scale_sigma=0.015)
+    step = Step(
+        int(sequence.times_ns[0]), Status.TRACKING, "video", POSE, scale=1.002, scale_sigma=0.015, method="monocular"
+    )
     placed = {"monocular": Similarity()}
     first, second = (recorder.batch(Stepped(i, sequence[i], (step,), placed, {})).entries for i in range(2))
     series, band = [e.value for e in first if e.path == "plots/scale/monocular/drift"]

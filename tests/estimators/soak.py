@@ -18,8 +18,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ispom.estimators import Config, Method, Variant, build
+from ispom.ensemble import build
 from ispom.geometry import Pose
+from ispom.methods import Config, Variant
 from ispom.persistent_list import PersistentList
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 
@@ -66,7 +67,7 @@ class Scenario:
     """What the platform does, and which exposures come."""
 
     name: str
-    methods: tuple[Method, ...]
+    methods: tuple[str, ...]
     place: Callable[[int], int]
     """Where on the round trip a video frame is taken."""
     video: bool = True
@@ -107,7 +108,7 @@ def far(i: int) -> int:
     return i // STEREO_EVERY
 
 
-ALL: tuple[Method, ...] = ("monocular", "stereo", "integrated")
+ALL: tuple[str, ...] = ("monocular", "stereo", "integrated")
 SCENARIOS = (
     Scenario("monocular moving", ("monocular",), moving, stereo=False),
     Scenario("monocular still", ("monocular",), still, stereo=False),
@@ -163,21 +164,28 @@ class Lap:
     """Steps with a pose."""
 
 
-def config(variant: Variant) -> Config:
+FEW: dict[str, dict[str, Any]] = {
+    "monocular": {"max_tracks": 80},
+    "stereo": {"max_tracks": 80},
+    "integrated": {"max_points": 80},
+    "monocular.paper": {"max_tracks": 80},
+    "stereo.paper": {"matching": "klt", "max_tracks": 80},
+}
+"""Settings for small images."""
+
+
+def config() -> Config:
     """Few tracks: small images."""
-    found = Config(variant=variant)
-    if variant == "modern":
-        changed = {"monocular": {"max_tracks": 80}, "stereo": {"max_tracks": 80}, "integrated": {"max_points": 80}}
-    else:
-        changed = {"monocular": {"max_tracks": 80}, "stereo": {"matching": "klt", "max_tracks": 80}}
-    for method, settings in changed.items():
-        found = found.having(method, replace(found.of(method), **settings))
-    return found
+    return Config({name: replace(Config().of(name), **settings) for name, settings in FEW.items()})
+
+
+def of_variant(names: tuple[str, ...], variant: Variant) -> tuple[str, ...]:
+    return tuple(f"{name}.paper" for name in names) if variant == "paper" else names
 
 
 def laps(scenario: Scenario, variant: Variant, exposures: int, length: int = 100) -> list[Lap]:
     """A run, measured in pieces."""
-    ensemble = build(config(variant), scenario.methods, rig())
+    ensemble = build(config(), of_variant(scenario.methods, variant), rig())
     state, found, stream = ensemble.start(), [], islice(scenario.exposures(), exposures)
     while piece := list(islice(stream, length)):
         values, arrays, tracking, used_s = 0, 0, 0, 0.0

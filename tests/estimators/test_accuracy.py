@@ -8,17 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimator import run
-from ispom.estimators import Config
 from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.estimators.paper.stereo import StereoConfig
 from ispom.geometry import Pose
 from ispom.solvers.alignment import umeyama
 from ispom.types import Exposure, Sequence, StereoPair, TrackStatus, Trajectory, VideoFrame
+from tests.alone import alone, run
 
 
-def finish(config, flight: Sequence, exposures: list[Exposure]) -> Trajectory:
-    estimator = config.build(flight.rig)
+def finish(config, name: str, flight: Sequence, exposures: list[Exposure]) -> Trajectory:
+    estimator = alone(name, flight.rig, config)
     state = estimator.start()
     for exposure in exposures:
         if estimator.uses(exposure):
@@ -34,7 +33,7 @@ def true_positions(flight: Sequence, times_ns: np.ndarray, camera: str) -> np.nd
 
 @pytest.mark.parametrize("matching", ["sift", "klt"])
 def test_stereo_is_metric(matching: str, flight: Sequence, exposures: list[Exposure]) -> None:
-    found = finish(StereoConfig(matching=matching), flight, exposures)  # type: ignore[arg-type]
+    found = finish(StereoConfig(matching=matching), "stereo.paper", flight, exposures)  # type: ignore[arg-type]
     assert len(found) == flight.kinds.count("stereo")
     truth = true_positions(flight, found.times_ns, "rig")
     start = flight.truth.at(int(found.times_ns[0]))  # type: ignore[union-attr]
@@ -56,7 +55,7 @@ def test_stereo_is_metric(matching: str, flight: Sequence, exposures: list[Expos
 def test_monocular_follows_the_shake_up_to_its_scale(
     changes: dict, flight: Sequence, exposures: list[Exposure]
 ) -> None:
-    found = finish(replace(MonocularConfig(), **changes), flight, exposures)
+    found = finish(replace(MonocularConfig(), **changes), "monocular.paper", flight, exposures)
     assert len(found) == flight.kinds.count("video")
     truth = true_positions(flight, found.times_ns, "video")
     aligned = umeyama(found.translations, truth, with_scale=True).apply(found.translations)
@@ -65,12 +64,11 @@ def test_monocular_follows_the_shake_up_to_its_scale(
 
 
 def test_integrated_is_metric_at_every_video_frame(flight: Sequence, exposures: list[Exposure]) -> None:
-    config = Config()
-    estimator = config.integrated.build(flight.rig, config.monocular, config.stereo)
+    estimator = alone("integrated.paper", flight.rig)
     state = estimator.start()
     for exposure in exposures:
         state, _ = estimator.step(state, exposure)
-    found, stereo = estimator.finish(state), estimator.finish_parts(state)["stereo"]
+    found, stereo = estimator.finish(state), estimator.finish_asked(state, "stereo")
     first, last = stereo.times_ns[[0, -1]]
     inside = [
         int(t) for t, kind in zip(flight.times_ns, flight.kinds, strict=True) if kind == "video" and first <= t <= last
@@ -106,7 +104,7 @@ def test_a_turn_without_travel_is_no_key_frame(flight: Sequence, exposures: list
 
 
 def test_dropped_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
-    steps = list(run(MonocularConfig().build(flight.rig), exposures))
+    steps = list(run(alone("monocular.paper", flight.rig), exposures))
     reasons = {int(code) for s in steps for code in s.tracks["video"].status}
     assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.OUT_OF_IMAGE} <= reasons
     ended: set[int] = set()

@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from ispom.estimator import run
-from ispom.estimators import StereoConfig
+from ispom.estimators.paper.stereo import StereoConfig
 from ispom.sequences import open_sequence
 from ispom.types import StereoPair
+from tests.alone import run
 
 REAL = Path(__file__).parents[2] / ".." / "shared" / "data" / "euroc_v1_01_start"
 

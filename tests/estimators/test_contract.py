@@ -7,30 +7,26 @@ from dataclasses import FrozenInstanceError, is_dataclass
 import numpy as np
 import pytest
 
+from ispom.ensemble import build
 from ispom.errors import InputError
-from ispom.estimator import run
-from ispom.estimators import METHODS, VARIANTS, Config, Method, Variant, build, possible_methods
+from ispom.methods import Config, possible_methods
 from ispom.settings import settings
 from ispom.types import Camera, Exposure, Rig, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory, VideoFrame
+from tests.alone import ALL, METHODS, PAPER, alone, run
 
 
 def same(a: Trajectory, b: Trajectory) -> bool:
     return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("times_ns", "rotations", "translations"))
 
 
-@pytest.fixture(scope="module", params=METHODS)
-def method(request: pytest.FixtureRequest) -> Method:
-    return request.param
-
-
-@pytest.fixture(scope="module", params=VARIANTS)
-def variant(request: pytest.FixtureRequest) -> Variant:
+@pytest.fixture(scope="module", params=ALL)
+def method(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
 @pytest.fixture(scope="module")
-def estimator(method: Method, variant: Variant, flight: Sequence):
-    return build(Config(variant=variant), (method,), flight.rig).estimators[method]
+def estimator(method: str, flight: Sequence):
+    return alone(method, flight.rig)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +44,7 @@ def walked(estimator, exposures: list[Exposure]):
 def test_steps_say_what_happened(estimator, walked, flight: Sequence) -> None:
     _, steps = walked
     assert [s.time_ns for s in steps] == sorted({s.time_ns for s in steps})
-    assert {s.method for s in steps} == {estimator.method}
+    assert {s.method for s in steps} == {estimator.name}
     assert any(s.status is Status.TRACKING for s in steps)
     for step in steps:
         check_step(step, flight)
@@ -100,9 +96,9 @@ def test_an_earlier_state_can_be_stepped_on_from(estimator, walked, exposures: l
 
 def test_states_are_frozen_and_the_exposures_untouched(estimator, walked, exposures: list[Exposure]) -> None:
     states, _ = walked
-    assert is_dataclass(states[-1])
+    assert all(is_dataclass(state) for state in states[-1].values())
     with pytest.raises(FrozenInstanceError):
-        states[-1].poses = None
+        next(iter(states[-1].values())).poses = None
     image = next(e for e in exposures if estimator.uses(e))
     arrays = (image.image,) if isinstance(image, VideoFrame) else (image.left, image.right)
     before = [a.copy() for a in arrays]
@@ -121,41 +117,42 @@ def test_images_without_texture_give_no_pose_and_no_error(estimator, exposures: 
     assert not any(s.status is Status.TRACKING for s in steps)
 
 
-def test_every_setting_explains_itself_and_is_checked(method: Method, variant: Variant, flight: Sequence) -> None:
-    config = Config(variant=variant).of(method)
+def test_every_setting_explains_itself_and_is_checked(method: str, flight: Sequence) -> None:
+    config = Config().of(method)
     for setting in settings(type(config)):
         assert setting.help, setting.name
         assert setting.type in (bool, str) or setting.range or "Literal" in str(setting.type), setting.name
     bounded = next(s for s in settings(type(config)) if s.range)
     assert bounded.range is not None
-    broken = Config(variant=variant).having(method, type(config)(**{bounded.name: bounded.range.high + 1}))
+    broken = Config().with_settings(method, type(config)(**{bounded.name: bounded.range.high + 1}))
     with pytest.raises(InputError, match=bounded.name.replace("_", "-")):
         build(broken, (method,), flight.rig)
 
 
 def test_methods_without_their_cameras_are_refused() -> None:
     camera = Camera(64, 48, 50, 50, 31.5, 23.5)
-    assert possible_methods(Rig.single(camera)) == ("monocular",)
-    assert possible_methods(Rig.stereo(camera, 0.3)) == ("stereo",)
+    assert possible_methods(Rig.single(camera)) == ("monocular", "monocular.paper")
+    assert possible_methods(Rig.stereo(camera, 0.3)) == ("stereo", "stereo.paper")
     with pytest.raises(InputError, match="left and a right camera"):
         build(Config(), ("integrated",), Rig.single(camera))
     with pytest.raises(InputError, match="video camera"):
         build(Config(), ("monocular",), Rig.stereo(camera, 0.3))
 
 
+@pytest.mark.parametrize("names", [METHODS, PAPER], ids=["modern", "paper"])
 def test_an_ensemble_gives_what_each_method_alone_gives(
-    variant: Variant, flight: Sequence, exposures: list[Exposure]
+    names: tuple[str, ...], flight: Sequence, exposures: list[Exposure]
 ) -> None:
-    together = build(Config(variant=variant), METHODS, flight.rig)
-    assert list(together.estimators) == ["integrated"]
+    together = build(Config(), names, flight.rig)
+    assert sorted(together.members) == sorted(names)
     state = together.start()
     for exposure in exposures[:45]:
         state, steps = together.step(state, exposure)
         assert len(steps) == 2
     found = together.finish(state)
-    for alone in METHODS:
-        ensemble = build(Config(variant=variant), (alone,), flight.rig)
+    for name in names:
+        ensemble = build(Config(), (name,), flight.rig)
         state = ensemble.start()
         for exposure in exposures[:45]:
             state, _ = ensemble.step(state, exposure)
-        assert same(ensemble.finish(state)[alone], found[alone])
+        assert same(ensemble.finish(state)[name], found[name])

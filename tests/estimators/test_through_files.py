@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ispom.estimators import Config, build
+from ispom.ensemble import build
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
+from ispom.methods import Config
 from ispom.sequences import open_sequence
 from ispom.types import Sequence, StereoPair, Trajectory, VideoFrame
 from tests.sequences.own_folders import write_images, write_video

@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from ispom.estimators.warm_up import compiled_before
 from ispom.kernels import kernels
 from ispom.types import Sequence
+from ispom.warm_up import compiled_before
 
 SCRIPT = """
 import sys
 from pathlib import Path
-from ispom.estimators import Config, build, default_methods
-from ispom.estimators.warm_up import compiled_before, warm_up
+from ispom.ensemble import build
+from ispom.methods import Config, default_methods
+from ispom.warm_up import compiled_before, warm_up
 from ispom.kernels import kernels
 from ispom.sequences.simulated import open_simulated
 
@@ -24,7 +25,7 @@ warm_up()
 assert compiled_before()
 compiled = {kernel: list(kernel.signatures) for kernel in kernels()}
 flight = open_simulated("tiny", seed=0, cache_dir=Path(sys.argv[1]), duration_s=2.4)
-ensemble = build(Config(variant="modern"), default_methods(flight.rig, "modern"), flight.rig)
+ensemble = build(Config(), default_methods(flight.rig), flight.rig)
 state = ensemble.start()
 for i in range(60):
     state, _ = ensemble.step(state, flight[i])

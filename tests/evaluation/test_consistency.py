@@ -53,10 +53,12 @@ def test_errors_are_relative_to_the_first_pose_and_on_the_right() -> None:
     twists[0] = 0
     given = [world @ pose @ Pose.exp(twist).inverse() for pose, twist in zip(true, twists, strict=True)]
     steps = [
-        Step("stereo", i, Status.TRACKING, "rig", pose, covariance=None if i == 2 else np.diag(np.arange(1.0, 7)))
+        Step(
+            i, Status.TRACKING, "rig", pose, covariance=None if i == 2 else np.diag(np.arange(1.0, 7)), method="stereo"
+        )
         for i, pose in enumerate(given)
     ]
-    steps.insert(2, Step("stereo", 99, Status.LOST))
+    steps.insert(2, Step(99, Status.LOST, method="stereo"))
     result = errors(steps, Trajectory.of(list(enumerate(true))))
     np.testing.assert_array_equal(result.times_ns, [1, 3])
     np.testing.assert_allclose(result.twists, twists[[1, 3]], atol=1e-12)
@@ -71,7 +73,14 @@ def test_poses_in_an_own_unit_are_compared_in_that_of_their_first_baseline() -> 
     moved = [(true[0].inverse() @ pose).scaled(0.3) for pose in true]
     given = [world @ pose @ Pose.exp(twist).inverse() for pose, twist in zip(moved, twists, strict=True)]
     steps = [
-        Step("monocular", i, Status.TRACKING, "video", pose, covariance=None if i < 2 else np.diag(np.arange(1.0, 7)))
+        Step(
+            i,
+            Status.TRACKING,
+            "video",
+            pose,
+            covariance=None if i < 2 else np.diag(np.arange(1.0, 7)),
+            method="monocular",
+        )
         for i, pose in enumerate(given)
     ]
     result = errors(steps, Trajectory.of(list(enumerate(true))), own_unit=True)

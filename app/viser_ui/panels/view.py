@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import viser
 
-from ispom.estimators import ALL_METHODS
+from ispom.methods import names
 from ispom.types import TrackStatus
 
 from ... import colours
 from ...rerun_log.layers import LAYERS
 from ...session import commands as do
 from ...session.state import State
-from ..controls import label_of
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -25,7 +24,7 @@ log = logging.getLogger(__name__)
 class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session = session
-        self._boxes = {method: gui.add_checkbox(label_of(method), True) for method in ALL_METHODS}
+        self._boxes = {method: gui.add_checkbox(colours.label(method), True) for method in names()}
         self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: session.post(do.Hide(self.hidden)))
@@ -37,14 +36,14 @@ class ViewPanel:
         return frozenset(name for name, box in self._boxes.items() if not box.value)
 
     def show(self, state: State) -> None:
-        for method in ALL_METHODS:
+        for method in names():
             if self._boxes[method].disabled != (method not in state.methods):
                 self._boxes[method].disabled = method not in state.methods
 
 
 def legend() -> str:
     """What the colours mean, as HTML."""
-    methods = [(colours.METHOD[m], label_of(m)) for m in ALL_METHODS] + [(colours.TRUTH, "truth")]
+    methods = [(colours.of(m), colours.label(m)) for m in names()] + [(colours.TRUTH, "truth")]
     by_colour: dict[colours.Rgb, list[str]] = {}
     for status, colour in colours.TRACK.items():
         by_colour.setdefault(colour, []).append(TrackStatus(status).reason)

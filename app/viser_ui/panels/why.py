@@ -14,7 +14,6 @@ from ... import colours
 from ...run.record import ExposureRecord
 from ...session.state import State
 from ...uncertainty import told
-from ..controls import label_of
 
 ROW = "display:flex;gap:6px;font-variant-numeric:tabular-nums"
 EMPTY = "Nothing is computed yet. Press play, or step forward (→)."
@@ -51,20 +50,24 @@ def _unit_m(record: ExposureRecord, step: Step) -> float:
 
 
 def _step(step: Step, unit_m: float) -> str:
-    colour = colours.css(colours.METHOD[step.method])  # type: ignore[index]
+    colour = colours.css(colours.of(step.method))  # type: ignore[index]
     flags = " · key frame" if step.key_frame else ""
     title = (
         f'<div style="margin-top:10px;padding-bottom:2px;border-bottom:2px solid {colour};display:flex">'
-        f'<b style="flex:1">{label_of(step.method)}</b><span>{step.status}{flags}</span></div>'
+        f'<b style="flex:1">{colours.label(step.method)}</b><span>{step.status}{flags}</span></div>'
     )
     rows = [_decision(decision) for decision in step.decisions]
     return title + "".join(rows) + "".join(_fact(name, text) for name, text in _facts(step, unit_m))
 
 
 def _decision(decision: Decision) -> str:
-    mark, tint = ("✓", colours.css(colours.METHOD["integrated"])) if decision.passed else ("✕", "#c46a3a")
+    mark, tint = ("✓", colours.css(colours.of("integrated"))) if decision.passed else ("✕", "#c46a3a")
     unit = f" {escape(decision.unit)}" if decision.unit else ""
-    because = f'<div style="opacity:.7;padding-left:18px">{escape(decision.because)}</div>' if decision.because else ""
+    because = (
+        f'<div style="opacity:.7;padding-left:18px">{escape(decision.consequence)}</div>'
+        if decision.consequence
+        else ""
+    )
     return (
         f'<div style="{ROW}"><span style="color:{tint};width:12px;flex:none">{mark}</span>'
         f'<span style="flex:1">{escape(decision.name)}</span>'

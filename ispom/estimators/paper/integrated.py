@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -9,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.chain import Chain, in_order
-from ispom.estimators.paper.monocular import Monocular, MonocularConfig, MonocularState
-from ispom.estimators.paper.stereo import Stereo, StereoConfig, StereoState
 from ispom.geometry import Pose
 from ispom.settings import Range
 from ispom.solvers.interpolation import Interpolation, interpolate
 from ispom.solvers.segment import Segment, fit_rotations, fit_segment
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory
 
 MARGIN_NS = 200_000_000
 """Video poses this long before a segment are kept, for the interpolation at its start."""
@@ -34,20 +33,22 @@ class IntegratedConfig:
     max_waiting_pairs: Annotated[int, Range(1, 100)] = 12
     """Stereo pairs after a segment's end that its video poses are waited for, as while the video initialises."""
 
-    def build(self, rig: Rig, monocular: MonocularConfig, stereo: StereoConfig) -> Integrated:
-        return Integrated(rig, self, monocular.build(rig), stereo.build(rig))
+    def build(self, rig: Rig) -> Integrated:
+        return Integrated(rig, self)
 
 
 @dataclass(frozen=True, eq=False)
 class IntegratedState:
-    monocular: MonocularState
-    stereo: StereoState
     metric: tuple[tuple[int, Pose], ...] = ()
     """(time_ns, world_from_rig) of the stereo poses from the one before the open segment on."""
     opened_ns: int | None = None
     """Where the open segment begins."""
     video: Trajectory = field(default_factory=lambda: Trajectory.empty("video"))
     """Video poses, own world and unit, from shortly before the open segment on."""
+    final_until_ns: int | None = None
+    """Video poses before this time will not be revised any more."""
+    restarts_ns: tuple[int, ...] = ()
+    """When the video's world began anew, from shortly before the open segment on."""
     frames_ns: tuple[int, ...] = ()
     """Video exposures from the open segment on, with a pose or without."""
     scale: float | None = None
@@ -58,21 +59,15 @@ class IntegratedState:
 
 @dataclass(frozen=True, eq=False)
 class Integrated:
-    """Metric at video rate. World: the rig at the first stereo pair."""
+    """Metric at video rate. World: the rig at the first stereo pair. Asks a monocular and a stereo method."""
 
     rig: Rig
     config: IntegratedConfig
-    monocular: Monocular
-    stereo: Stereo
-    method: str = "integrated"
-
-    def uses(self, exposure: Exposure) -> bool:
-        return isinstance(exposure, StereoPair | VideoFrame)
 
     def start(self) -> IntegratedState:
-        return IntegratedState(self.monocular.start(), self.stereo.start())
+        return IntegratedState()
 
-    def finish(self, state: IntegratedState) -> Trajectory:
+    def finish(self, state: IntegratedState, asked: Mapping[str, Trajectory]) -> Trajectory:
         """All closed segments, and those still open closed with the video poses known by now."""
         while (closed := self._close(state)) is not None:
             state = closed[0]
@@ -82,23 +77,13 @@ class Integrated:
         items += [(t, ends[t]) for t in state.frames_ns if t == state.opened_ns]
         return Trajectory.of(items)
 
-    def finish_parts(self, state: IntegratedState) -> dict[str, Trajectory]:
-        """The trajectories of the two estimators inside."""
-        return {
-            "monocular": self.monocular.finish(state.monocular),
-            "stereo": self.stereo.finish(state.stereo),
-        }
-
-    def step(self, state: IntegratedState, exposure: Exposure) -> tuple[IntegratedState, Step]:
+    def step(
+        self, state: IntegratedState, exposure: Exposure, asked: Mapping[str, Step]
+    ) -> tuple[IntegratedState, Step]:
         """One exposure of either kind; closes every segment that has become complete."""
-        if isinstance(exposure, StereoPair):
-            stereo, part = self.stereo.step(state.stereo, exposure)
-            watch = Stopwatch()
-            state = self._with_metric(replace(state, stereo=stereo), part)
-        else:
-            monocular, part = self.monocular.step(state.monocular, exposure)
-            watch = Stopwatch()
-            state = self._with_video(replace(state, monocular=monocular), part)
+        watch, stereo = Stopwatch(), isinstance(exposure, StereoPair)
+        part = asked["stereo" if stereo else "video"]
+        state = self._with_metric(state, part) if stereo else self._with_video(state, part)
         revised, decisions = [], []
         while self._complete(state) and (closed := self._close(state)) is not None:
             state, piece, why = closed
@@ -108,13 +93,12 @@ class Integrated:
         watch.lap("integrate")
         status = Status.TRACKING if pose else Status.INITIALISING if state.scale is None else Status.LOST
         return state, Step(
-            self.method,
             exposure.time_ns,
             status,
             "rig",
             pose,
             key_frame=bool(revised),
-            landmarks=self._landmarks(state, part, pose),
+            landmarks=Landmarks.empty() if stereo else self._landmarks(state, part, pose),
             revised=Trajectory.of(revised),
             scale=state.scale,
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
@@ -136,7 +120,14 @@ class Integrated:
         if part.world_from_frame is not None:
             items.append((part.time_ns, part.world_from_frame))
         video = Trajectory.of([(t, p) for t, p in items if t >= since], "video")
-        return replace(state, video=video, frames_ns=(*(t for t in state.frames_ns if t >= since), part.time_ns))
+        begun = (part.time_ns,) if part.restarted else ()
+        return replace(
+            state,
+            video=video,
+            final_until_ns=part.final_until_ns,
+            restarts_ns=(*(t for t in state.restarts_ns if t >= since), *begun),
+            frames_ns=(*(t for t in state.frames_ns if t >= since), part.time_ns),
+        )
 
     def _ends(self, state: IntegratedState) -> tuple[int, int] | None:
         """The open segment's span, once its end is known."""
@@ -148,7 +139,7 @@ class Integrated:
         ends = self._ends(state)
         if ends is None:
             return False
-        final = state.monocular.window.final_until_ns
+        final = state.final_until_ns
         waiting = sum(t > ends[1] for t, _ in state.metric)
         return (final is not None and final >= ends[1]) or waiting >= self.config.max_waiting_pairs
 
@@ -179,7 +170,7 @@ class Integrated:
         fallback = interpolate(metric, times, "bspline")
         covered, why_not = self._covered(state, ends, times)
         if not covered:
-            return fallback, None, (Decision("video poses cover the segment", 0, 1, False, because=why_not),)
+            return fallback, None, (Decision("video poses cover the segment", 0, 1, False, consequence=why_not),)
         start, end = metric.at(ends[0]), metric.at(ends[1])
         assert start is not None and end is not None
         own = interpolate(state.video, np.array(ends, np.int64), self.config.interpolation)
@@ -190,7 +181,11 @@ class Integrated:
         if segment is None:
             rotations, _ = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
             still = Trajectory(times, rotations, fallback.translations, "video")
-            return still, None, (replace(moved, because="no ratio of lengths: positions from the stereo poses alone"),)
+            return (
+                still,
+                None,
+                (replace(moved, consequence="no ratio of lengths: positions from the stereo poses alone"),),
+            )
         return segment.poses, segment.scale, (moved, *_bends(segment))
 
     def _covered(self, state: IntegratedState, ends: tuple[int, int], times: NDArray[np.int64]) -> tuple[bool, str]:
@@ -199,7 +194,7 @@ class Integrated:
             return False, "no video poses on both sides: stereo poses interpolated"
         if not np.isin(times, video.times_ns).all():
             return False, "video frames without a pose: stereo poses interpolated"
-        restarts = [t for t in state.monocular.window.starts_ns if video.times_ns[0] < t <= ends[1]]
+        restarts = [t for t in state.restarts_ns if video.times_ns[0] < t <= ends[1]]
         if restarts:
             return False, "the monocular estimator started anew inside: stereo poses interpolated"
         return True, ""
@@ -220,7 +215,7 @@ class Integrated:
 
     def _landmarks(self, state: IntegratedState, part: Step, pose: Pose | None) -> Landmarks:
         """The video's points, made metric by the last segment's unit."""
-        if part.method != "monocular" or not len(part.landmarks) or pose is None or state.scale is None:
+        if not len(part.landmarks) or pose is None or state.scale is None:
             return Landmarks.empty()
         assert part.world_from_frame is not None
         in_video = state.scale * part.world_from_frame.inverse().apply(part.landmarks.xyz_in_world)

@@ -89,10 +89,6 @@ class Monocular:
 
     rig: Rig
     config: MonocularConfig
-    method: str = "monocular"
-
-    def uses(self, exposure: Exposure) -> bool:
-        return isinstance(exposure, VideoFrame)
 
     def start(self) -> MonocularState:
         return MonocularState()
@@ -156,7 +152,7 @@ class Monocular:
         enough = Decision("share of the last key frame's points left", share, least, share >= least)
         early = not moved.passed and not enough.passed and displacement >= wanted / 4
         if early:
-            enough = replace(enough, because="key frame taken early, before more points are lost")
+            enough = replace(enough, consequence="key frame taken early, before more points are lost")
         return moved.passed or early, (moved, enough)
 
     def _key_frame(self, state: MonocularState, frame: Frame, decisions: tuple[Decision, ...]) -> Revision:
@@ -188,7 +184,7 @@ class Monocular:
         resected = 0 if triple is None else int(triple.resected.sum())
         checks = (
             Decision(
-                "share on their epipolar lines", epipolar, 0.5, epipolar >= 0.5, because="" if triple else "no pose"
+                "share on their epipolar lines", epipolar, 0.5, epipolar >= 0.5, consequence="" if triple else "no pose"
             ),
             Decision("points resected in the middle key frame", resected, 12, resected >= 12),
         )
@@ -205,7 +201,7 @@ class Monocular:
             common,
             self.config.min_common,
             False,
-            because="lost; a new start from the last pose, the step length carried over",
+            consequence="lost; a new start from the last pose, the step length carried over",
         )
         return Revision(state.window.restarted(frame), state.scale, (*decisions, restart), lost=True)
 
@@ -269,7 +265,6 @@ class Monocular:
             else (Status.TRACKING if started else Status.INITIALISING)
         )
         step = Step(
-            self.method,
             exposure.time_ns,
             health,
             "video",
@@ -284,6 +279,8 @@ class Monocular:
             scale=revision.step_scale,
             seconds=watch.seconds,
             decisions=revision.decisions,
+            final_until_ns=window.final_until_ns,
+            restarted=window.starts_ns[-1:] == (exposure.time_ns,),
         )
         return after, step
 

@@ -72,7 +72,7 @@ def adjust_window(window: Window, scale: float) -> tuple[Window, tuple[Decision,
         1.0,
         bundle.cost_after < bundle.cost_before,
         relation="<",
-        because=f"{len(keys)} key frames, {len(chosen)} points, {len(np.concatenate(points))} observations",
+        consequence=f"{len(keys)} key frames, {len(chosen)} points, {len(np.concatenate(points))} observations",
     )
     return _carried(window, after, Points(window.landmarks.ids, xyz)), (decision,)
 

@@ -46,7 +46,7 @@ def transfer_scale(
         scale = last.length / max(t12, 1e-6)
         if transfer == "depth" and not window.fresh:
             scale, because = _by_depth(triple, ids, window, scale)
-    decision = Decision(f"scale transfer ({transfer})", scale, 0.0, scale > 0, relation=">", because=because)
+    decision = Decision(f"scale transfer ({transfer})", scale, 0.0, scale > 0, relation=">", consequence=because)
     return ScaleStep(scale * length, length / true_length), scale, decision
 
 

@@ -95,10 +95,6 @@ class Stereo:
 
     rig: Rig
     config: StereoConfig
-    method: str = "stereo"
-
-    def uses(self, exposure: Exposure) -> bool:
-        return isinstance(exposure, StereoPair)
 
     def start(self) -> StereoState:
         return StereoState()
@@ -127,7 +123,6 @@ class Stereo:
         status = Status.TRACKING if located else Status.INITIALISING if first else Status.LOST
         residuals = tracks.residual_px[tracks.status == TrackStatus.ALIVE]
         step = Step(
-            self.method,
             exposure.time_ns,
             status,
             "rig",
@@ -210,14 +205,14 @@ class Stereo:
         least = self.config.min_inliers
         points = Decision("points with depth", len(cloud), least, len(cloud) >= least)
         if state.reference is None:
-            return points.passed, (replace(points, because="the first pair is the world"),)
+            return points.passed, (replace(points, consequence="the first pair is the world"),)
         inliers = 0 if motion is None else int(motion.inliers.sum())
         common = Decision("points common with the last pair", len(pairs[0]), least, len(pairs[0]) >= least)
         fitting = Decision("points that fit the rigid motion", inliers, least, inliers >= least)
         afresh = state.lost_pairs + 1 > self.config.max_lost_pairs
         if not fitting.passed:
             then = "start afresh from the last known pose" if afresh else "keep the last located pair as reference"
-            fitting = replace(fitting, because=f"not located; {then}")
+            fitting = replace(fitting, consequence=f"not located; {then}")
         return fitting.passed, (points, common, fitting)
 
     def _locate(self, state: StereoState, motion: RigidMotion | None) -> Pose:

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.bench import command, consistency, measure, peak, plan, tables, unit
-from ispom_app.bench.options import VARIANTS
 from ispom_app.bench.peers import PEERS
 from ispom_app.cli import main
 
-from ispom.estimators import METHODS
 from ispom.evaluation.consistency import Errors
+from tests.alone import METHODS
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
 
@@ -50,9 +49,7 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
     for peer in PEERS["kitti-06", "stereo"]:
         assert peer.name in told and peer.t_err_percent in told
     assert told.count("skipped") == 2 and report["skipped"] == ["kitti-00", "euroc"]
-    assert [(r["method"], r["variant"]) for r in report["rows"]] == [
-        (m, v) for m in ("monocular", "stereo") for v in VARIANTS
-    ]
+    assert [r["method"] for r in report["rows"]] == ["monocular", "monocular.paper", "stereo", "stereo.paper"]
     for row in report["rows"]:
         found = row["found"]
         assert found["poses"] == found["asked"] > 0 and found["lost"] == 0
@@ -82,12 +79,10 @@ def test_consistency_is_told_of_what_has_covariances(
         twists = np.random.default_rng(seed).normal(size=(10, 6))
         return Errors(np.arange(10), twists, np.tile(np.eye(6) / 4, (10, 1, 1)))
 
-    monkeypatch.setattr(consistency, "_errors", lambda sequence, method, variant: made(sequence))
+    monkeypatch.setattr(consistency, "_errors", lambda sequence, method: made(sequence))
     monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s: seed)
-    monkeypatch.setattr(command, "COMPARED", ("stereo",))
-    monkeypatch.setattr(
-        command, "_child", lambda module, task: consistency.measured("stereo", "paper", task["seeds"], tmp_path)
-    )
+    monkeypatch.setattr(command, "names", lambda: ("stereo",))
+    monkeypatch.setattr(command, "_child", lambda module, task: consistency.measured("stereo", task["seeds"], tmp_path))
     assert main(["bench", "--consistency", "--seeds", "5", "--json", str(tmp_path / "c.json")]) == 0
     (row, *_) = json.loads((tmp_path / "c.json").read_text())["consistency"]
     assert row["pose"]["sigma_factor"] == pytest.approx(2, rel=0.1) and row["position"]["dof"] == 3
@@ -103,7 +98,7 @@ def test_every_peer_stands_beside_a_row() -> None:
 
 
 def test_a_row_in_a_process_of_its_own(tmp_path: Path) -> None:
-    task = {"case": "kitti-06", "source": str(tmp_path), "pair": [], "runs": 1, "method": "stereo", "variant": "paper"}
+    task = {"case": "kitti-06", "source": str(tmp_path), "pair": [], "runs": 1, "method": "stereo.paper"}
     assert "empty folder" in command._child("measure", task)["error"]
     assert "failed, please report it" in command._child("nothing", task)["error"]
 

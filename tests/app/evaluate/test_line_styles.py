@@ -15,7 +15,7 @@ NAMES = [*colours.METHOD, "orbslam", "vins", "truth-like"]
 def test_stereo_has_its_own_colour_wherever_it_stands() -> None:
     for order in (["stereo", "monocular"], ["monocular", "stereo"], ["orbslam", "stereo"]):
         style = line_styles([Path(f"run/{name}.tum") for name in order])[order.index("stereo")]
-        assert style.colour == colours.css(colours.METHOD["stereo"]) and style.dash == "solid"
+        assert style.colour == colours.css(colours.of("stereo")) and style.dash == "solid"
 
 
 def test_the_other_colours_are_no_methods() -> None:

@@ -22,8 +22,8 @@ from ispom_app.run.playback import Playback
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
-from ispom.estimators import METHODS
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 
 rr.set_strict_mode(True)

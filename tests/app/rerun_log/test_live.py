@@ -16,8 +16,8 @@ from ispom_app.run.playback import Playback
 from ispom_app.run.record import ExposureRecord
 from rerun.chunk import RrdReader
 
-from ispom.estimators import METHODS
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 
 rr.set_strict_mode(True)

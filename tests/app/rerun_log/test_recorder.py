@@ -21,10 +21,10 @@ from ispom_app.run.playback import Playback
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
-from ispom.estimators import ALL_METHODS, METHODS
 from ispom.geometry import Pose, Similarity
 from ispom.types import Camera, Landmarks, StereoPair, Tracks, TrackStatus, Trajectory, VideoFrame
 from tests import doubles
+from tests.alone import ALL, METHODS
 from tests.app import helpers
 
 rr.set_strict_mode(True)
@@ -196,7 +196,7 @@ def test_what_is_logged_per_exposure_does_not_grow(run):
 
 
 def test_every_status_has_a_colour_and_methods_read_in_both_themes():
-    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL_METHODS)
+    assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL)
     for colour in [*colours.METHOD.values(), colours.TRUTH]:
         assert _contrast(colour, (255, 255, 255)) >= 3 and _contrast(colour, (13, 16, 17)) >= 3
 

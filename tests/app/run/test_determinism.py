@@ -11,10 +11,10 @@ from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
-from ispom.estimators import METHODS
 from ispom.io.tum import tum_text
 from ispom.sequences.simulated import open_simulated
 from ispom.types import Sequence
+from tests.alone import METHODS
 from tests.app.helpers import wait_for
 
 

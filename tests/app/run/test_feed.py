@@ -13,9 +13,9 @@ from ispom_app.run.playback import Playback
 from ispom_app.run.record import ExposureRecord
 
 from ispom.errors import UnreadableImage
-from ispom.estimators import METHODS
 from ispom.types import Exposure, VideoFrame
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 
 N = 2 * IMAGES_WAITING

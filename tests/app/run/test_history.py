@@ -14,8 +14,8 @@ from ispom_app.run.history import SEGMENTS, History
 from ispom_app.run.playback import Playback
 from ispom_app.run.record import ExposureRecord, size_bytes
 
-from ispom.estimators import METHODS
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 
 

@@ -12,10 +12,10 @@ from ispom_app.options import Run
 from ispom_app.run.playback import Playback
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.estimators import METHODS
 from ispom.io.tum import read_tum
 from ispom.types import Exposure, Sequence
 from tests import doubles
+from tests.alone import METHODS
 from tests.app import helpers
 
 

@@ -10,10 +10,11 @@ import pytest
 from ispom_app.run import warmup
 from ispom_app.session import commands as do
 
-from ispom.estimators import Config, warm_up
+from ispom import warm_up
+from ispom.methods import Config
 from tests.app import helpers
 
-MODERN = Config(variant="modern")
+MODERN = (("monocular",), Config())
 
 
 def python(script: str) -> list[str]:
@@ -30,8 +31,8 @@ def started(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("started")
 def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
-    warmup.start(MODERN)
-    warmup.start(MODERN)
+    warmup.start(*MODERN)
+    warmup.start(*MODERN)
     ((child, _),) = warmup._running
     assert not warmup.finished(0.01) and not warmup.finished()
     child.requests.write(b"x")
@@ -43,7 +44,7 @@ def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_how_far_it_is_can_be_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
     assert warmup.progress() is None and warmup.message() == warmup.MESSAGE
-    warmup.start(MODERN)
+    warmup.start(*MODERN)
     ((child, started),) = warmup._running
     monkeypatch.setattr(warmup.time, "monotonic", lambda: started + 30)
     monkeypatch.setattr(warmup, "kept_share", lambda: 0.01)
@@ -64,24 +65,24 @@ def test_one_that_fails_is_over_said_to_be_and_not_tried_again(
     monkeypatch: pytest.MonkeyPatch, command: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(warmup, "COMMAND", command)
-    warmup.start(MODERN)
+    warmup.start(*MODERN)
     assert warmup.finished(20)
     assert ("no room for LLVM" if "-c" in command else "no-such-program") in (warmup.failure() or "")
     assert len(caplog.records) == 1
-    warmup.start(MODERN)
+    warmup.start(*MODERN)
     assert not warmup._running
 
 
 @pytest.mark.usefixtures("started")
 def test_what_is_kept_is_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warm_up, "compiled_before", lambda: True)
-    warmup.start(MODERN)
+    warmup.start(*MODERN)
     assert not warmup._running and warmup.finished()
 
 
 @pytest.mark.usefixtures("started")
 def test_what_is_not_needed_is_not_compiled() -> None:
-    warmup.start(Config(variant="paper"))
+    warmup.start(("stereo.paper",), Config())
     assert not warmup._running
 
 
@@ -89,8 +90,8 @@ def test_what_is_not_needed_is_not_compiled() -> None:
 def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     over = threading.Event()
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.wait(wait_s))
-    asked: list[Config] = []
-    session = helpers.started(tmp_path, compiling=asked.append)
+    asked: list[tuple[str, ...]] = []
+    session = helpers.started(tmp_path, compiling=lambda methods, config: asked.append(methods))
     try:
         helpers.wait_for(
             lambda: session.state.activity and session.state.activity.text == warmup.MESSAGE, "the message"
@@ -108,10 +109,10 @@ def test_the_page_says_so_and_goes_on_after_it(monkeypatch: pytest.MonkeyPatch, 
 @pytest.mark.usefixtures("started")
 def test_the_first_start_shows_the_papers_methods_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMMAND", python("pass"))
-    assert warmup.at_first(MODERN).variant == "paper" and len(warmup._running) == 1
+    assert warmup.at_first(Config()) == "paper" and len(warmup._running) == 1
     assert warmup.finished(20)
     monkeypatch.setattr(warm_up, "compiled_before", lambda: True)
-    assert warmup.at_first(MODERN).variant == "modern"
+    assert warmup.at_first(Config()) == "modern"
 
 
 @pytest.mark.parametrize("exposures", [20, 2000])  # the run has ended by then, or goes on
@@ -120,7 +121,7 @@ def test_the_page_tells_of_it_and_does_not_wait_where_nothing_needs_it(
 ) -> None:
     over = threading.Event()
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.is_set())
-    session = helpers.started(tmp_path, f"double:{exposures}", config=Config(variant="paper"))
+    session = helpers.started(tmp_path, f"double:{exposures}", variant="paper")
     try:
         helpers.wait_for(lambda: session.state.computed >= min(exposures, 100), "exposures meanwhile")
         assert warmup.MEANWHILE in [n.text for n in session.state.notices]

@@ -16,7 +16,7 @@ from ispom_app.session.recordings import list_recordings
 from ispom_app.session.session import Session
 
 from ispom.errors import InputError
-from ispom.estimators import Config
+from ispom.methods import Config
 from ispom.types import Exposure, Sequence
 from tests.app.helpers import opener, started, wait_for
 from tests.app.session.recorded import entities_in, exposures_in

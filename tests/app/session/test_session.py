@@ -12,7 +12,8 @@ from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
 from ispom.errors import InputError
-from ispom.estimators import Config
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.methods import Config
 from ispom.types import Sequence
 from tests import doubles
 from tests.app.helpers import opener, started, wait_for
@@ -89,7 +90,7 @@ def test_playing_again_at_the_end_starts_over_from_history(paused: Session):
 
 def test_a_restart_takes_the_new_settings(paused: Session):
     go(paused, do.Seek(5), 5)
-    config = Config(monocular=replace(Config().monocular, local_bundle=True))
+    config = Config().with_settings("monocular", ModernMonocularConfig(max_tracks=300))
     paused.post(do.Restart(("monocular",), config))
     wait_for(lambda: paused.state.run == 2 and paused.state.ended, "the second run")
     assert paused.state.methods == ("monocular",) and paused.state.config == config

@@ -17,7 +17,7 @@ from ispom_app.session.state import (
     reduce,
 )
 
-from ispom.estimators import Config
+from ispom.methods import Config, method, names
 from tests import doubles
 
 SEQUENCE = doubles.sequence(6)
@@ -27,7 +27,7 @@ OPENED = Opened(SEQUENCE, ("monocular", "stereo", "integrated"), Config(), SEQUE
 def moment(index: int, before: ExposureRecord | None = None) -> ExposureRecord:
     exposure = SEQUENCE[index]
     estimators = [doubles.FakeEstimator(m) for m in ("monocular", "stereo")]
-    steps = tuple(e.step((), exposure)[1] for e in estimators if e.uses(exposure))
+    steps = tuple(e.step((), exposure)[1] for e in estimators if method(e.method).uses(exposure))
     return ExposureRecord.of(Stepped(index, exposure, steps, {}, {s.method: 0.5 for s in steps}), before)
 
 
@@ -36,7 +36,7 @@ def test_a_run_from_opening_to_its_end():
     assert (state.phase, state.index, state.time_s) == ("opening", -1, 0.0)
     state = reduce(state, OPENED)
     assert (state.phase, state.total, state.run) == ("ready", len(SEQUENCE), 1)
-    assert state.possible == ("monocular", "stereo", "integrated", "integrated_paper")
+    assert state.possible == names()
     first, second = moment(0), moment(1)
     state = reduce(reduce(state, Computed(first)), Computed(second))
     assert (state.computed, state.index) == (2, 1)

@@ -12,11 +12,12 @@ import viser
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
 from ispom_app.viser_ui.controls import ConfigForm, label_of
-from ispom_app.viser_ui.panels.methods import FRESH, PENDING, MethodsPanel
+from ispom_app.viser_ui.panels.methods import APPLIED, PENDING, MethodsPanel
 
-from ispom.estimators import COMPARED, METHODS, Config
+from ispom.methods import Config, names
 from ispom.settings import Range
 from tests import doubles
+from tests.alone import PAPER
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,7 @@ def test_values_go_both_ways(server: viser.ViserServer):
 
 
 def test_the_real_settings_survive_the_round_trip(server: viser.ViserServer):
-    modern = Config().modern
-    for config in (Config().monocular, Config().stereo, Config().integrated, modern.monocular, modern.integrated):
+    for config in map(Config().of, names()):
         assert ConfigForm(server.gui, config).value == config
 
 
@@ -79,26 +79,24 @@ def test_labels_carry_units(name: str, label: str):
     assert label_of(name) == label
 
 
-def test_the_methods_panel_switches_the_variant(server: viser.ViserServer):
+def test_the_methods_panel_offers_every_method_beside_each_other(server: viser.ViserServer):
     asked: list[do.Command] = []
     opened = SimpleNamespace(sequence=SimpleNamespace(rig=doubles.rig()))
-    state = State("double:20", methods=METHODS, config=Config(variant="paper"), run=1)
+    state = State("double:20", methods=PAPER, run=1)
     session: Any = SimpleNamespace(state=state, opened=opened, post=asked.append)
     panel = MethodsPanel(server.gui, session)
     panel.show(state)
-    assert panel._text.content == FRESH and not panel._on[COMPARED].visible
-    panel._variant.value = "modern"
-    panel._on[COMPARED].value = True
-    panel._forms["modern", "stereo"]._inputs["max_tracks"].value = 321
-    assert panel._text.content == PENDING and panel._on[COMPARED].visible
-    assert {key for key, folder in panel._folders.items() if folder.visible} == {
-        key for key in panel._folders if key[0] == "modern"
-    }
+    assert panel._text.content == APPLIED and [m for m, box in panel._on.items() if box.value] == list(PAPER)
+    assert {name for name, folder in panel._folders.items() if folder.visible} == set(PAPER)
+    panel._on["stereo"].value = True
+    panel._forms["stereo"]._inputs["max_tracks"].value = 321
+    assert panel._text.content == PENDING and panel._folders["stereo"].visible
     for press in panel._apply._impl.update_cb:
         press(SimpleNamespace())
     restart = asked[-1]
-    assert isinstance(restart, do.Restart) and COMPARED in restart.methods
-    assert restart.config.variant == "modern" and restart.config.of("stereo").max_tracks == 321
-    panel._forms["paper", "stereo"]._inputs["min_inliers"].value = 77
-    panel.show(replace(state, config=restart.config, methods=restart.methods, run=2))
-    assert panel._variant.value == "modern" and panel._on[COMPARED].value
+    assert isinstance(restart, do.Restart) and restart.methods == ("stereo", *PAPER)
+    assert restart.config.of("stereo").max_tracks == 321
+    panel._forms["stereo.paper"]._inputs["min_inliers"].value = 77
+    session.state = replace(state, config=restart.config, methods=restart.methods, run=2)
+    panel.show(session.state)
+    assert panel._on["stereo"].value and panel._text.content == APPLIED

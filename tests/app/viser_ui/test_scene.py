@@ -17,9 +17,9 @@ from ispom_app.run.record import ExposureRecord
 from ispom_app.viser_ui.scene import Scene
 from numpy.testing import assert_allclose
 
-from ispom.estimators import METHODS, Ensemble
 from ispom.geometry import Pose, Similarity
 from tests import doubles
+from tests.alone import METHODS
 
 N = 150
 
@@ -58,7 +58,7 @@ def run() -> tuple[Opened, list[ExposureRecord], list[RunModel]]:
     playback = Playback(
         doubles.sequence(N),
         METHODS,
-        builder=lambda config, methods, rig: Ensemble(methods, {m: doubles.FullEstimator(m) for m in methods}),
+        builder=lambda config, methods, rig: doubles.ensemble(methods, doubles.FullEstimator),
     )
     records, models = list[ExposureRecord](), [RunModel.start(METHODS)]
     while not playback.done:

@@ -8,21 +8,19 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimators.modern.integrated.estimator import ModernIntegrated, ModernIntegratedConfig
-from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
-from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.geometry import Pose, so3_log
 from ispom.simulation.faults import with_late_video, with_turned_video
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
+from tests.alone import Alone, alone
 
 
-def estimator_of(flight: Sequence, **changes: object) -> ModernIntegrated:
-    config = ModernIntegratedConfig(**changes)  # type: ignore[arg-type]
-    return config.build(flight.rig, ModernMonocularConfig(), ModernStereoConfig())
+def estimator_of(flight: Sequence, **changes: object) -> Alone:
+    return alone("integrated", flight.rig, ModernIntegratedConfig(**changes))  # type: ignore[arg-type]
 
 
-def walk(estimator: ModernIntegrated, exposures: list[Exposure]) -> tuple[list, list[Step]]:
+def walk(estimator: Alone, exposures: list[Exposure]) -> tuple[list, list[Step]]:
     states, steps = [estimator.start()], []
     for exposure in exposures:
         state, step = estimator.step(states[-1], exposure)
@@ -32,12 +30,12 @@ def walk(estimator: ModernIntegrated, exposures: list[Exposure]) -> tuple[list, 
 
 
 @pytest.fixture(scope="module")
-def estimator(flight: Sequence) -> ModernIntegrated:
+def estimator(flight: Sequence) -> Alone:
     return estimator_of(flight)
 
 
 @pytest.fixture(scope="module")
-def walked(estimator: ModernIntegrated, exposures: list[Exposure]) -> tuple[list, list[Step]]:
+def walked(estimator: Alone, exposures: list[Exposure]) -> tuple[list, list[Step]]:
     return walk(estimator, exposures)
 
 
@@ -48,7 +46,7 @@ def video_times(flight: Sequence) -> list[int]:
 
 
 def test_every_video_frame_between_the_pairs_is_placed_far_better_than_by_interpolation(
-    estimator: ModernIntegrated, walked: tuple[list, list[Step]], flight: Sequence
+    estimator: Alone, walked: tuple[list, list[Step]], flight: Sequence
 ) -> None:
     states, _ = walked
     found, stereo = estimator.finish(states[-1]), estimator.finish_parts(states[-1])["stereo"]
@@ -88,7 +86,7 @@ def test_covariances_are_stereos_at_the_pairs_and_grow_from_there(walked: tuple[
 
 def test_knots_are_chosen_from_the_motion_and_told(walked: tuple[list, list[Step]]) -> None:
     told = [d for s in walked[1] for d in s.decisions if d.name.startswith("misfit")]
-    assert told and all("knots every" in d.because for d in told)
+    assert told and all("knots every" in d.consequence for d in told)
     assert min(walked[0][-1].window.knots) <= 2.5  # a hand shakes
 
 
@@ -97,7 +95,7 @@ def same(a: Trajectory, b: Trajectory) -> bool:
 
 
 def test_threads_change_nothing_and_an_earlier_state_can_be_stepped_on_from(
-    estimator: ModernIntegrated, walked: tuple[list, list[Step]], exposures: list[Exposure]
+    estimator: Alone, walked: tuple[list, list[Step]], exposures: list[Exposure]
 ) -> None:
     states, before = walked[0], cv2.getNumThreads()
     middle = len(exposures) // 2

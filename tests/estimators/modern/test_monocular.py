@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from ispom.estimator import run
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
 from ispom.estimators.modern.monocular.start import Start, advance
 from ispom.estimators.paper.keyframes import Frame
@@ -17,6 +16,7 @@ from ispom.geometry import Pose, so3_log
 from ispom.sequences import open_sequence
 from ispom.solvers.alignment import umeyama
 from ispom.types import Exposure, Rig, Sequence, Status, Step, TrackStatus, Trajectory, VideoFrame
+from tests.alone import run
 from tests.estimators.test_contract import check_step, same
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
@@ -128,7 +128,7 @@ def test_a_turn_on_the_spot_keeps_the_place(flight: Sequence, frames: list[Video
     for step, turn in zip(steps, turns, strict=True):
         assert step.world_from_frame is not None and not step.world_from_frame.translation.any()
         assert np.linalg.norm(so3_log(step.world_from_frame.rotation @ turn)) < 2e-3
-    assert any("waiting for parallax" in d.because for d in steps[-1].decisions)
+    assert any("waiting for parallax" in d.consequence for d in steps[-1].decisions)
 
 
 def test_a_plane_starts_a_map(flight: Sequence) -> None:
@@ -191,7 +191,7 @@ def test_a_long_loss_starts_a_new_map_in_the_old_world(
     other = [replace(f, image=np.ascontiguousarray(f.image[:, ::-1])) for f in frames[35:]]  # a place never seen before
     found, steps = finish(estimator, [*blanked(frames[:35], 25, 10), *other])
     assert steps[-1].status is Status.TRACKING and steps[-1].covariance is not None
-    assert any("a new map" in d.because for s in steps for d in s.decisions)
+    assert any("a new map" in d.consequence for s in steps for d in s.decisions)
     part = found.select(found.times_ns > frames[35].time_ns)
     before = found.select(found.times_ns < frames[25].time_ns)
     truth = video_truth(flight)

@@ -20,7 +20,7 @@ ABSENT = "the shared recordings are not here"
 def run(estimator: ModernStereo, exposures: list[Exposure]) -> tuple[Trajectory, list[Step]]:
     state, steps = estimator.start(), []
     for exposure in exposures:
-        if estimator.uses(exposure):
+        if isinstance(exposure, StereoPair):
             state, step = estimator.step(state, exposure)
             steps.append(step)
     return estimator.finish(state), steps

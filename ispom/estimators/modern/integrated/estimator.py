@@ -6,18 +6,16 @@ saw in that time. They need not see the same points: pairs make the spline metri
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.chain import Chain, in_order
-from ispom.estimator import Estimator
 from ispom.estimators.modern.integrated.joint_report import told
 from ispom.estimators.modern.integrated.joint_window import USUAL_KNOT_FRAMES, JointWindow, Noise, View
-from ispom.estimators.modern.stereo.estimator import ModernStereoState
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.anchoring import anchored
@@ -88,15 +86,12 @@ class ModernIntegratedConfig:
     follow_stereo: bool = True
     """Meet the stereo estimator's pose at every pair, so that both share one drift; else the drift is its own."""
 
-    def build(self, rig: Rig, monocular: Any, stereo: Any) -> ModernIntegrated:
-        """With the settings of any monocular and stereo estimator whose Steps have their tracks."""
-        return ModernIntegrated(rig, self, monocular.build(rig), stereo.build(rig))
+    def build(self, rig: Rig) -> ModernIntegrated:
+        return ModernIntegrated(rig, self)
 
 
 @dataclass(frozen=True, eq=False)
 class ModernIntegratedState:
-    monocular: Any
-    stereo: Any
     window: JointWindow
     frame_s: float | None = None
     """Between two video frames."""
@@ -112,51 +107,39 @@ class ModernIntegratedState:
 
 @dataclass(frozen=True, eq=False)
 class ModernIntegrated:
-    """Metric at video rate. World: the rig at the first stereo pair."""
+    """Metric at video rate. World: the rig at the first stereo pair.
+
+    Asks any monocular and stereo method whose Steps have their tracks.
+    """
 
     rig: Rig
     config: ModernIntegratedConfig
-    monocular: Estimator
-    stereo: Estimator
-    method: str = "integrated"
-
-    def uses(self, exposure: Exposure) -> bool:
-        return isinstance(exposure, StereoPair | VideoFrame)
 
     def start(self) -> ModernIntegratedState:
-        return ModernIntegratedState(
-            self.monocular.start(), self.stereo.start(), JointWindow(self._rig_model(), self._rig_model())
-        )
+        return ModernIntegratedState(JointWindow(self._rig_model(), self._rig_model()))
 
-    def finish(self, state: ModernIntegratedState) -> Trajectory:
+    def finish(self, state: ModernIntegratedState, asked: Mapping[str, Trajectory]) -> Trajectory:
         """Poses of the video exposures from the first stereo pair to the last."""
         views = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in state.window.views]
-        return self._video_poses([*in_order(state.settled), *views], self.stereo.finish(state.stereo))
+        return self._video_poses([*in_order(state.settled), *views], asked["stereo"])
 
-    def finish_parts(self, state: ModernIntegratedState) -> dict[str, Trajectory]:
-        """The trajectories of the two estimators inside."""
-        return {
-            "monocular": self.monocular.finish(state.monocular),
-            "stereo": self.stereo.finish(state.stereo),
-        }
-
-    def step(self, state: ModernIntegratedState, exposure: Exposure) -> tuple[ModernIntegratedState, Step]:
+    def step(
+        self, state: ModernIntegratedState, exposure: Exposure, asked: Mapping[str, Step]
+    ) -> tuple[ModernIntegratedState, Step]:
         """One exposure: see, place, and after a pair adjust the window."""
-        if isinstance(exposure, StereoPair):
-            stereo, part = self.stereo.step(state.stereo, exposure)
-            state = self._with_metric(replace(state, stereo=stereo, window=_calibrated(state.window, stereo)), part)
-        else:
-            monocular, part = self.monocular.step(state.monocular, exposure)
-            state = self._timed(replace(state, monocular=monocular), exposure)
         watch = Stopwatch()
-        state, located, status = self._place(state, self._view(state, part))
+        part = asked["stereo" if isinstance(exposure, StereoPair) else "video"]
+        if isinstance(exposure, StereoPair):
+            state = self._with_metric(replace(state, window=_calibrated(state.window, part)), part)
+        else:
+            state = self._timed(state, exposure)
+        state, located, status = self._place(state, self._view(state, part, isinstance(exposure, VideoFrame)))
         watch.lap("place")
         state, decisions, revised = self._adjust(state) if isinstance(exposure, StereoPair) else (state, (), ())
         watch.lap("adjust")
         newest = state.window.views[-1] if status == Status.TRACKING else None
         onto = self._onto_stereo(state)
         return state, Step(
-            self.method,
             exposure.time_ns,
             status,
             "rig",
@@ -219,9 +202,8 @@ class ModernIntegrated:
         left_from_before = (now @ self.rig.rig_from_left).inverse() @ before @ self.rig.rig_from_left
         return float(left_from_before.rotvec[1] / ((now_ns - before_ns) * 1e-9))
 
-    def _view(self, state: ModernIntegratedState, part: Step) -> View:
+    def _view(self, state: ModernIntegratedState, part: Step, video: bool) -> View:
         """The raw observations of one exposure."""
-        video = part.method == "monocular"
         name = "video" if video else "left"
         camera, tracks = self.rig.camera(name), part.tracks.get(name, Tracks.of(np.zeros(0), np.zeros((0, 2))))
         alive = tracks.status < TrackStatus.LOST
@@ -396,6 +378,6 @@ def _longer(
     return chain
 
 
-def _calibrated(window: JointWindow, stereo: Any) -> JointWindow:
-    """With what the stereo estimator's own window found to be wrong with the pair, so that both have one scale."""
-    return replace(window, of_pair=stereo.map.extra) if isinstance(stereo, ModernStereoState) else window
+def _calibrated(window: JointWindow, stereo: Step) -> JointWindow:
+    """With what the stereo method found to be wrong with the pair, so that both have one scale."""
+    return replace(window, of_pair=stereo.calibration.get("pair", window.of_pair))

@@ -21,7 +21,7 @@ def told(window: JointWindow, solution: Solution) -> tuple[Decision, ...]:
         1.0,
         ratio <= 1,
         relation="<=",
-        because=f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations",
+        consequence=f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations",
     )
     return (cost, *_told_rig(window))
 

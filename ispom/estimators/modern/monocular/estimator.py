@@ -98,10 +98,6 @@ class ModernMonocular:
 
     rig: Rig
     config: ModernMonocularConfig
-    method: str = "monocular"
-
-    def uses(self, exposure: Exposure) -> bool:
-        return isinstance(exposure, VideoFrame)
 
     def start(self) -> ModernMonocularState:
         return ModernMonocularState()
@@ -304,7 +300,7 @@ class ModernMonocular:
             return self._anew(state, held, held, frame, followed, why)
         # From a dark or covered lens no map can start.
         if state.missed < PATIENCE or not shows_something(grey, state.live.grey):
-            why = replace(why, because="lost; the next frame is compared with the last good one")
+            why = replace(why, consequence="lost; the next frame is compared with the last good one")
             return Outcome(followed, Status.LOST, map=state.map, decisions=(why,), missed=state.missed + 1)
         return self._anew(state, coasted(state.recent, frame.time_ns), None, frame, followed, why)
 
@@ -323,7 +319,7 @@ class ModernMonocular:
         coasting = None if held is not None else partial(coasted, state.recent)
         covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
         start = Start((frame,), base, speed_of(world), world.points, self._extra_sigma, covariance, coasting)
-        why = replace(why, because="lost; a new map from the last pose")
+        why = replace(why, consequence="lost; a new map from the last pose")
         return Outcome(followed, Status.LOST, held, start=start, decisions=(why,), settled=tuple(world.trajectory()))
 
     def _conclude(
@@ -361,7 +357,6 @@ class ModernMonocular:
         residual = unknown if outcome.residual_px is None else outcome.residual_px
         watch.lap("new points")
         step = Step(
-            self.method,
             exposure.time_ns,
             outcome.status,
             "video",
@@ -378,6 +373,7 @@ class ModernMonocular:
             watch.seconds,
             outcome.decisions,
             scale_sigma=None if outcome.spread is None else outcome.spread.unit,
+            calibration={} if world is None else {"lens": world.extra},
         )
         return after, step
 

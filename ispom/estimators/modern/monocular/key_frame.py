@@ -54,7 +54,7 @@ def key_frame_tests(world: Map, frame: Frame, limits: Limits) -> tuple[Decision,
             limits.interval_s,
             late,
             "s",
-            because="" if late == (interval >= limits.interval_s) else "too little parallax for a key frame",
+            consequence="" if late == (interval >= limits.interval_s) else "too little parallax for a key frame",
         ),
     )
 
@@ -94,7 +94,7 @@ def extended(world: Map, frame: Frame, min_parallax_rad: float, sigma: float) ->
         1.0,
         bundle.cost_after < bundle.cost_before,
         relation="<",
-        because=f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations",
+        consequence=f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations",
     )
     spread = Spread.of(bundle.window, before.ids, sigma)
     scale, drift = _scale(world, known, sigma, spread)
@@ -136,6 +136,6 @@ def _scale(
     limit = max(3 * spread.step, 0.005)
     because = f"depth ratio {scale:.4f} +- {spread.step:.4f} of {int(sure.sum())} points"
     step = Decision(
-        "scale drift of this step", abs(scale - 1), limit, abs(scale - 1) <= limit, relation="<=", because=because
+        "scale drift of this step", abs(scale - 1), limit, abs(scale - 1) <= limit, relation="<=", consequence=because
     )
     return scale, (step, since)

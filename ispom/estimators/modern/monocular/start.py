@@ -106,7 +106,7 @@ def advance(start: Start, frame: Frame, sigma: float, min_parallax_rad: float) -
     if found is None and not enough.passed:
         return _restarted(start, frame, sigma, enough)
     if not moved.passed:
-        moved = replace(moved, because="place held, waiting for parallax")
+        moved = replace(moved, consequence="place held, waiting for parallax")
         return Begun(waiting, (moved,), held, settled=settled)
     return Begun(waiting, (moved, *decisions), None, found, settled)
 
@@ -139,7 +139,7 @@ def _restarted(start: Start, frame: Frame, sigma: float, why: Decision) -> Begun
         base = start.coasting(frame.time_ns)
     done = poses_held(start.frames)
     new = replace(start, frames=(replace(frame, world_from_camera=base),), base=base)
-    return Begun(new, (replace(why, because="begins again from here"),), base, settled=done)
+    return Begun(new, (replace(why, consequence="begins again from here"),), base, settled=done)
 
 
 def _first_map(start: Start, last: Frame, sigma: float, impatient: bool) -> tuple[Map | None, tuple[Decision, ...]]:
@@ -174,7 +174,7 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
     count = int(front.sum())
     shared = Decision("points that carry the unit over", count, MIN_SHARED, count >= MIN_SHARED)
     if not shared.passed:
-        return state, (replace(shared, because="the speed before the loss is taken instead"),)
+        return state, (replace(shared, consequence="the speed before the loss is taken instead"),)
     ratio = np.log(before[front] / now[front])
     middle = float(np.median(ratio))
     spread = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(count)
@@ -189,7 +189,7 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
     )
     state = replace(state, keys=keys, points=Points(state.points.ids, larger(state.points.xyz)))
     state = replace(state, prior=_anchored(start, state.poses, spread))
-    return state, (replace(shared, because=f"depth ratio {factor:.3f}, known to {spread:.3f}"),)
+    return state, (replace(shared, consequence=f"depth ratio {factor:.3f}, known to {spread:.3f}"),)
 
 
 @dataclass(frozen=True, eq=False)

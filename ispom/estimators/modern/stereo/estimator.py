@@ -100,10 +100,6 @@ class ModernStereo:
 
     rig: Rig
     config: ModernStereoConfig
-    method: str = "stereo"
-
-    def uses(self, exposure: Exposure) -> bool:
-        return isinstance(exposure, StereoPair)
 
     def start(self) -> ModernStereoState:
         return ModernStereoState(Last(left_from_world=self._left_from_rig))
@@ -137,7 +133,9 @@ class ModernStereo:
             found = self._new_points(world, points, left, right, pose, next_id, rate)
             fresh, next_id = len(found[0]), next_id + len(found[0])
             if len(points) + fresh < self.config.min_inliers and not world.keys:
-                few = Decision("points with depth", fresh, self.config.min_inliers, False, because="waiting to begin")
+                few = Decision(
+                    "points with depth", fresh, self.config.min_inliers, False, consequence="waiting to begin"
+                )
                 # Nothing is seen: what was seen before is still the best to find the way from.
                 status = Status.LOST if kept.map.keys else Status.INITIALISING
                 kept = replace(kept, lost_pairs=state.lost_pairs)
@@ -227,7 +225,7 @@ class ModernStereo:
         fresh = replace(state.last, points=Points())
         state = replace(state, last=fresh, map=emptied(state.map), settled=settled)
         decision = Decision(
-            "pairs lost", state.lost_pairs, limit, False, relation="<=", because="a new start from the prediction"
+            "pairs lost", state.lost_pairs, limit, False, relation="<=", consequence="a new start from the prediction"
         )
         return state, Sighting.nothing(), (decision,)
 
@@ -336,7 +334,6 @@ class ModernStereo:
         inliers = residual[np.isfinite(residual) & (sighting.status == TrackStatus.ALIVE)]
         watch.lap("conclude")
         return Step(
-            self.method,
             exposure.time_ns,
             status,
             "rig",
@@ -349,6 +346,7 @@ class ModernStereo:
             revised,
             seconds=watch.seconds,
             decisions=decisions,
+            calibration={"pair": after.map.extra},
         )
 
     def _covariance(self, world: StereoMap, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:

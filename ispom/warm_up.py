@@ -1,7 +1,7 @@
 """Compiles what numba must, by a short flight through a made-up cloud of balls: all methods, no files.
 
 Compiling takes a minute once; with the machine code kept (`ispom.kernels`), this takes seconds.
-`python -m ispom.estimators.warm_up` does it in a process of its own, which ends with the one that started it.
+`python -m ispom.warm_up` does it in a process of its own, which ends with the one that started it.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.child import end_with_parent
-from ispom.estimators import Config, Method, Variant, build, default_methods
+from ispom.ensemble import build
 from ispom.estimators.paper.monocular import MonocularConfig
 from ispom.geometry import Array, Pose
 from ispom.kernels import is_kept, kernels, may_keep, remove_unused
+from ispom.methods import Config, default_methods
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 
 BALLS, BALL_M = 700, 0.12
@@ -28,14 +29,12 @@ def warm_up() -> None:
     """Runs every method that has compiled parts, so that each of them is there for the types it is used with."""
     rig = _rig()
     exposures = flight(rig)
-    wanted: dict[Variant, tuple[Method, ...]] = {"modern": default_methods(rig, "modern"), "paper": ("monocular",)}
-    for variant, methods in wanted.items():
-        config = Config(variant=variant, monocular=MonocularConfig(local_bundle=True))
-        ensemble = build(config, methods, rig)
-        state = ensemble.start()
-        for exposure in exposures:
-            state, _ = ensemble.step(state, exposure)
-        ensemble.finish(state)
+    config = Config().with_settings("monocular.paper", MonocularConfig(local_bundle=True))
+    ensemble = build(config, (*default_methods(rig), "monocular.paper"), rig)
+    state = ensemble.start()
+    for exposure in exposures:
+        state, _ = ensemble.step(state, exposure)
+    ensemble.finish(state)
     remove_unused()
 
 

@@ -1,0 +1,72 @@
+"""Several methods stepped together over one sequence; what one computes for another is computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ispom.estimator import Method
+from ispom.methods import Config, in_order, method, require_cameras, with_asked
+from ispom.settings import check
+from ispom.types import Exposure, Rig, Step, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A method at work."""
+
+    method: Method
+    estimator: Any
+    """An Estimator; of a method that asks others an Integrator."""
+
+    def asked(self, found: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+        """The argument that its estimator takes besides: what the methods that it asks gave, by role."""
+        asks = self.method.asks
+        return ({role: found[name] for role, name in asks.items() if name in found},) if asks else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """The wanted methods and those that they ask. Its state maps each method's name to its State."""
+
+    methods: tuple[str, ...]
+    """The wanted ones, in the order of the registry."""
+    members: Mapping[str, Member]
+    """All that run, each after those that it asks."""
+
+    def start(self) -> dict[str, Any]:
+        return {name: member.estimator.start() for name, member in self.members.items()}
+
+    def step(self, state: Mapping[str, Any], exposure: Exposure) -> tuple[dict[str, Any], tuple[Step, ...]]:
+        """The next state, and one Step of each wanted method that uses this exposure, in the order of `methods`."""
+        after, steps = dict(state), dict[str, Step]()
+        for name, member in self.members.items():
+            if member.method.uses(exposure):
+                after[name], step = member.estimator.step(after[name], exposure, *member.asked(steps))
+                steps[name] = replace(step, method=name)
+        return after, tuple(steps[name] for name in self.methods if name in steps)
+
+    def finish(self, state: Mapping[str, Any]) -> dict[str, Trajectory]:
+        """The trajectory of each wanted method."""
+        found: dict[str, Trajectory] = {}
+        for name, member in self.members.items():
+            found[name] = member.estimator.finish(state[name], *member.asked(found))
+        return {name: found[name] for name in self.methods}
+
+
+def run(ensemble: Ensemble, exposures: Iterable[Exposure]) -> Iterator[tuple[Step, ...]]:
+    """Steps of each exposure. Pull-based: pausing is not asking for the next."""
+    state = ensemble.start()
+    for exposure in exposures:
+        state, steps = ensemble.step(state, exposure)
+        yield steps
+
+
+def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
+    """The wanted methods for this rig; InputError where a camera is missing or a setting is out of its range."""
+    wanted = in_order(methods)
+    require_cameras(wanted, rig)
+    for name, settings in config.given.items():
+        check(settings, f"{name}.")
+    return Ensemble(wanted, {n: Member(method(n), config.of(n).build(rig)) for n in with_asked(wanted)})

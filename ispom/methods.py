@@ -1,0 +1,158 @@
+"""The registry: the methods of this package, and those of installed packages (entry points `ispom.methods`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import Any, Literal, get_args
+
+from ispom.errors import InputError
+from ispom.estimator import Method
+from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.paper.integrated import IntegratedConfig
+from ispom.estimators.paper.monocular import MonocularConfig
+from ispom.estimators.paper.stereo import StereoConfig
+from ispom.types import Kind, Rig
+
+GROUP = "ispom.methods"
+"""Entry points of this group name a Method, or a function that gives one."""
+Variant = Literal["modern", "paper"]
+"""A short way to choose methods: `paper` the `.paper` ones, `modern` the built-in others."""
+VARIANTS: tuple[Variant, ...] = get_args(Variant)
+VIDEO: frozenset[Kind] = frozenset({"video"})
+STEREO: frozenset[Kind] = frozenset({"stereo"})
+CAMERAS: Mapping[Kind, str] = {"video": "a video camera", "stereo": "a left and a right camera"}
+TRANSFER, PER_UNIT = "scale transfer factor", "metres per monocular unit"
+BUILT_IN = (
+    Method(
+        "monocular",
+        VIDEO,
+        ModernMonocularConfig,
+        "own",
+        "key frames and local bundle adjustment (PTAM, 2007)",
+        TRANSFER,
+    ),
+    Method("stereo", STEREO, ModernStereoConfig, "metric", "key frames, local bundle adjustment (ORB-SLAM2 2017)"),
+    Method(
+        "integrated",
+        VIDEO | STEREO,
+        ModernIntegratedConfig,
+        "metric",
+        "continuous-time estimation on a cumulative B-spline (Spline Fusion 2013)",
+        PER_UNIT,
+        {"video": "monocular", "stereo": "stereo"},
+    ),
+    Method("monocular.paper", VIDEO, MonocularConfig, "own", "Li, Liu and Yuan 2013, section 6.1", TRANSFER),
+    Method("stereo.paper", STEREO, StereoConfig, "metric", "Li, Liu and Yuan 2013, section 6.2"),
+    Method(
+        "integrated.paper",
+        VIDEO | STEREO,
+        IntegratedConfig,
+        "metric",
+        "Li, Liu and Yuan 2013, section 6.3",
+        PER_UNIT,
+        {"video": "monocular.paper", "stereo": "stereo.paper"},
+    ),
+)
+
+
+def registry() -> Mapping[str, Method]:
+    """All methods by name, in the order in which they are listed everywhere."""
+    return _found()[0]
+
+
+def faults() -> tuple[str, ...]:
+    """A sentence about each method of an installed package that was skipped."""
+    return _found()[1]
+
+
+@cache
+def _found() -> tuple[Mapping[str, Method], tuple[str, ...]]:
+    found, skipped = {method.name: method for method in BUILT_IN}, []
+    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
+        try:
+            given = entry.load()
+            method = given if isinstance(given, Method) else given()
+        except Exception as fault:
+            skipped.append(f"method {entry.name!r} skipped: {entry.value} fails with {type(fault).__name__}: {fault}")
+            continue
+        if not isinstance(method, Method) or method.name in found:
+            skipped.append(f"method {entry.name!r} skipped: {entry.value} gives no method of a new name")
+            continue
+        found[method.name] = method
+    return MappingProxyType(found), tuple(skipped)
+
+
+def names() -> tuple[str, ...]:
+    """Of all methods, in order."""
+    return tuple(registry())
+
+
+def method(name: str) -> Method:
+    """InputError where there is no method of this name."""
+    if name not in registry():
+        raise InputError(f"{name[:60]!r} is no method: choose from {', '.join(names())}")
+    return registry()[name]
+
+
+def in_order(wanted: Iterable[str]) -> tuple[str, ...]:
+    """These names, each once, as the registry orders them; InputError for one that it lacks."""
+    chosen = {method(name).name for name in wanted}
+    return tuple(name for name in names() if name in chosen)
+
+
+def with_asked(wanted: Iterable[str]) -> tuple[str, ...]:
+    """These and all that they ask, each after those that it asks."""
+    found: dict[str, None] = {}
+
+    def add(name: str) -> None:
+        for other in method(name).asks.values():
+            add(other)
+        found.setdefault(name)
+
+    for name in wanted:
+        add(name)
+    return tuple(found)
+
+
+def possible_methods(rig: Rig) -> tuple[str, ...]:
+    """Those that the rig has the cameras for."""
+    return tuple(name for name, m in registry().items() if m.possible(rig))
+
+
+def require_cameras(wanted: Iterable[str], rig: Rig) -> None:
+    """InputError where the rig lacks a camera that one of them needs."""
+    has: Mapping[Kind, bool] = {"video": rig.video is not None, "stereo": rig.has_stereo}
+    for name in wanted:
+        if missing := [CAMERAS[kind] for kind in sorted(method(name).needs) if not has[kind]]:
+            need = " and ".join(missing)
+            raise InputError(f"{name} needs {need}, which this sequence lacks: choose other --methods")
+
+
+def default_methods(rig: Rig, variant: Variant = "modern") -> tuple[str, ...]:
+    """The possible ones of a variant: what runs where nobody says which."""
+    built_in = {m.name for m in BUILT_IN}
+    of_paper = {name for name in built_in if name.endswith(".paper")}
+    wanted = of_paper if variant == "paper" else built_in - of_paper
+    return tuple(name for name in possible_methods(rig) if name in wanted)
+
+
+@dataclass(frozen=True)
+class Config:
+    """The settings of every method; defaults for those that are not given."""
+
+    given: Mapping[str, Any] = field(default_factory=dict)
+    """By method, a value of Method.config."""
+
+    def of(self, name: str) -> Any:
+        """The settings of a method."""
+        return self.given[name] if name in self.given else method(name).config()
+
+    def with_settings(self, name: str, settings: Any) -> Config:
+        """With other settings of this method."""
+        return Config({**self.given, name: settings})

@@ -1,0 +1,54 @@
+"""One method with all that it asks, stepped as if it were an estimator by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ispom.ensemble import Ensemble, build
+from ispom.methods import Config, method
+from ispom.types import Exposure, Rig, Step, Trajectory
+
+METHODS = ("monocular", "stereo", "integrated")
+PAPER = tuple(f"{name}.paper" for name in METHODS)
+ALL = (*METHODS, *PAPER)
+
+
+@dataclass(frozen=True, eq=False)
+class Alone:
+    name: str
+    ensemble: Ensemble
+
+    def uses(self, exposure: Exposure) -> bool:
+        return method(self.name).uses(exposure)
+
+    def start(self) -> dict[str, Any]:
+        return self.ensemble.start()
+
+    def step(self, state: dict[str, Any], exposure: Exposure) -> tuple[dict[str, Any], Step]:
+        state, (step,) = self.ensemble.step(state, exposure)
+        return state, step
+
+    def finish(self, state: dict[str, Any]) -> Trajectory:
+        return self.ensemble.finish(state)[self.name]
+
+    def finish_asked(self, state: dict[str, Any], role: str) -> Trajectory:
+        """The trajectory of a method that it asks."""
+        name = method(self.name).asks[role]
+        return self.ensemble.members[name].estimator.finish(state[name])
+
+
+def alone(name: str, rig: Rig, settings: Any = None) -> Alone:
+    """The method, with its default settings or others."""
+    config = Config() if settings is None else Config({name: settings})
+    return Alone(name, build(config, (name,), rig))
+
+
+def run(estimator: Any, exposures: Iterable[Exposure]) -> Iterator[Step]:
+    """The Steps of a method alone, or of an estimator that asks no other, over exposures that it uses."""
+    state = estimator.start()
+    for exposure in exposures:
+        if not isinstance(estimator, Alone) or estimator.uses(exposure):
+            state, step = estimator.step(state, exposure)
+            yield step

@@ -1,0 +1,104 @@
+"""The registry: what is in it, what other packages add, and any methods beside each other."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+
+from ispom import methods
+from ispom.ensemble import build
+from ispom.errors import InputError
+from ispom.estimator import Method
+from ispom.estimators.paper.stereo import StereoConfig
+from ispom.methods import Config, default_methods, in_order, method, names, possible_methods, with_asked
+from ispom.types import Exposure, Sequence
+from tests.alone import ALL, METHODS, PAPER
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest):
+    """With the marked entry points of another package."""
+    found = [EntryPoint(name, f"tests.estimators.test_methods:{value}", methods.GROUP) for name, value in request.param]
+    monkeypatch.setattr(methods, "entry_points", lambda group: found)
+    methods._found.cache_clear()
+    yield
+    monkeypatch.undo()
+    methods._found.cache_clear()
+
+
+ORB = Method("orb", frozenset({"stereo"}), StereoConfig, "metric", "a package of its own")
+
+
+def broken() -> Method:
+    raise RuntimeError("no such library")
+
+
+def second_stereo() -> Method:
+    return Method("stereo", frozenset({"stereo"}), StereoConfig, "metric", "a name that is taken")
+
+
+def test_the_built_in_methods_in_their_order() -> None:
+    assert names() == ALL
+    assert in_order(("stereo.paper", "monocular", "stereo.paper")) == ("monocular", "stereo.paper")
+    assert with_asked(("integrated.paper",)) == ("monocular.paper", "stereo.paper", "integrated.paper")
+    with pytest.raises(InputError, match="'slam' is no method: choose from monocular"):
+        method("slam")
+
+
+def test_a_variant_is_a_choice_of_methods(flight: Sequence) -> None:
+    assert possible_methods(flight.rig) == ALL
+    assert default_methods(flight.rig) == METHODS and default_methods(flight.rig, "paper") == PAPER
+
+
+@pytest.mark.parametrize("installed", [[("orb", "ORB")]], indirect=True)
+def test_another_packages_method_is_one_of_them(installed: None, flight: Sequence, exposures: list[Exposure]) -> None:
+    assert names() == (*ALL, "orb") and not methods.faults()
+    assert "orb" not in default_methods(flight.rig)
+    ensemble = build(Config(), ("orb", "stereo.paper"), flight.rig)
+    state = ensemble.start()
+    for exposure in exposures[:20]:
+        state, steps = ensemble.step(state, exposure)
+        assert [step.method for step in steps] in ([], ["stereo.paper", "orb"])
+    found = ensemble.finish(state)
+    np.testing.assert_array_equal(found["orb"].translations, found["stereo.paper"].translations)
+
+
+@pytest.mark.parametrize(
+    "installed", [[("bad", "broken"), ("worse", "nothing"), ("two", "second_stereo")]], indirect=True
+)
+def test_a_broken_package_is_skipped_and_reported(installed: None) -> None:
+    assert names() == ALL
+    bad, two, worse = sorted(methods.faults())
+    assert "no such library" in bad and "no method of a new name" in two and "worse" in worse
+
+
+def test_what_two_ask_is_computed_once_and_what_runs_beside_changes_nothing(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    beside = build(Config(), ("monocular", "integrated.paper"), flight.rig)
+    assert list(beside.members) == ["monocular", "monocular.paper", "stereo.paper", "integrated.paper"]
+    alone = [build(Config(), (name,), flight.rig) for name in beside.methods]
+    states = [ensemble.start() for ensemble in (beside, *alone)]
+    for exposure in exposures[:45]:
+        states[0], steps = beside.step(states[0], exposure)
+        states[1:] = [ensemble.step(state, exposure)[0] for ensemble, state in zip(alone, states[1:], strict=True)]
+        assert {step.method for step in steps} <= set(beside.methods)
+        for step in steps:
+            assert {part.method for part in step.parts} <= set(method(step.method).asks.values())
+    found = beside.finish(states[0])
+    for ensemble, state in zip(alone, states[1:], strict=True):
+        (name,) = ensemble.methods
+        np.testing.assert_array_equal(found[name].translations, ensemble.finish(state)[name].translations)
+        assert len(found[name]) > 10
+
+
+def test_settings_belong_to_one_method() -> None:
+    for name in ("monocular", "stereo", "monocular.paper", "stereo.paper"):
+        config = Config()
+        changed = config.with_settings(name, type(config.of(name))(max_tracks=123))
+        assert changed.of(name).max_tracks == 123 and changed.with_settings(name, config.of(name)).of(
+            name
+        ) == config.of(name)
+        assert all(changed.of(other) == config.of(other) for other in names() if other != name)
