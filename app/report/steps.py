@@ -72,7 +72,7 @@ def read_decisions(path: Path) -> tuple[Said, ...]:
             bool(_whole(path, line, row, "passed")),
             row["unit"],
             row["relation"],  # type: ignore[arg-type]
-            row["because"],
+            row["consequence"],
         )
         exposure, time_ns = _whole(path, line, row, "exposure"), _whole(path, line, row, "time_ns")
         found.append(Said(exposure, time_ns, row["method"], decision))

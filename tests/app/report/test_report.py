@@ -74,7 +74,7 @@ def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) 
     assert not parsed.open and "default-src 'none'" in html.unescape(page)
     assert parsed.references and all(r.startswith(("#", "data:image/jpeg;base64,")) for r in parsed.references)
     told = yaml.safe_load((run / "run.yaml").read_text())
-    for word in ("emulation", "monocular.scale_transfer", "norm", told["versions"]["numpy"], "SHA-256", "run.rrd"):
+    for word in ("emulation", "monocular.max_tracks", "500", told["versions"]["numpy"], "SHA-256", "run.rrd"):
         assert word in parsed.words
     for word in ("ATE (RMS) [m]", "key frames", "off the epipolar line", "median [ms]", "parallax", "slowest"):
         assert word in parsed.words
@@ -92,10 +92,10 @@ def test_the_same_runs_give_the_same_bytes(run: Path, tmp_path: Path) -> None:
 
 def test_several_runs_stand_side_by_side(run: Path, tmp_path: Path) -> None:
     other = Path(shutil.copytree(run, tmp_path / "other"))
-    text = (other / "run.yaml").read_text().replace("scale_transfer: norm", "scale_transfer: vector")
+    text = (other / "run.yaml").read_text().replace("max_tracks: 500", "max_tracks: 501")
     (other / "run.yaml").write_text(text)
     words = Parsed(report(tmp_path / "report.html", run, other)).words
-    assert "2 runs: run, other" in words and "Differences" in words and "vector" in words
+    assert "2 runs: run, other" in words and "Differences" in words and "501" in words
 
 
 def test_without_a_run_the_newest_is_suggested(
