@@ -23,6 +23,21 @@ _NO_TOKEN = (
 )
 
 
+class Ticket:
+    """Lets one browser in, once: what a browser is started with stands in the list of processes, for every user of the
+    machine to read."""
+
+    def __init__(self) -> None:
+        self.text = secrets.token_urlsafe(24)
+
+    def take(self, given: str) -> bool:
+        """Whether it is the ticket; it is used up then."""
+        if not self.text or not hmac.compare_digest(given.encode(errors="replace"), self.text.encode()):
+            return False
+        self.text = ""
+        return True
+
+
 @dataclass(frozen=True)
 class Access:
     """Made anew at each start."""
@@ -34,6 +49,7 @@ class Access:
     base: str = "/"
     """Path that all addresses begin with, as a proxy in front asks for; ends with a slash."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
+    ticket: Ticket = field(default_factory=Ticket, repr=False)
 
     def check(self, request: web.Request, cookie: str) -> None:
         """An HTTPException for whom there is nothing here."""
@@ -45,7 +61,12 @@ class Access:
         if not self._own(host[0]) or not self._same(host, request.headers.get("Origin")) or _from_elsewhere(request):
             allowed = ", ".join(sorted(LOOPBACK | self.hosts))
             raise web.HTTPForbidden(text=f"Host or origin not allowed; allowed: {allowed}")
-        if not self.knows(request.cookies.get(cookie, "")) and not self.knows(request.query.get("token", "")):
+        given = request.query.get("token", "")
+        if not (
+            self.knows(request.cookies.get(cookie, ""))
+            or self.knows(given)
+            or (request.path == self.base and self.ticket.take(given))
+        ):
             raise web.HTTPUnauthorized(text=_NO_TOKEN, headers={"Cache-Control": "no-store"})
 
     def knows(self, token: str) -> bool:

@@ -15,10 +15,10 @@ from ..session.session import Session
 from ..viser_ui.portless import CLIENT, PortlessViser
 from .access import Access
 from .connections import Connections
-from .feed import Feed
 from .files import SECURITY, VISER_SECURITY, recordings, send_file, send_one_of
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
+from .tape_reader import TapeReader
 from .wakeup import Wakeup
 
 log = logging.getLogger(__name__)
@@ -139,8 +139,8 @@ class Gateway:
         if not item.isascii() or not item.isdigit() or len(item) > 9:
             raise web.HTTPBadRequest(text="next is the number of an item.")
         socket = await opened(request, COMMAND_BYTES)
-        feed = Feed(lambda: self._to.live.tape, self._grown, run, int(item))
-        return await self._until_closed(socket, feed.serve(socket))
+        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(item))
+        return await self._until_closed(socket, reader.serve(socket))
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Upgrade", "").lower() != "websocket":

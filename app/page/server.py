@@ -15,13 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from ipaddress import ip_address
 
-from aiohttp import web
-
 from ..rerun_log.live import LiveStream
 from ..session.session import Session
 from ..viser_ui.screen import Screen
 from .access import LOOPBACK, Access, checked_base, checked_host
-from .connections import IDLE_S, SILENT, Connections
+from .connections import Connections, runner_of
 from .gateway import Backends, Gateway
 from .listener import listener
 from .rerun_assets import viewer_assets
@@ -81,21 +79,20 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
     _on_signals(stopped)
     backends = await asyncio.to_thread(_start, make_session)
     gateway = Gateway(backends, access, f"ispom-{port}")
-    runner = web.AppRunner(
-        gateway.app, access_log=None, logger=SILENT, keepalive_timeout=IDLE_S, lingering_time=1.0, shutdown_timeout=0.3
-    )
+    runner = runner_of(gateway.app)
     await runner.setup()
-    assert runner.server is not None
-    gateway.connections = Connections(runner.server)
+    gateway.connections = Connections(runner)
     try:
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
-        url = f"http://{_name(serving.host)}:{port}{access.base}?token={access.token}"
-        _say(f"ISPOM is at {url}   (Ctrl-C ends it)")
+        address = f"http://{_name(serving.host)}:{port}{access.base}?token="
+        _say(f"ISPOM is at {address}{access.token}   (Ctrl-C ends it)")
         if serving.lets_others_in:
             _say("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
             _say(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
         if serving.open_browser:
-            threading.Thread(target=webbrowser.open, args=(url,), daemon=True, name="browser").start()
+            threading.Thread(
+                target=webbrowser.open, args=(address + access.ticket.text,), daemon=True, name="browser"
+            ).start()
         await stopped.wait()
         server.close()
     finally:

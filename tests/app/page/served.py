@@ -8,9 +8,9 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from aiohttp import ClientSession, web
+from aiohttp import ClientSession
 from ispom_app.page.access import Access
-from ispom_app.page.connections import SILENT, Connections
+from ispom_app.page.connections import Connections, runner_of
 from ispom_app.page.gateway import Backends, Gateway
 from ispom_app.page.rerun_assets import NAMES
 from ispom_app.rerun_log.tape import Tape
@@ -101,10 +101,9 @@ async def served(folder: Path, viser: PortlessViser | None, access: Access) -> A
     session, live, wide = FakeSession(), FakeLive(), []
     backends = Backends(session, live, viser, lambda: folder, folder, wide.append)  # type: ignore[arg-type]
     gateway = Gateway(backends, access, COOKIE)
-    runner = web.AppRunner(gateway.app, access_log=None, logger=SILENT, lingering_time=0.1, shutdown_timeout=0.1)
+    runner = runner_of(gateway.app)
     await runner.setup()
-    assert runner.server is not None
-    gateway.connections = Connections(runner.server)
+    gateway.connections = Connections(runner)
     server = await asyncio.get_running_loop().create_server(gateway.connections, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     async with ClientSession(headers={"Cookie": f"{COOKIE}={access.token}"}) as client:

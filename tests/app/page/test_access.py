@@ -11,7 +11,7 @@ import pytest
 import rich
 import viser
 from aiohttp import WSCloseCode, WSMsgType
-from ispom_app.page import sockets
+from ispom_app.page import connections, sockets
 from ispom_app.page.access import Access, checked_base, checked_host
 from ispom_app.page.connections import Connections
 from ispom_app.page.listener import listener
@@ -69,6 +69,21 @@ def test_the_printed_address_gives_a_cookie_that_no_script_and_no_other_site_get
         assert await at.status("/ispom/ws?", {"Cookie": cookie.partition(";")[0]}, token=False) == 400  # no upgrade
 
     serving(tmp_path, check, base="/ispom/")
+
+
+def test_a_browser_is_started_with_a_ticket_for_one_visit(tmp_path: Path):
+    """The list of processes shows its address to every user of the machine."""
+
+    async def check(at: Served) -> None:
+        ticket = at.access.ticket.text
+        assert ticket != at.access.token
+        assert await at.status(f"/ws?token={ticket}", token=False) == 401
+        async with at.client.get(at.url, params={"token": ticket}, headers={"Cookie": ""}) as found:
+            assert found.headers["Set-Cookie"].startswith(f"{COOKIE}={at.access.token};")
+        assert await at.status(f"/?token={ticket}", token=False) == 401
+        assert await at.status("/?token=", token=False) == 401
+
+    serving(tmp_path, check)
 
 
 def test_each_start_has_a_token_of_its_own():
@@ -154,6 +169,28 @@ def test_what_is_no_request_is_answered_shortly_or_not_at_all(tmp_path: Path, re
     serving(tmp_path, check)
 
 
+@pytest.mark.parametrize("token", [False, True])
+def test_who_sends_a_request_byte_by_byte_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, token: bool):
+    monkeypatch.setattr(connections, "IDLE_S", 0.2)
+
+    async def check(at: Served) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
+        if token:
+            writer.write(f"GET /?token={at.access.token} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+            assert b"200" in await reader.readline()
+        reading = asyncio.create_task(reader.read(1 << 20))
+        writer.write(b"GET / HTTP/1.1\r\nX: ")
+        while not reader.at_eof() and not writer.is_closing():
+            writer.write(b"x")
+            await asyncio.sleep(0.01)
+            if reading.done():
+                reading = asyncio.create_task(reader.read(1 << 20))
+        reading.cancel()
+        writer.close()
+
+    serving(tmp_path, check)
+
+
 def test_a_long_body_is_not_read(tmp_path: Path):
     async def check(at: Served) -> None:
         for token in (True, False):
@@ -213,7 +250,7 @@ def test_a_flood_of_strangers_connections_shuts_no_page_out(tmp_path: Path):
             assert (await ws.receive_json())["phase"] == "opening"
             idle = [await asyncio.open_connection("127.0.0.1", at.port) for _ in range(100)]
             assert await at.status("/") == 200
-            assert len(at.gateway.connections._server.connections) <= 21
+            assert len(at.gateway.connections.server.connections) <= 21
             await ws.send_str('{"do": "play"}')
             while not at.session.commands:
                 await asyncio.sleep(0.005)

@@ -186,7 +186,7 @@ def test_a_reader_that_takes_a_file_too_slowly_is_cut_off(tmp_path: Path, monkey
         _, writer = await asyncio.open_connection("127.0.0.1", at.port, limit=1000)
         writer.write(f"GET /recordings/big.rrd?token={at.access.token} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
         assert at.gateway.connections is not None
-        server = at.gateway.connections._server
+        server = at.gateway.connections.server
         while not server.connections:
             await asyncio.sleep(0.005)
         while server.connections:

@@ -18,7 +18,7 @@ AHEAD = 8
 """Messages that a page may have asked for at a time; what it asks beyond that is not counted."""
 
 
-class Feed:
+class TapeReader:
     """One page's place on the tape.
 
     A page that comes back names the `run` that it has, and the item that comes `next`. It sends a message for each
