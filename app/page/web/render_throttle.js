@@ -6,7 +6,7 @@ const FREE_MS = 700;
 const SLOW_MS = 40;
 const FIRST_MS = 40;
 const RAREST_MS = 30_000;
-const FRAME_BYTES = 60_000; // that a frame takes in, about: an exposure
+const FRAME_BYTES = 1_000_000; // that a frame takes in at least, measured with software graphics
 const MANY = 5; // frames behind the stream, from which on no frame waits
 
 const frame = window.requestAnimationFrame.bind(window);
