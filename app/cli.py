@@ -76,11 +76,8 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
 
         return bench(command)
     source = command.source if isinstance(command, App) else "sim:city"
-    from .run import warmup
-    from .run.without_pandas import spare_pandas
-
-    spare_pandas()
     from .page.server import Serving, serve
+    from .run import warmup
     from .session.session import Session
 
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))

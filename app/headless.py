@@ -109,9 +109,6 @@ def _play(
     with ExitStack() as stack:
         record = None
         if options.recording:
-            from .run.without_pandas import spare_pandas
-
-            spare_pandas()
             from .rerun_log.file_recording import FileRecording  # brings Rerun
 
             record = stack.enter_context(FileRecording(folder.path / RECORDING, playback.opened))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 from ispom.errors import InputError
 from ispom.evaluation.association import associate
 from ispom.evaluation.comparison import MIN_POSES, Comparison, compare
@@ -20,6 +22,8 @@ MAX_DIFFERENCE_S = 3600.0
 
 def evaluate(options: Evaluate) -> int:
     """Compares, prints and writes what is asked; InputError where that cannot be."""
+    if options.plots is not None and find_spec("matplotlib") is None:
+        raise InputError("--plots needs Matplotlib, which is not installed: run 'pip install matplotlib'")
     if not options.estimates:
         raise InputError("no estimate was given: name at least one trajectory file after the reference")
     if options.delta < 1 or not 0 <= options.max_difference_s <= MAX_DIFFERENCE_S:

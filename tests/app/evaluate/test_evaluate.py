@@ -116,6 +116,14 @@ def test_csv_and_plots(files: dict[str, Path], tmp_path: Path) -> None:
     assert all("</svg>" in (out / f"{n}.svg").read_text() for n in ("trajectory", "errors", "scale"))
 
 
+def test_plots_without_matplotlib_say_what_to_install(
+    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.setattr("ispom_app.evaluate.command.find_spec", lambda _: None)
+    assert main(["evaluate", str(files["truth.tum"]), str(files["moved.tum"]), "--plots", str(tmp_path)]) == 2
+    assert "run 'pip install matplotlib'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
