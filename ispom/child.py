@@ -1,7 +1,7 @@
 """Child processes that never outlive this one, however it ends, and whose last words are kept.
 
 The child holds a pipe from its parent as standard input: when that ends, so does the child, on every system, even
-after SIGKILL. A Python child watches it by `end_with_parent`; `python -m ispom.child PROGRAM ...` does so for others.
+after SIGKILL. The child is Python, and watches it by `end_with_parent`, or by reading its requests from there.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -98,21 +97,3 @@ def end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, name="end-with-parent", daemon=True).start()
-
-
-def _run(command: list[str]) -> int:
-    """Runs another program until it or the parent ends."""
-    program = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-
-    def watch() -> None:
-        with suppress(OSError):
-            while os.read(0, 4096):
-                pass
-        program.kill()
-
-    threading.Thread(target=watch, name="end-with-parent", daemon=True).start()
-    return program.wait()
-
-
-if __name__ == "__main__":
-    sys.exit(_run(sys.argv[1:]))

@@ -21,7 +21,6 @@ os.kill(os.getpid(), signal.SIGKILL)
 OWN = (
     "from ispom.child import end_with_parent; import time; end_with_parent(); print('up', flush=True); time.sleep(600)"
 )
-OTHER = "import time, sys; sys.stderr.write('on'); time.sleep(600)"
 
 
 def python(script: str) -> Child:
@@ -32,17 +31,6 @@ def test_a_child_ends_when_its_parent_is_killed() -> None:
     command = [sys.executable, "-c", PARENT, "-c", OWN]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert_gone(int(done.stdout))
-
-
-def test_another_program_is_ended_when_its_parent_is_killed() -> None:
-    """`python -m ispom.child PROGRAM` holds the program."""
-    holder = Child([sys.executable, "-m", "ispom.child", sys.executable, "-c", OTHER])
-    while not (programs := psutil.Process(holder.pid).children()):
-        assert holder.running
-    holder.requests.close()  # as the end of this process would
-    psutil.wait_procs(programs, 20)
-    assert not any(program.is_running() for program in programs)
-    assert holder.wait(20)
 
 
 def test_the_end_of_what_it_says_is_kept() -> None:

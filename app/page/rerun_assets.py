@@ -9,7 +9,6 @@ import tempfile
 import time
 import urllib.request
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 
 from ispom.caches import cache_folder
@@ -17,6 +16,14 @@ from ispom.child import Child
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
 TIMEOUT_S = 30.0
+SERVE = """
+import sys, threading
+import rerun
+from ispom.child import end_with_parent
+end_with_parent()
+rerun.serve_web_viewer(web_port=int(sys.argv[1]), open_browser=False)
+threading.Event().wait()
+"""
 
 
 def free_port(host: str = "127.0.0.1") -> int:
@@ -39,29 +46,19 @@ def viewer_assets(cache: Path | None = None) -> Path:
 
 
 def _extract(folder: Path) -> None:
-    """Starts the viewer's own web server for a moment: the wheel keeps the files inside its program."""
-    spec = find_spec("rerun_cli")
-    if spec is None or not spec.submodule_search_locations:
-        raise OSError("the rerun-sdk wheel lacks its viewer program: install rerun-sdk again")
-    program = Path(spec.submodule_search_locations[0]) / ("rerun.exe" if sys.platform == "win32" else "rerun")
-    web, grpc = free_port(), free_port()
-    arguments = [f"--web-viewer-port={web}", f"--port={grpc}", "--web-viewer", "--bind=127.0.0.1"]
+    """Has the wheel serve its viewer for a moment, in a process of its own: it keeps the files inside its module.
+
+    Not by the wheel's program `rerun`: that loads libraries of the system (udev) that slim machines lack.
+    """
+    port = free_port()
     with tempfile.TemporaryDirectory() as home:
-        # A home of its own: it never gets past its first session, which sends nothing, and opens no browser.
-        quiet = {
-            "HOME": home,
-            "XDG_CONFIG_HOME": home,
-            "APPDATA": home,
-            "TELEMETRY_ENABLED": "false",
-            "BROWSER": "true",
-        }
-        server = Child([sys.executable, "-m", "ispom.child", str(program), *arguments], quiet)
+        # A home of its own: it never gets past its first session, which sends nothing.
+        quiet = {"HOME": home, "XDG_CONFIG_HOME": home, "APPDATA": home, "TELEMETRY_ENABLED": "false"}
+        server = Child([sys.executable, "-c", SERVE, str(port)], quiet)
         try:
             for name in NAMES:
-                _store(_read(f"http://127.0.0.1:{web}/{name}", server), folder / name)
+                _store(_read(f"http://127.0.0.1:{port}/{name}", server), folder / name)
         finally:
-            server.requests.close()  # ends the program, and then the process that holds it
-            server.wait(5.0)
             server.stop()
 
 
@@ -72,7 +69,7 @@ def _read(url: str, server: Child) -> bytes:
             return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(url, timeout=TIMEOUT_S).read()
         except OSError as fault:
             if not server.running:
-                raise OSError(f"the Rerun viewer cannot be unpacked: its program {server.ending()}") from fault
+                raise OSError(f"the Rerun viewer cannot be unpacked: its process {server.ending()}") from fault
             if time.monotonic() > until:
                 raise OSError(f"the Rerun viewer cannot be unpacked: no answer in {TIMEOUT_S:.0f} s") from fault
             time.sleep(0.05)

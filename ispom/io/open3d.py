@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
 from types import ModuleType
 
@@ -16,11 +17,11 @@ def open3d() -> ModuleType:
         if error.name != "open3d":
             raise
         raise InputError("this needs Open3D, which is not installed: run 'pip install open3d'") from error
-    except OSError as error:  # from the loader of shared libraries: "libX.so.1: cannot open shared object file: ..."
-        library = str(error).partition(":")[0]
+    except (ImportError, OSError) as error:  # "libX.so.1: cannot open shared object file: ..."
+        library = re.search(r"[\w.+-]+\.so[.\d]*", str(error))
+        if library is None:
+            raise InputError(f"Open3D cannot be loaded ({error}): install it again") from error
         raise InputError(
-            f"Open3D cannot load the system library {library}: install it (on Debian and Ubuntu: "
-            "'apt-get install libusb-1.0-0 libgl1 libgomp1')"
+            f"Open3D cannot load the system library {library[0]}: install it (on Debian and Ubuntu: "
+            "'apt-get install libusb-1.0-0 libegl1 libgl1 libgomp1')"
         ) from error
-    except ImportError as error:
-        raise InputError(f"Open3D cannot be loaded ({error}): install it again") from error

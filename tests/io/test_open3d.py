@@ -16,9 +16,10 @@ from ispom.io import open3d as module
             OSError("libusb-1.0.so.0: cannot open shared object file: No such file"),
             r"libusb-1\.0\.so\.0: .*libusb-1\.0",
         ),
+        (ImportError("/lib/x86_64-linux-gnu/libEGL.so.1: file too short"), r"library libEGL\.so\.1: install it"),
         (ImportError("DLL load failed while importing pybind"), "DLL load failed .*: install it again"),
     ],
-    ids=["not installed", "no libusb", "broken"],
+    ids=["not installed", "no libusb", "a broken libEGL", "a broken Open3D"],
 )
 def test_what_is_missing_is_named_in_one_sentence(
     monkeypatch: pytest.MonkeyPatch, fault: Exception, sentence: str

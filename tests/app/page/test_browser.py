@@ -21,8 +21,18 @@ import pytest
 from aiohttp import ClientSession
 
 playwright = pytest.importorskip("playwright.sync_api")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+
+
+def _chromium() -> str | None:
+    """A Chromium that starts: it needs libraries of the system itself."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    works = found and not subprocess.run([found, "--version"], capture_output=True, check=False).returncode
+    return found if works else None
+
+
+CHROMIUM = _chromium()
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium that starts here: apt-get install chromium")
 ROOT = Path(__file__).parents[3]
 FLAGS = [
     "--no-sandbox",
