@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"caches", "child", "errors", "geometry"},
     {"kernels", "settings", "types"},
-    {"estimator", "stopwatch", "chain", "persistent_list"},
+    {"estimator", "stopwatch", "persistent_list"},
     {"solvers", "io"},
     {"frontends", "sequences", "simulation", "calibration", "evaluation"},
     {"estimators"},

@@ -9,16 +9,21 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.chain import Chain, in_order
+from ispom.estimators.frame_interval import FrameInterval
 from ispom.geometry import Pose
+from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.interpolation import Interpolation, interpolate
 from ispom.solvers.segment import Segment, fit_rotations, fit_segment
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory
 
-MARGIN_NS = 200_000_000
-"""Video poses this long before a segment are kept, for the interpolation at its start."""
+MARGIN_NS, MARGIN_FRAMES = 200_000_000, 2
+"""Video poses this long, and at least so many intervals, before a segment are kept: it is interpolated at its start."""
+MOST_RESTARTS = 8
+"""Of the video's world within a segment: one is enough to give its poses up."""
+MOST_FRAMES = 600
+"""Of a segment without an end the newest video poses, and those about its last pair, are kept; the others get none."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +56,17 @@ class IntegratedState:
     """When the video's world began anew, from shortly before the open segment on."""
     frames_ns: tuple[int, ...] = ()
     """Video exposures from the open segment on, with a pose or without."""
+    interval: FrameInterval = FrameInterval()
+    """Of the video."""
     scale: float | None = None
     """Metres per unit in the last closed segment."""
-    poses: Chain[Trajectory] | None = None
+    poses: PersistentList[Trajectory] = PersistentList()
     """world_from_rig at the video exposures of the closed segments."""
+
+    @property
+    def margin_ns(self) -> int:
+        """How long before a segment video poses are kept."""
+        return max(MARGIN_NS, MARGIN_FRAMES * (self.interval.median_ns or 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +83,7 @@ class Integrated:
         """All closed segments, and those still open closed with the video poses known by now."""
         while (closed := self._close(state)) is not None:
             state = closed[0]
-        items = [item for piece in in_order(state.poses) for item in piece.items()]
+        items = [item for piece in state.poses for item in piece.items()]
         ends = dict(state.metric)
         # A video frame at the very time of the last stereo exposure lies inside the stereo span.
         items += [(t, ends[t]) for t in state.frames_ns if t == state.opened_ns]
@@ -83,8 +95,11 @@ class Integrated:
         """One exposure of either kind; closes every segment that has become complete."""
         watch, stereo = Stopwatch(), isinstance(exposure, StereoPair)
         part = asked["stereo" if stereo else "video"]
-        state = self._with_metric(state, part) if stereo else self._with_video(state, part)
         revised, decisions = [], []
+        if stereo:
+            state = self._with_metric(state, part)
+        else:
+            state, decisions = self._with_video(state, part)
         while self._complete(state) and (closed := self._close(state)) is not None:
             state, piece, why = closed
             revised += piece.items()
@@ -114,20 +129,34 @@ class Integrated:
         frames = tuple(t for t in state.frames_ns if t >= opened)
         return replace(state, metric=metric, opened_ns=opened, frames_ns=frames)
 
-    def _with_video(self, state: IntegratedState, part: Step) -> IntegratedState:
-        since = part.time_ns - MARGIN_NS if state.opened_ns is None else state.opened_ns - MARGIN_NS
+    def _with_video(self, state: IntegratedState, part: Step) -> tuple[IntegratedState, list[Decision]]:
+        """With one more frame; of a segment that is longer than MOST_FRAMES its middle is given up."""
+        state = replace(state, interval=state.interval.after(part.time_ns))
+        since = (part.time_ns if state.opened_ns is None else state.opened_ns) - state.margin_ns
+        frames_ns, decisions = (*(t for t in state.frames_ns if t >= since), part.time_ns), []
+        until = recent = since
+        if state.metric and len(frames_ns) > MOST_FRAMES:
+            until, recent = state.metric[-1][0] + state.margin_ns, frames_ns[-MOST_FRAMES]
+            frames_ns = tuple(t for t in frames_ns if t <= until or t >= recent)
+            since_pair = sum(t > state.metric[-1][0] for t in frames_ns)
+            if recent > until:
+                why = "the oldest of them get no pose"
+                decisions = [
+                    Decision("video frames since the last pair", since_pair, MOST_FRAMES, False, "", "<=", why)
+                ]
         items = [*state.video.items(), *part.revised.items()]
         if part.world_from_frame is not None:
             items.append((part.time_ns, part.world_from_frame))
-        video = Trajectory.of([(t, p) for t, p in items if t >= since], "video")
+        kept = [(t, p) for t, p in items if t >= since and (t <= until or t >= recent)]
         begun = (part.time_ns,) if part.restarted else ()
-        return replace(
+        after = replace(
             state,
-            video=video,
+            video=Trajectory.of(kept, "video"),
             final_until_ns=part.final_until_ns,
-            restarts_ns=(*(t for t in state.restarts_ns if t >= since), *begun),
-            frames_ns=(*(t for t in state.frames_ns if t >= since), part.time_ns),
+            restarts_ns=(*(t for t in state.restarts_ns if t >= since), *begun)[-MOST_RESTARTS:],
+            frames_ns=frames_ns,
         )
+        return after, decisions
 
     def _ends(self, state: IntegratedState) -> tuple[int, int] | None:
         """The open segment's span, once its end is known."""
@@ -156,10 +185,10 @@ class Integrated:
             state,
             opened_ns=ends[1],
             metric=tuple(m for m in state.metric if m[0] >= ends[0]),
-            video=state.video.select(state.video.times_ns >= ends[1] - MARGIN_NS),
+            video=state.video.select(state.video.times_ns >= ends[1] - state.margin_ns),
             frames_ns=tuple(t for t in state.frames_ns if t >= ends[1]),
             scale=scale or state.scale,
-            poses=Chain(piece, state.poses) if len(piece) else state.poses,
+            poses=state.poses.appended(piece) if len(piece) else state.poses,
         )
         return after, piece, decisions
 

@@ -13,10 +13,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.chain import Chain, in_order
+from ispom.estimators.frame_interval import FrameInterval
 from ispom.estimators.modern.integrated.joint_report import told
 from ispom.estimators.modern.integrated.joint_window import USUAL_KNOT_FRAMES, JointWindow, Noise, View
 from ispom.geometry import Array, Pose
+from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.anchoring import anchored
 from ispom.solvers.continuous import RigModel
@@ -47,16 +48,15 @@ ENOUGH_POINTS = 30
 INLIER = 8.0
 """Of a resection: larger reprojection errors, in those of an observation, are wrong points."""
 
-MAX_VIEWS = 240
-"""More exposures than this are never adjusted together, however rare the pairs are."""
-
 
 @dataclass(frozen=True)
 class ModernIntegratedConfig:
     """Settings of the modern integration."""
 
     window_pairs: Annotated[int, Range(2, 12)] = 5
-    """Stereo pairs adjusted together, with all video frames between them."""
+    """Stereo pairs adjusted together, with the video frames between them."""
+    max_views: Annotated[int, Range(40, 1000)] = 240
+    """Exposures adjusted together; where pairs are rare, every second video frame between them moves along instead."""
     max_points: Annotated[int, Range(50, 5000)] = 400
     """Points of the video, and as many of the pairs, in one adjustment: those seen most often."""
     knot_frames: Annotated[float, Range(0, 10)] = 0.0
@@ -93,15 +93,13 @@ class ModernIntegratedConfig:
 @dataclass(frozen=True, eq=False)
 class ModernIntegratedState:
     window: JointWindow
-    frame_s: float | None = None
+    interval: FrameInterval = FrameInterval()
     """Between two video frames."""
-    last_ns: int | None = None
-    """The last video frame."""
     metric: tuple[tuple[int, Pose], ...] = ()
     """The stereo estimator's poses in the window."""
     metric_covariance: Array | None = None
     """(6, 6) of the newest of them."""
-    settled: Chain[tuple[int, Pose, bool]] | None = None
+    settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
 
 
@@ -120,8 +118,7 @@ class ModernIntegrated:
 
     def finish(self, state: ModernIntegratedState, asked: Mapping[str, Trajectory]) -> Trajectory:
         """Poses of the video exposures from the first stereo pair to the last."""
-        views = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in state.window.views]
-        return self._video_poses([*in_order(state.settled), *views], asked["stereo"])
+        return self._video_poses([*state.settled, *_poses(state.window.views)], asked["stereo"])
 
     def step(
         self, state: ModernIntegratedState, exposure: Exposure, asked: Mapping[str, Step]
@@ -132,10 +129,11 @@ class ModernIntegrated:
         if isinstance(exposure, StereoPair):
             state = self._with_metric(replace(state, window=_calibrated(state.window, part)), part)
         else:
-            state = self._timed(state, exposure)
+            state = replace(state, interval=state.interval.after(exposure.time_ns), window=_lens(state.window, part))
         state, located, status = self._place(state, self._view(state, part, isinstance(exposure, VideoFrame)))
         watch.lap("place")
-        state, decisions, revised = self._adjust(state) if isinstance(exposure, StereoPair) else (state, (), ())
+        state, limits = self._limited(state)
+        state, why, revised = self._adjust(state) if isinstance(exposure, StereoPair) else (state, (), ())
         watch.lap("adjust")
         newest = state.window.views[-1] if status == Status.TRACKING else None
         onto = self._onto_stereo(state)
@@ -152,7 +150,7 @@ class ModernIntegrated:
             else self._residuals_px(located, isinstance(exposure, VideoFrame)),
             revised=self._video_poses(revised, Trajectory.of(list(state.metric))),
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
-            decisions=decisions,
+            decisions=(*limits, *why),
             parts=(part,),
         )
 
@@ -164,7 +162,7 @@ class ModernIntegrated:
         if not window.views:
             if view.video or len(view.ids) < MIN_POINTS:
                 return state, None, Status.INITIALISING
-            return replace(state, window=window.with_view(view, self.rig.baseline_m)), None, Status.TRACKING
+            return replace(state, window=window.with_view(view)), None, Status.TRACKING
         located = self._locate(window, view)
         if located is None:
             guess = window.views[-1].world_from_rig
@@ -174,33 +172,26 @@ class ModernIntegrated:
         view = replace(view, world_from_rig=guess, placed=located is not None)
         if located is not None:
             view = replace(view, information=self._information(window, view))
-        window, left = window.with_view(view, self.rig.baseline_m).limited(MAX_VIEWS)
-        state = replace(state, window=window, settled=_longer(state.settled, left))
+        state = replace(state, window=window.with_view(view))
         # The first frames have no points of known depth yet: the pair just before them says where they are.
         near = located is None and window.reference is None
         return state, located, Status.TRACKING if located is not None or near else Status.LOST
+
+    def _limited(self, state: ModernIntegratedState) -> tuple[ModernIntegratedState, tuple[Decision, ...]]:
+        """With no more views than can be adjusted together."""
+        most, count = self.config.max_views, len(state.window.views)
+        if count <= most:
+            return state, ()
+        window, left = state.window.limited(most)
+        then = "the oldest leave unadjusted" if left else "every second between two pairs moves along with the others"
+        decision = Decision("exposures to adjust together", count, most, False, "", "<=", then)
+        return replace(state, window=window, settled=state.settled.extended(_poses(left))), (decision,)
 
     def _rig_model(self) -> RigModel:
         c, r = self.config, self.rig
         sigma = np.array([np.radians(c.rig_sigma_deg)] * 3 + [c.rig_sigma_m] * 3 + [c.clock_sigma_s])
         free = np.array([c.estimate_rig] * 6 + [c.estimate_clock])
         return RigModel(r.rig_from_video, r.rig_from_left, r.baseline_m, 0.0, np.diag(1 / sigma**2), free)
-
-    def _timed(self, state: ModernIntegratedState, exposure: VideoFrame) -> ModernIntegratedState:
-        """Keeps the shortest time between two frames: some may be missing."""
-        frame_s = state.frame_s
-        if state.last_ns is not None and exposure.time_ns > state.last_ns:
-            passed_s = (exposure.time_ns - state.last_ns) * 1e-9
-            frame_s = passed_s if frame_s is None else min(frame_s, passed_s)
-        return replace(state, frame_s=frame_s, last_ns=exposure.time_ns)
-
-    def _turn_rate(self, state: ModernIntegratedState) -> float:
-        """About the left camera's y axis [rad/s], between the last two pairs that the stereo estimator located."""
-        if len(state.metric) < 2:
-            return 0.0
-        (before_ns, before), (now_ns, now) = state.metric[-2:]
-        left_from_before = (now @ self.rig.rig_from_left).inverse() @ before @ self.rig.rig_from_left
-        return float(left_from_before.rotvec[1] / ((now_ns - before_ns) * 1e-9))
 
     def _view(self, state: ModernIntegratedState, part: Step, video: bool) -> View:
         """The raw observations of one exposure."""
@@ -215,7 +206,14 @@ class ModernIntegrated:
         if video:
             return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan))
         disparity = tracks.disparity_px[order].astype(float) / camera.fx
-        return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, self._turn_rate(state))
+        return View(
+            part.time_ns,
+            False,
+            2 * tracks.ids[order] + 1,
+            seen,
+            disparity,
+            part.calibration.get("pair_rate", np.zeros(6)),
+        )
 
     def _locate(self, window: JointWindow, view: View) -> Resection | None:
         """camera_from_world by resection from the points known by now."""
@@ -231,9 +229,10 @@ class ModernIntegrated:
         sigma = self._sigma(view.video)
         threshold, scale = INLIER * sigma, self.config.loss * sigma
         guess = replace(view, world_from_rig=window.predicted(view.time_ns))
-        found = refine_pose(xyz, view.seen[known], window.camera_pose(guess).inverse(), threshold, scale=scale)
+        seen = window.seen(view)[known]
+        found = refine_pose(xyz, seen, window.camera_pose(guess).inverse(), threshold, scale=scale)
         if found is None or found.inliers.mean() < 0.5:
-            again = resect(xyz, view.seen[known], threshold, scale)
+            again = resect(xyz, seen, threshold, scale)
             if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
                 found = again
         return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
@@ -271,7 +270,7 @@ class ModernIntegrated:
             view.world_from_rig,
             window.rig.rig_from_video if view.video else window.rig.rig_from_left,
             window.table.select(place[place >= 0]).points,
-            view.seen[place >= 0],
+            window.seen(view)[place >= 0],
             self._sigma(view.video),
             self.config.loss,
         )
@@ -288,7 +287,7 @@ class ModernIntegrated:
             window.rig.rig_from_video if view.video else window.rig.rig_from_left,
             view.video,
             window.table.select(window.table.places(view.ids[mine])).points,
-            view.seen[mine],
+            window.seen(view)[mine],
             self._sigma(view.video),
             self.config.loss,
             replace(spread, rows=spread.rows[its], own=spread.own[its]),
@@ -301,22 +300,22 @@ class ModernIntegrated:
         window, left = state.window.shortened(self.config.window_pairs)
         since = window.views[0].time_ns if window.views else 0
         metric = tuple(item for item in state.metric if item[0] >= since)
-        state = replace(state, window=window, settled=_longer(state.settled, left), metric=metric)
+        state = replace(state, window=window, settled=state.settled.extended(_poses(left)), metric=metric)
         meeting = self._meeting(state)
         if len(window.pairs) < 2 or meeting is None:
             return state, (), ()
         config, noise = self.config, self._noise
-        frame_s, frames, why = state.frame_s or 0.1, config.knot_frames or USUAL_KNOT_FRAMES, ()
+        frame_s, frames, why = (state.interval.median_ns or 1e8) * 1e-9, config.knot_frames or USUAL_KNOT_FRAMES, ()
         # A clock or a rig that is still wrong looks like motion.
         if not config.knot_frames and not window.rig.free.any():
             window, chosen = window.with_knots(frame_s, config.knot_misfit)
             frames, why = min(window.knots), (chosen,)
-        found = window.adjusted(noise, frames * frame_s, config.max_points, config.iterations, meeting.time_ns)
+        spacing_s = window.spacing_s(frames, frame_s)
+        found = window.adjusted(noise, spacing_s, config.max_points, config.iterations, meeting.time_ns)
         if found is None:
             return state, (Decision("points for an adjustment", 0, 1, False),), ()
         window, solution = found
-        poses = [(v.time_ns, v.best or v.world_from_rig, v.video) for v in window.views]
-        return replace(state, window=window), (*why, *told(window, solution)), poses
+        return replace(state, window=window), (*why, *told(window, solution)), _poses(window.views)
 
     def _with_metric(self, state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
         known = dict(state.metric)
@@ -370,14 +369,15 @@ def _places(ids: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int
     return order[np.searchsorted(ids[order], wanted)]
 
 
-def _longer(
-    chain: Chain[tuple[int, Pose, bool]] | None, views: tuple[View, ...]
-) -> Chain[tuple[int, Pose, bool]] | None:
-    for view in views:
-        chain = Chain((view.time_ns, view.best or view.world_from_rig, view.video), chain)
-    return chain
+def _poses(views: Sequence[View]) -> list[tuple[int, Pose, bool]]:
+    return [pose for view in views for pose in view.poses()]
 
 
 def _calibrated(window: JointWindow, stereo: Step) -> JointWindow:
     """With what the stereo method found to be wrong with the pair, so that both have one scale."""
     return replace(window, of_pair=stereo.calibration.get("pair", window.of_pair))
+
+
+def _lens(window: JointWindow, video: Step) -> JointWindow:
+    """With what the monocular method found to be wrong with its lens."""
+    return replace(window, of_lens=video.calibration.get("lens", window.of_lens))

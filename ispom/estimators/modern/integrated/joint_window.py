@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
 from ispom.solvers.continuous import (
     LEFT,
@@ -21,7 +23,8 @@ from ispom.solvers.continuous import (
     Spread,
     solve,
 )
-from ispom.solvers.prior import PAIR
+from ispom.solvers.late_shutter import drift
+from ispom.solvers.prior import LENS, PAIR
 from ispom.solvers.spline import ORDER
 from ispom.solvers.spline_fit import fitted, misfits
 from ispom.solvers.window import offset_at
@@ -33,10 +36,16 @@ KNOT_FRAMES = (6.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0)
 """Video frames from one knot to the next, to choose from."""
 USUAL_KNOT_FRAMES = 2.0
 """Where the motion cannot tell."""
+LEAST_DISPARITY = 1 / 2000
+"""Normalised; a smaller one says no more than that the point is far."""
 HELD = 1e10
 """Information [1/rad^2, 1/m^2] of a pose that others are told relative to."""
 NEIGHBOURS = 5
 """Points whose median depth a new point of the video is given."""
+NEWEST = 8
+"""The last views are never thinned out: what comes next is placed by them."""
+MOST_CARRIED = 10
+"""Frames that move along with others, per view that the window may have: with more its oldest part leaves it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +60,8 @@ class View:
     """(N, 2) normalised coordinates in the video or the left camera."""
     disparity: Array
     """(N,) x in the left camera minus that in the right one, as matched; NaN where unknown, and for the video."""
-    rate_rad_s: float = 0.0
-    """Turn rate about the left camera's y axis."""
+    rate: Array = field(default_factory=lambda: np.zeros(6))
+    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) that a late right shutter is held to see."""
     world_from_rig: Pose = field(default_factory=Pose)
     placed: bool = True
     """Whether the pose is from what was seen; else it is that of the view before."""
@@ -61,10 +70,28 @@ class View:
     best: Pose | None = None
     """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
 
-    def rectified(self, extra: Array) -> Array:
+    carried: tuple[tuple[int, Pose], ...] = ()
+    """Time and rig_from_later_rig of video frames after it that were thinned out: they move along with this view."""
+
+    def poses(self) -> list[tuple[int, Pose, bool]]:
+        """Time, world_from_rig, whether of the video: its own, and those of the frames that it carries."""
+        pose = self.best or self.world_from_rig
+        return [(self.time_ns, pose, self.video), *((t, pose @ way, True) for t, way in self.carried)]
+
+    def carrying(self, later: View) -> View:
+        """With a later view that is none any more: it and what it carried move along with this one."""
+        way = self.world_from_rig.inverse() @ later.world_from_rig
+        carried = ((later.time_ns, way), *((t, way @ further) for t, further in later.carried))
+        return replace(self, carried=(*self.carried, *carried))
+
+    def rectified(self, extra: Array, baseline_m: float) -> Array:
         """(N,) disparities without what is wrong with the pair, `extra` (4,) of window.Window."""
-        right = self.seen[:, 0] - self.disparity
-        return self.disparity + offset_at(right, extra) + (1 + right**2) * extra[1] * self.rate_rad_s
+        right, lag = self.seen[:, 0] - self.disparity, extra[1]
+        parallel = self.disparity + offset_at(right, extra)
+        depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
+        near = np.column_stack([self.seen, np.ones(len(self.seen))]) * depth[:, None]
+        late = drift(near, np.broadcast_to(self.rate, (len(near), 6)), lag, baseline_m)
+        return parallel + (1 + right**2) * lag * late
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +164,8 @@ class JointWindow:
     """What was known of the rig after each of the last adjustments."""
     of_pair: Array = field(default_factory=lambda: np.zeros(PAIR))
     """What stereo found to be wrong with the pair (see window.Window.extra)."""
+    of_lens: Array = field(default_factory=lambda: np.zeros(LENS))
+    """What monocular found to be wrong with the video camera (see window.Window.extra)."""
     slid: bool = False
     """Whether views have left it."""
     knots: tuple[float, ...] = ()
@@ -153,6 +182,10 @@ class JointWindow:
         """world_from_camera of the video or the left camera."""
         return view.world_from_rig @ (self.rig.rig_from_video if view.video else self.rig.rig_from_left)
 
+    def seen(self, view: View) -> Array:
+        """(N, 2) normalised coordinates in the video or the left camera, without what is wrong with the lens."""
+        return corrected(view.seen, self.of_lens) if view.video else view.seen
+
     def predicted(self, time_ns: int) -> Pose:
         """world_from_rig if the motion of the last two views goes on; identity before any view."""
         if not self.views:
@@ -166,15 +199,16 @@ class JointWindow:
             return last.world_from_rig
         return last.world_from_rig @ Pose.exp(share * (before[-1].world_from_rig.inverse() @ last.world_from_rig).log())
 
-    def with_view(self, view: View, baseline_m: float) -> JointWindow:
+    def with_view(self, view: View) -> JointWindow:
         """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""
         new = self.table.places(view.ids) < 0
         anchor = self.camera_pose(view)
-        depth = view.rectified(self.of_pair)[new] / baseline_m
+        seen = self.seen(view)[new]
+        depth = view.rectified(self.of_pair, self.rig.baseline_m)[new] / self.rig.baseline_m
         unknown = ~(depth > 1e-4)
         if unknown.any():
-            depth[unknown] = self._neighbours(anchor, view.seen[new][unknown])
-        values = np.column_stack([view.seen[new], depth])
+            depth[unknown] = self._neighbours(anchor, seen[unknown])
+        values = np.column_stack([seen, depth])
         return replace(self, views=(*self.views, view), table=self.table.with_new(view.ids[new], anchor, values))
 
     def _neighbours(self, anchor: Pose, seen: Array) -> Array:
@@ -259,7 +293,7 @@ class JointWindow:
         """With the coarsest knots, in frames, that the poses since the last adjustment lie near enough to; and why."""
         chosen, misfit = KNOT_FRAMES[-1], None
         for frames in KNOT_FRAMES[:-1]:
-            found = self.misfit(frames * frame_s)
+            found = self.misfit(self.spacing_s(frames, frame_s))
             misfit = misfit if found is None else found
             if found is not None and found <= most:
                 chosen = frames
@@ -278,16 +312,42 @@ class JointWindow:
         if len(places) <= pairs:
             return self, ()
         cut = places[-pairs]
-        views = self.views[cut:]
-        seen = np.unique(np.concatenate([v.ids for v in views]))
-        table = self.table.select(np.isin(self.table.ids, seen))
-        return replace(self, views=views, table=table, slid=True), self.views[:cut]
+        return self._with_views(self.views[cut:], slid=True), self.views[:cut]
 
     def limited(self, most: int) -> tuple[JointWindow, tuple[View, ...]]:
-        """With at most so many views, and those that left."""
+        """With at most so many views, and those that left: none, unless a very long time passes between two pairs.
+
+        Where there are too many, every second video view of the longest way between two pairs (or since the last one)
+        becomes a frame that moves along with the view before it.
+        """
         if len(self.views) <= most:
             return self, ()
-        return replace(self, views=self.views[-most:], slid=True), self.views[:-most]
+        if sum(len(v.carried) for v in self.views) > MOST_CARRIED * most:
+            cut = len(self.views) // 2
+            return self._with_views(self.views[cut:], slid=True), self.views[:cut]
+        ends = [-1, *self.pairs, len(self.views) - NEWEST]
+        before, after = max(pairwise(ends), key=lambda way: way[1] - way[0])
+        views = list[View]()
+        for i, view in enumerate(self.views):
+            thinned = before < i - 1 and i < after and (i - before) % 2 == 0
+            if thinned:
+                views[-1] = views[-1].carrying(view)
+            else:
+                views.append(view)
+        return self._with_views(tuple(views), self.slid), ()
+
+    def _with_views(self, views: tuple[View, ...], slid: bool) -> JointWindow:
+        """With these of its views, and the points that they see."""
+        seen = np.unique(np.concatenate([v.ids for v in views]))
+        table = self.table.select(np.isin(self.table.ids, seen))
+        return replace(self, views=views, table=table, slid=slid)
+
+    def spacing_s(self, frames: float, frame_s: float) -> float:
+        """Of knots that many video frames apart; of a thinned window, views apart: more knots would not be held."""
+        if not any(v.carried for v in self.views):
+            return frames * frame_s
+        span_s = (self.views[-1].time_ns - self.views[0].time_ns) * 1e-9
+        return frames * max(frame_s, span_s / len(self.views))
 
     def _belief(self) -> RigModel:
         """What was known of the rig from observations that are no longer in the window: none counts twice."""
@@ -311,7 +371,10 @@ class JointWindow:
         index = index[np.lexsort((exposure[index], owner[index]))]
         camera = np.where(video[exposure[index]], VIDEO, LEFT)
         seen = np.column_stack(
-            [np.concatenate([v.seen for v in views]), np.concatenate([v.rectified(self.of_pair) for v in views])]
+            [
+                np.concatenate([self.seen(v) for v in views]),
+                np.concatenate([v.rectified(self.of_pair, self.rig.baseline_m) for v in views]),
+            ]
         )[index]
         inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
         inverse[np.isnan(seen[:, 2]), 2] = 0.0

@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
 from ispom.estimators.modern.monocular import start as mono_start
 from ispom.estimators.modern.monocular.covariance import LOSS, Spread
 from ispom.estimators.modern.monocular.key_frame import Limits, extended, key_frame_tests
-from ispom.estimators.modern.monocular.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
 from ispom.estimators.modern.monocular.localise import (
     MIN_LOCATED,
     Sight,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.lens import FOCAL_SIGMA
 from ispom.estimators.modern.monocular.covariance import Spread
-from ispom.estimators.modern.monocular.lens import FOCAL_SIGMA
 from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
 from ispom.estimators.paper.keyframes import Frame, Points, parallax_deg
 from ispom.geometry import rotation_angle_rad

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.lens import corrected
+from ispom.estimators.modern.lens import corrected
 from ispom.estimators.paper.keyframes import Frame, Points
 from ispom.geometry import Array, Pose
 from ispom.solvers.inverse_depth import InverseDepths, intersect

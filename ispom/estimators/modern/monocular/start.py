@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular.covariance import LOSS
-from ispom.estimators.modern.monocular.lens import corrected
 from ispom.estimators.modern.monocular.map import Between, Map, adjusted, anchored_prior, intersected
 from ispom.estimators.paper.keyframes import Frame, Points
 from ispom.geometry import Array, Pose

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.lens import Lens
+from ispom.estimators.modern.lens import Lens
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of

@@ -346,7 +346,7 @@ class ModernStereo:
             revised,
             seconds=watch.seconds,
             decisions=decisions,
-            calibration={"pair": after.map.extra},
+            calibration={"pair": after.map.extra, "pair_rate": after.map.felt(after.last.rate)},
         )
 
     def _covariance(self, world: StereoMap, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:

@@ -98,7 +98,8 @@ class Last:
         coasting_s = self._coasting_s(time_ns)
         way, beyond = self._way(coasting_s), (self._since_s(time_ns) - coasting_s) * self.rate
         known = np.zeros((6, 6)) if self.covariance is None else way.adjoint @ self.covariance @ way.adjoint.T
-        further = np.repeat([np.linalg.norm(beyond[:3]), min(np.linalg.norm(beyond[3:]), np.pi)], 3)
+        moved, turned = float(np.linalg.norm(beyond[:3])), float(np.linalg.norm(beyond[3:]))
+        further = np.repeat([moved, min(turned, np.pi)], 3)
         return known + np.diag((unforeseen(way, baseline_m) + further) ** 2)
 
     def _since_s(self, time_ns: int) -> float:

@@ -1,0 +1,25 @@
+"""How far apart a camera's frames are, as far as its last few time stamps tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+REMEMBERED = 15
+"""Intervals: one bad time stamp, or some frames that are missing, change nothing."""
+
+
+@dataclass(frozen=True)
+class FrameInterval:
+    last_ns: int | None = None
+    recent_ns: tuple[int, ...] = ()
+
+    def after(self, time_ns: int) -> FrameInterval:
+        """With one more frame."""
+        if self.last_ns is None or time_ns <= self.last_ns:
+            return FrameInterval(time_ns, self.recent_ns)
+        return FrameInterval(time_ns, (*self.recent_ns, time_ns - self.last_ns)[-REMEMBERED:])
+
+    @property
+    def median_ns(self) -> int | None:
+        """None before a second frame."""
+        return sorted(self.recent_ns)[len(self.recent_ns) // 2] if self.recent_ns else None
