@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.frame_interval import FrameInterval
+from ispom.estimators.paper import checks
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
@@ -141,9 +142,7 @@ class Integrated:
             since_pair = sum(t > state.metric[-1][0] for t in frames_ns)
             if recent > until:
                 why = "the oldest of them get no pose"
-                decisions = [
-                    Decision("video frames since the last pair", since_pair, MOST_FRAMES, False, "", "<=", why)
-                ]
+                decisions = [checks.OPEN_FRAMES.of(since_pair, MOST_FRAMES, why, False)]
         items = [*state.video.items(), *part.revised.items()]
         if part.world_from_frame is not None:
             items.append((part.time_ns, part.world_from_frame))
@@ -190,7 +189,8 @@ class Integrated:
             scale=scale or state.scale,
             poses=state.poses.appended(piece) if len(piece) else state.poses,
         )
-        return after, piece, decisions
+        segment = f"{ends[0] * 1e-9:.3f} to {ends[1] * 1e-9:.3f} s"
+        return after, piece, tuple(replace(d, about=segment) for d in decisions)
 
     def _fit(
         self, state: IntegratedState, metric: Trajectory, ends: tuple[int, int], times: NDArray[np.int64]
@@ -199,14 +199,14 @@ class Integrated:
         fallback = interpolate(metric, times, "bspline")
         covered, why_not = self._covered(state, ends, times)
         if not covered:
-            return fallback, None, (Decision("video poses cover the segment", 0, 1, False, consequence=why_not),)
+            return fallback, None, (checks.VIDEO_COVERAGE.of(0, 1, why_not),)
         start, end = metric.at(ends[0]), metric.at(ends[1])
         assert start is not None and end is not None
         own = interpolate(state.video, np.array(ends, np.int64), self.config.interpolation)
         video = state.video.select(np.isin(state.video.times_ns, times))
         segment = fit_segment(video, own.pose(0), own.pose(1), start, end, ends, self.config.min_segment_m)
         length, least = float(np.linalg.norm(end.translation - start.translation)), self.config.min_segment_m
-        moved = Decision("segment length", length, least, segment is not None, "m")
+        moved = checks.SEGMENT_LENGTH.of(length, least, passed=segment is not None)
         if segment is None:
             rotations, _ = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
             still = Trajectory(times, rotations, fallback.translations, "video")
@@ -255,7 +255,7 @@ def _bends(segment: Segment) -> tuple[Decision, ...]:
     """How far the video segment had to be bent; no thresholds in the paper, so 10 degrees only marks the doubtful."""
     turn, residual = np.degrees(segment.turn_rad), np.degrees(segment.residual_rad)
     return (
-        Decision("scale ratio", segment.scale, 0.0, segment.scale > 0, "m per unit", ">"),
-        Decision("segment vector turned by", turn, 10.0, turn <= 10, "deg", "<="),
-        Decision("last orientation missed by", residual, 10.0, residual <= 10, "deg", "<="),
+        checks.SCALE_RATIO.of(segment.scale, 0.0),
+        checks.SEGMENT_TURN.of(turn, 10.0),
+        checks.END_ORIENTATION.of(residual, 10.0),
     )

@@ -8,7 +8,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.paper.keyframes import Frame, Window, common_points, parallax_deg
+from ispom.estimators.paper import checks
+from ispom.estimators.paper.keyframes import MOST_WAITING, Frame, Window, common_points, parallax_deg
 from ispom.estimators.paper.refinement import adjust_window, fill_between
 from ispom.estimators.paper.scale import ScaleStep, transfer_scale
 from ispom.frontends import corners
@@ -148,12 +149,15 @@ class Monocular:
         displacement = parallax_deg(window.keys[-1], frame, self._limit)
         share = common_points(window.keys[-1:], frame) / max(len(window.keys[-1].ids), 1)
         wanted, least = self.config.min_parallax_deg, self.config.min_share
-        moved = Decision("parallax", displacement, wanted, displacement >= wanted, "deg")
-        enough = Decision("share of the last key frame's points left", share, least, share >= least)
-        early = not moved.passed and not enough.passed and displacement >= wanted / 4
-        if early:
-            enough = replace(enough, consequence="key frame taken early, before more points are lost")
-        return moved.passed or early, (moved, enough)
+        moved = checks.PARALLAX.of(displacement, wanted)
+        few, tells = share < least, displacement >= wanted / 4
+        why = "too little parallax for a key frame" if few and not tells else ""
+        early = checks.POINTS_LEFT.of(share, least, why, few and tells)
+        waiting = sum(f.time_ns > window.keys[-1].time_ns for f in window.frames)
+        given_up = checks.WAITING_FRAMES.of(
+            waiting + 1, MOST_WAITING, "the oldest keep the poses that they got at once"
+        )
+        return moved.passed or early.passed, (moved, early) if given_up.passed else (moved, early, given_up)
 
     def _key_frame(self, state: MonocularState, frame: Frame, decisions: tuple[Decision, ...]) -> Revision:
         """Solve the triple that ends with this frame, scale it, place it, and fill in the frames between."""
@@ -162,8 +166,8 @@ class Monocular:
             return Revision(window.with_key(frame), state.scale, decisions)
         first, second = window.keys[-2:]
         ids = np.intersect1d(np.intersect1d(first.ids, second.ids), frame.ids)
-        triple, checks = self._triple(first, second, frame, ids)
-        decisions += checks
+        triple, why = self._triple(first, second, frame, ids)
+        decisions += why
         if triple is None:
             return self._without_triple(state, frame, len(ids), decisions)
         step, scale, scale_decision = transfer_scale(triple, ids, window, state.scale, self.config.scale_transfer)
@@ -182,13 +186,11 @@ class Monocular:
         triple = solve_triple(x1, x2, x3, self._limit, np.deg2rad(self.config.min_angle_deg))
         epipolar = 0.0 if triple is None else float(triple.epipolar.mean())
         resected = 0 if triple is None else int(triple.resected.sum())
-        checks = (
-            Decision(
-                "share on their epipolar lines", epipolar, 0.5, epipolar >= 0.5, consequence="" if triple else "no pose"
-            ),
-            Decision("points resected in the middle key frame", resected, 12, resected >= 12),
+        made = (
+            checks.EPIPOLAR_SHARE.of(epipolar, 0.5, "" if triple else "no pose"),
+            checks.RESECTED_POINTS.of(resected, 12),
         )
-        return (triple if all(c.passed for c in checks) else None), checks
+        return (triple if all(d.passed for d in made) else None), made
 
     def _without_triple(
         self, state: MonocularState, frame: Frame, common: int, decisions: tuple[Decision, ...]
@@ -196,13 +198,8 @@ class Monocular:
         """No triple here: try the next frame instead, or, with too few points left, begin again from the last pose."""
         if common >= self.config.min_common:
             return Revision(state.window.with_frame(frame), state.scale, decisions)
-        restart = Decision(
-            "points common to three key frames",
-            common,
-            self.config.min_common,
-            False,
-            consequence="lost; a new start from the last pose, the step length carried over",
-        )
+        then = "lost; a new start from the last pose, the step length carried over"
+        restart = checks.TRIPLE_POINTS.of(common, self.config.min_common, then)
         return Revision(state.window.restarted(frame), state.scale, (*decisions, restart), lost=True)
 
     def _conclude(

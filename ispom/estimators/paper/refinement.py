@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispom.estimators.paper import checks
 from ispom.estimators.paper.keyframes import Points, Window
 from ispom.geometry import Pose
 from ispom.solvers.bundle import adjust
@@ -66,14 +67,8 @@ def adjust_window(window: Window, scale: float) -> tuple[Window, tuple[Decision,
     xyz = window.landmarks.xyz.copy()
     xyz[chosen] = bundle.xyz_in_world
     after = [p.inverse() for p in bundle.cameras_from_world]
-    decision = Decision(
-        "bundle cost after / before",
-        bundle.cost_after / max(bundle.cost_before, 1e-12),
-        1.0,
-        bundle.cost_after < bundle.cost_before,
-        relation="<",
-        consequence=f"{len(keys)} key frames, {len(chosen)} points, {len(np.concatenate(points))} observations",
-    )
+    size = f"{len(keys)} key frames, {len(chosen)} points, {len(np.concatenate(points))} observations"
+    decision = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     return _carried(window, after, Points(window.landmarks.ids, xyz)), (decision,)
 
 

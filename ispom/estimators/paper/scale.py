@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.paper import checks
 from ispom.estimators.paper.keyframes import Frame, Window
 from ispom.solvers.triple import ScaleTransfer, Triple, depth_ratio, step_length
 from ispom.types import Decision
@@ -46,7 +47,7 @@ def transfer_scale(
         scale = last.length / max(t12, 1e-6)
         if transfer == "depth" and not window.fresh:
             scale, because = _by_depth(triple, ids, window, scale)
-    decision = Decision(f"scale transfer ({transfer})", scale, 0.0, scale > 0, relation=">", consequence=because)
+    decision = checks.SCALE_TRANSFER.of(scale, 0.0, f"{transfer}; {because}" if because else transfer)
     return ScaleStep(scale * length, length / true_length), scale, decision
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.paper import checks
 from ispom.frontends import corners, sift
 from ispom.frontends.disparity import RowSearch
 from ispom.frontends.klt import Klt
@@ -203,12 +204,12 @@ class Stereo:
         self, state: StereoState, cloud: Cloud, pairs: tuple[NDArray, NDArray], motion: RigidMotion | None
     ) -> tuple[bool, tuple[Decision, ...]]:
         least = self.config.min_inliers
-        points = Decision("points with depth", len(cloud), least, len(cloud) >= least)
+        points = checks.DEPTH_POINTS.of(len(cloud), least)
         if state.reference is None:
             return points.passed, (replace(points, consequence="the first pair is the world"),)
         inliers = 0 if motion is None else int(motion.inliers.sum())
-        common = Decision("points common with the last pair", len(pairs[0]), least, len(pairs[0]) >= least)
-        fitting = Decision("points that fit the rigid motion", inliers, least, inliers >= least)
+        common = checks.COMMON_POINTS.of(len(pairs[0]), least)
+        fitting = checks.RIGID_POINTS.of(inliers, least)
         afresh = state.lost_pairs + 1 > self.config.max_lost_pairs
         if not fitting.passed:
             then = "start afresh from the last known pose" if afresh else "keep the last located pair as reference"

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.frame_interval import FrameInterval
-from ispom.estimators.modern.integrated.joint_report import told
+from ispom.estimators.modern.integrated import checks
+from ispom.estimators.modern.integrated.joint_report import report
 from ispom.estimators.modern.integrated.joint_window import USUAL_KNOT_FRAMES, JointWindow, Noise, View
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
@@ -184,8 +185,8 @@ class ModernIntegrated:
             return state, ()
         window, left = state.window.limited(most)
         then = "the oldest leave unadjusted" if left else "every second between two pairs moves along with the others"
-        decision = Decision("exposures to adjust together", count, most, False, "", "<=", then)
-        return replace(state, window=window, settled=state.settled.extended(_poses(left))), (decision,)
+        state = replace(state, window=window, settled=state.settled.extended(_poses(left)))
+        return state, (checks.VIEWS.of(count, most, then),)
 
     def _rig_model(self) -> RigModel:
         c, r = self.config, self.rig
@@ -313,9 +314,9 @@ class ModernIntegrated:
         spacing_s = window.spacing_s(frames, frame_s)
         found = window.adjusted(noise, spacing_s, config.max_points, config.iterations, meeting.time_ns)
         if found is None:
-            return state, (Decision("points for an adjustment", 0, 1, False),), ()
+            return state, (checks.POINTS.of(0, 1),), ()
         window, solution = found
-        return replace(state, window=window), (*why, *told(window, solution)), _poses(window.views)
+        return replace(state, window=window), (*why, *report(window, solution)), _poses(window.views)
 
     def _with_metric(self, state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
         known = dict(state.metric)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
 from ispom.solvers.continuous import (
@@ -303,8 +304,7 @@ class JointWindow:
         # A window has one spacing: that of its liveliest part.
         knots = (*self.knots, chosen)[1 - len(self.pairs) :]
         because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", for the motion before")
-        decision = Decision("misfit of the poses to the spline", misfit, most, misfit <= most, "", "<=", because)
-        return replace(self, knots=knots), decision
+        return replace(self, knots=knots), checks.SPLINE_MISFIT.of(misfit, most, because)
 
     def shortened(self, pairs: int) -> tuple[JointWindow, tuple[View, ...]]:
         """With this many stereo pairs, and the views that left."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens, corrected
+from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular import start as mono_start
 from ispom.estimators.modern.monocular.covariance import LOSS, Spread
 from ispom.estimators.modern.monocular.key_frame import Limits, extended, key_frame_tests
@@ -202,7 +203,7 @@ class ModernMonocular:
         watch.lap("locate")
         followed, motion = sight.followed, sight.motion
         count = 0 if motion is None else int(motion.inliers.sum())
-        located = Decision("points that agree with the pose", count, MIN_LOCATED, sight.agreeing)
+        located = checks.POSE_POINTS.of(count, MIN_LOCATED, passed=sight.agreeing)
         if motion is None or not located.passed:
             return self._lost(state, self._frame(state, time_ns, followed), grey, followed, located)
         place = np.searchsorted(state.live.ids, sight.ids)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import FOCAL_SIGMA
+from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import Spread
 from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
 from ispom.estimators.paper.keyframes import Frame, Points, parallax_deg
@@ -44,18 +45,12 @@ def key_frame_tests(world: Map, frame: Frame, limits: Limits) -> tuple[Decision,
     turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
     angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
     late = interval >= limits.interval_s and parallax >= limits.parallax_deg / 4
+    why = "too little parallax for a key frame" if interval >= limits.interval_s and not late else ""
     return (
-        Decision("parallax", parallax, limits.parallax_deg, parallax >= limits.parallax_deg, "deg"),
-        Decision("share of the last key frame's points left", share, limits.share, share < limits.share, relation="<"),
-        Decision("view angle", angle, limits.view_angle_deg, angle >= limits.view_angle_deg, "deg"),
-        Decision(
-            "time since the last key frame",
-            interval,
-            limits.interval_s,
-            late,
-            "s",
-            consequence="" if late == (interval >= limits.interval_s) else "too little parallax for a key frame",
-        ),
+        checks.PARALLAX.of(parallax, limits.parallax_deg),
+        checks.POINTS_LEFT.of(share, limits.share),
+        checks.VIEW_ANGLE.of(angle, limits.view_angle_deg),
+        checks.INTERVAL.of(interval, limits.interval_s, why, late),
     )
 
 
@@ -88,14 +83,8 @@ def extended(world: Map, frame: Frame, min_parallax_rad: float, sigma: float) ->
     world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
     moving = (wide | (new.depth <= 0)) & (new.worst > 8 * sigma)
     dropped = np.concatenate([open_ids[moving], np.setdiff1d(before.ids, world.points.ids)])
-    cost = Decision(
-        "bundle cost after / before",
-        bundle.cost_after / max(bundle.cost_before, 1e-12),
-        1.0,
-        bundle.cost_after < bundle.cost_before,
-        relation="<",
-        consequence=f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations",
-    )
+    size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
+    cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     spread = Spread.of(bundle.window, before.ids, sigma)
     scale, drift = _scale(world, known, sigma, spread)
     return Extended(world, dropped, spread, scale, (cost, *drift, *_correction(world)))
@@ -108,7 +97,7 @@ def _correction(world: Map) -> tuple[Decision, ...]:
     focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
     limit = 300 * FOCAL_SIGMA
     because = f"focal length {focal:+.2f} %, radial distortion {radial:+.4f}"
-    return (Decision("correction of the focal length", abs(focal), limit, abs(focal) <= limit, "%", "<=", because),)
+    return (checks.FOCAL_LENGTH.of(abs(focal), limit, because),)
 
 
 def _scale(
@@ -116,15 +105,8 @@ def _scale(
 ) -> tuple[float | None, tuple[Decision, ...]]:
     """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
     last two key frames alone give. How sure that and the unit since the start are, say the normal equations."""
-    since = Decision(
-        "scale drift since the start, one sigma",
-        100 * spread.unit,
-        MAX_DRIFT,
-        100 * spread.unit <= MAX_DRIFT,
-        "%",
-        "<=",
-        f"of this step against the one before {100 * spread.step:.2g} %",
-    )
+    against = f"of this step against the one before {100 * spread.step:.2g} %"
+    since = checks.SCALE_DRIFT.of(100 * spread.unit, MAX_DRIFT, against)
     pair = replace(world, keys=world.keys[-2:])
     ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
     found = intersected(pair, ids, sigma)
@@ -135,7 +117,5 @@ def _scale(
     scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))
     limit = max(3 * spread.step, 0.005)
     because = f"depth ratio {scale:.4f} +- {spread.step:.4f} of {int(sure.sum())} points"
-    step = Decision(
-        "scale drift of this step", abs(scale - 1), limit, abs(scale - 1) <= limit, relation="<=", consequence=because
-    )
+    step = checks.STEP_SCALE.of(abs(scale - 1), limit, because)
     return scale, (step, since)

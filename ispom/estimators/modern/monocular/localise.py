@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import MIN_POINTS
 from ispom.estimators.modern.monocular.tracks import Followed
@@ -80,9 +81,7 @@ def turned(before: Frame, frame: Frame, sigma: float) -> tuple[Decision, Pose] |
     shift = float(np.degrees(median_displacement(turn, x1, x2)))
     if shift >= SPOT_DEG:
         return None
-    return Decision("motion beside a turn", shift, SPOT_DEG, True, "deg", "<"), Pose(
-        last.rotation @ turn.T, last.translation
-    )
+    return checks.TURN_ONLY.of(shift, SPOT_DEG), Pose(last.rotation @ turn.T, last.translation)
 
 
 def strays(key: Frame, frame: Frame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import corrected
+from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.map import Between, Map, adjusted, anchored_prior, intersected
 from ispom.estimators.paper.keyframes import Frame, Points
@@ -89,14 +90,14 @@ def advance(start: Start, frame: Frame, sigma: float, min_parallax_rad: float) -
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, frame.ids, assume_unique=True)
     share = len(ids) / max(1, len(reference.ids))
-    enough = Decision("share of the first frame's points left", share, LEAVING_SHARE, share >= LEAVING_SHARE)
+    enough = checks.START_POINTS.of(share, LEAVING_SHARE)
     if len(ids) < MIN_POINTS:
         return _restarted(start, frame, sigma, replace(enough, passed=False))
     x1, x2 = reference.at(ids), frame.at(ids)
     rotation = dominant_rotation(x1, x2, 3 * sigma)
     parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
     needed = min_parallax_rad * (1 if enough.passed else LEAVING_PARALLAX)
-    moved = Decision("parallax of the first map", np.degrees(parallax), np.degrees(needed), parallax >= needed, "deg")
+    moved = checks.START_PARALLAX.of(np.degrees(parallax), np.degrees(needed), passed=parallax >= needed)
     held = Pose(start.base.rotation @ rotation.T, start.base.translation)
     frame = replace(frame, world_from_camera=held)
     waiting, settled = _remembered(replace(start, frames=(*start.frames, frame)))
@@ -147,16 +148,16 @@ def _first_map(start: Start, last: Frame, sigma: float, impatient: bool) -> tupl
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, last.ids, assume_unique=True)
     found = hypotheses(reference.at(ids), last.at(ids), 2 * sigma, planar_from=PLANAR)
-    planar = Decision("points that a plane explains", found.planar_share, 0.7, found.planar_share >= 0.7)
+    planar = checks.PLANE_SHARE.of(found.planar_share, 0.7)
     trials = [_trial(start, last, ids, pose, sigma) for pose in found.second_from_first]
     good = sorted((t for t in trials if t is not None), key=lambda t: t.costs.sum())
     if not good:
-        return None, (planar, Decision("hypotheses that give a map", 0, 1, False))
+        return None, (planar, checks.MAPS.of(0, 1))
     best = good[0].map
     ratio = min((_costlier(t, good[0]) for t in good[1:] if not _same(best, t.map)), default=np.inf)
-    clear = Decision("cost of the second best pose / best", min(ratio, 99.0), CLEARLY_BETTER, ratio >= CLEARLY_BETTER)
+    clear = checks.AMBIGUITY.of(min(ratio, 99.0), CLEARLY_BETTER)
     share = float((good[0].costs < OUTLIER_COST).mean())
-    most = Decision("points that the best pose explains", share, MOST, share >= MOST)
+    most = checks.EXPLAINED_SHARE.of(share, MOST)
     if not (clear.passed and most.passed) and not impatient:
         return None, (planar, clear, most)
     best, carried = _in_old_unit(best, start)
@@ -172,7 +173,7 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
     if not len(start.points.ids):
         return state, ()
     count = int(front.sum())
-    shared = Decision("points that carry the unit over", count, MIN_SHARED, count >= MIN_SHARED)
+    shared = checks.UNIT_POINTS.of(count, MIN_SHARED)
     if not shared.passed:
         return state, (replace(shared, consequence="the speed before the loss is taken instead"),)
     ratio = np.log(before[front] / now[front])

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimators.check import Check
+from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.tracks import Last, PairTracker, Points, Sighting
 from ispom.estimators.modern.stereo.window import (
     KeyFrame,
@@ -43,7 +45,7 @@ from ispom.types import (
 )
 
 SIDE = 0.5
-"""x/z of the place towards the image's sides for which the bend of the disparity offset is told."""
+"""x/z of the place towards the image's sides, 27 degrees, at which the bend of the disparity offset is reported."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +135,7 @@ class ModernStereo:
             found = self._new_points(world, points, left, right, pose, next_id, rate)
             fresh, next_id = len(found[0]), next_id + len(found[0])
             if len(points) + fresh < self.config.min_inliers and not world.keys:
-                few = Decision(
-                    "points with depth", fresh, self.config.min_inliers, False, consequence="waiting to begin"
-                )
+                few = checks.DEPTH_POINTS.of(len(points) + fresh, self.config.min_inliers, "waiting to begin")
                 # Nothing is seen: what was seen before is still the best to find the way from.
                 status = Status.LOST if kept.map.keys else Status.INITIALISING
                 kept = replace(kept, lost_pairs=state.lost_pairs)
@@ -224,9 +224,7 @@ class ModernStereo:
         settled = state.settled.extended((k.time_ns, k.left_from_world) for k in state.map.keys)
         fresh = replace(state.last, points=Points())
         state = replace(state, last=fresh, map=emptied(state.map), settled=settled)
-        decision = Decision(
-            "pairs lost", state.lost_pairs, limit, False, relation="<=", consequence="a new start from the prediction"
-        )
+        decision = checks.LOST_PAIRS.of(state.lost_pairs, limit, "a new start from the prediction")
         return state, Sighting.nothing(), (decision,)
 
     def _choose_key_frame(self, world: StereoMap, points: Points) -> tuple[bool, tuple[Decision, ...]]:
@@ -239,9 +237,8 @@ class ModernStereo:
         displacement = float(np.median(np.linalg.norm(flow, axis=1))) if len(new) else 0.0
         share = len(new) / max(len(last.ids), 1)
         wanted, least = self.config.min_parallax_px, self.config.min_share
-        moved = Decision("median displacement", displacement, wanted, displacement >= wanted, "px")
-        kept = Decision("share of the last key frame's points", share, least, share >= least)
-        return moved.passed or not kept.passed, (moved, kept)
+        tests = (checks.DISPLACEMENT.of(displacement, wanted), checks.POINTS_LEFT.of(share, least))
+        return any(test.passed for test in tests), tests
 
     def _new_points(
         self, world: StereoMap, points: Points, left: Image, right: Image, pose: Pose, next_id: int, rate: Array
@@ -268,19 +265,14 @@ class ModernStereo:
         f = self.rig.camera("left").fx
         error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
         usual = 2 * self.config.loss_px
-        decisions = [Decision("median error after adjustment", error, usual, error <= usual, "px", "<=")]
+        decisions = [checks.ADJUSTED_ERROR.of(error, usual)]
         if self.config.self_calibration and world.covariance is not None:
             (offset, lag, square, fourth), spread = world.extra, world.covariance[-PAIR:, -PAIR:]
             bend = np.array([SIDE**2, SIDE**4])
             decisions += [
-                _corrected("disparity offset", f * offset, f**2 * spread[0, 0], "px"),
-                _corrected(
-                    f"disparity offset at {np.degrees(np.arctan(SIDE)):.0f} degrees against the middle",
-                    f * float(bend @ (square, fourth)),
-                    f**2 * float(bend @ spread[2:, 2:] @ bend),
-                    "px",
-                ),
-                _corrected("right shutter late by", 1e3 * lag, 1e6 * spread[1, 1], "ms"),
+                _corrected(checks.OFFSET, f * offset, f**2 * spread[0, 0]),
+                _corrected(checks.BEND, f * float(bend @ (square, fourth)), f**2 * float(bend @ spread[2:, 2:] @ bend)),
+                _corrected(checks.SHUTTER_LAG, 1e3 * lag, 1e6 * spread[1, 1]),
             ]
         return world, settled, tuple(decisions)
 
@@ -358,7 +350,7 @@ class ModernStereo:
         return way @ spread @ way.T + np.linalg.inv(sighting.located.information)
 
 
-def _corrected(name: str, value: float, variance: float, unit: str) -> Decision:
+def _corrected(check: Check, value: float, variance: float) -> Decision:
     """What the pair's images say against its calibration, beside two standard deviations of it."""
     twice = 2 * float(np.sqrt(max(variance, 0.0)))
-    return Decision(name, float(value), twice, abs(value) > twice, unit, ">")
+    return check.of(value, twice, passed=bool(abs(value) > twice))

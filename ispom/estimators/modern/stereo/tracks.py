@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.frontends import sift
 from ispom.frontends.exposure import as_bright
@@ -170,11 +171,11 @@ class PairTracker:
         if last.left is None:
             return sighting, ()
         wanted = max(self.min_inliers, 0.3 * len(last.points))
-        guided = Decision("points found where the motion leads", sighting.inliers, wanted, sighting.inliers >= wanted)
+        guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
         if guided.passed:
             return sighting, (guided,)
         sighting = max(sighting, self._follow(last, world, left, right, None, guess, time_ns), key=lambda s: s.inliers)
-        around = Decision("points found around their last places", sighting.inliers, wanted, sighting.inliers >= wanted)
+        around = checks.NEARBY_POINTS.of(sighting.inliers, wanted)
         if around.passed:
             return sighting, (guided, around)
         features = sift.detect_and_describe(left, 2000)
@@ -182,9 +183,7 @@ class PairTracker:
         if described is not None:
             again = self._follow(last, world, left, right, described, described, time_ns)
             sighting = max(sighting, replace(again, features=features), key=lambda s: s.inliers)
-        least = self.min_inliers
-        final = Decision("points found by descriptors", sighting.inliers, least, sighting.inliers >= least)
-        return sighting, (guided, around, final)
+        return sighting, (guided, around, checks.DESCRIBED_POINTS.of(sighting.inliers, self.min_inliers))
 
     def _follow(
         self, last: Last, world: StereoMap, left: Image, right: Image, guide: Pose | None, guess: Pose, time_ns: int

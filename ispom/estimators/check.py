@@ -1,0 +1,50 @@
+"""Checks that estimators make: each is described once, and gives a Decision whenever it is made."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass
+from typing import Literal
+
+from ispom.types import Decision
+
+Relation = Literal[">=", "<=", ">", "<"]
+COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One kind of check; see Decision for what the fields mean. All of a method stand in its `checks.py`."""
+
+    key: str
+    name: str
+    kind: Literal["requirement", "trigger", "finding"]
+    question: str = ""
+    relation: Relation = ">="
+    unit: str = ""
+
+    def of(self, value: float, threshold: float, consequence: str = "", passed: bool | None = None) -> Decision:
+        """As made now; `passed` where more than the comparison decides."""
+        value, threshold = float(value), float(threshold)
+        if passed is None:
+            passed = bool(COMPARED[self.relation](value, threshold))
+        return Decision(
+            self.name,
+            value,
+            threshold,
+            passed,
+            self.unit,
+            self.relation,
+            consequence,
+            self.key,
+            self.question,
+            self.kind,
+        )
+
+
+def by_key(*checks: Check) -> dict[str, Check]:
+    """ValueError where two have the same key."""
+    found = {check.key: check for check in checks}
+    if len(found) < len(checks):
+        raise ValueError(f"two checks have one key: {', '.join(sorted(check.key for check in checks))}")
+    return found

@@ -1,0 +1,70 @@
+"""What an estimator decides has a stable name, and comes from the closed set of its method."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ispom.ensemble import build, run
+from ispom.estimators.check import Check, by_key
+from ispom.estimators.modern.integrated import checks as integrated
+from ispom.estimators.modern.monocular import checks as monocular
+from ispom.estimators.modern.stereo import checks as stereo
+from ispom.estimators.paper import checks as paper
+from ispom.methods import Config
+from ispom.types import Decision, Exposure, Sequence, Step
+
+CHECKS = {
+    "monocular": monocular.CHECKS,
+    "stereo": stereo.CHECKS,
+    "integrated": integrated.CHECKS,
+    "monocular.paper": paper.MONOCULAR,
+    "stereo.paper": paper.STEREO,
+    "integrated.paper": paper.INTEGRATED,
+}
+
+
+@pytest.fixture(scope="module")
+def steps(flight: Sequence, exposures: list[Exposure]) -> list[Step]:
+    return [step for found in run(build(Config(), tuple(CHECKS), flight.rig), exposures) for step in found]
+
+
+def test_every_decision_is_one_of_the_checks_of_its_method(steps: list[Step]) -> None:
+    seen = {(step.method, decision.key): decision for step in steps for decision in step.decisions}
+    for (method, key), decision in seen.items():
+        check = CHECKS[method][key]
+        described = (decision.name, decision.kind, decision.question, decision.relation, decision.unit)
+        assert described == (check.name, check.kind, check.question, check.relation, check.unit)
+    assert {method for method, _ in seen} == set(CHECKS)
+
+
+def test_in_a_step_a_key_names_one_decision(steps: list[Step]) -> None:
+    for step in steps:
+        names = [(decision.key, decision.about) for decision in step.decisions]
+        assert len(names) == len(set(names)), (step.method, step.time_ns)
+
+
+def test_triggers_answer_whether_there_is_a_key_frame(steps: list[Step]) -> None:
+    for step in steps:
+        fired = [d.passed for d in step.decisions if d.question == "New key frame?"]
+        assert not fired or not step.key_frame or any(fired)
+        assert not any(d.failed for d in step.decisions if d.kind != "requirement")
+
+
+@pytest.mark.parametrize("method", CHECKS)
+def test_keys_are_slugs_and_triggers_have_a_question(method: str) -> None:
+    for key, check in CHECKS[method].items():
+        assert re.fullmatch(r"[a-z]+(-[a-z]+)*", key)
+        assert check.question.endswith("?") or (not check.question and check.kind != "trigger")
+
+
+@pytest.mark.parametrize(("relation", "passes"), [(">=", True), ("<=", True), (">", False), ("<", False)])
+def test_a_check_compares_as_its_relation_says(relation: str, passes: bool) -> None:
+    found = Check("a-key", "a name", "finding", relation=relation, unit="px").of(2, 2, "so")  # type: ignore[arg-type]
+    assert found == Decision("a name", 2.0, 2.0, passes, "px", relation, "so", "a-key", "", "finding")  # type: ignore
+
+
+def test_two_checks_of_one_key_are_refused() -> None:
+    with pytest.raises(ValueError, match="same, same"):
+        by_key(Check("same", "one", "finding"), Check("same", "other", "finding"))
