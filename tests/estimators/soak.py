@@ -20,7 +20,7 @@ import numpy as np
 
 from ispom.ensemble import build
 from ispom.geometry import Pose
-from ispom.methods import Config, Variant
+from ispom.methods import Config, Variant, with_asked
 from ispom.persistent_list import PersistentList
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 
@@ -67,7 +67,7 @@ class Scenario:
     """What the platform does, and which exposures come."""
 
     name: str
-    methods: tuple[str, ...]
+    method: str
     place: Callable[[int], int]
     """Where on the round trip a video frame is taken."""
     video: bool = True
@@ -108,21 +108,20 @@ def far(i: int) -> int:
     return i // STEREO_EVERY
 
 
-ALL: tuple[str, ...] = ("monocular", "stereo", "integrated")
 SCENARIOS = (
-    Scenario("monocular moving", ("monocular",), moving, stereo=False),
-    Scenario("monocular still", ("monocular",), still, stereo=False),
-    Scenario("monocular stops", ("monocular",), stopping, stereo=False),
-    Scenario("monocular goes blank", ("monocular",), moving, stereo=False, blank=("video",)),
-    Scenario("stereo moving", ("stereo",), far, video=False),
-    Scenario("stereo still", ("stereo",), still, video=False),
-    Scenario("stereo goes blank", ("stereo",), far, video=False, blank=("left", "right")),
-    Scenario("integrated moving", ("integrated",), moving),
-    Scenario("integrated still", ("integrated",), still),
-    Scenario("integrated stops", ("integrated",), stopping),
-    Scenario("integrated, pairs end", ("integrated",), moving, pairs_end=True),
-    Scenario("integrated, pairs go blank", ("integrated",), moving, blank=("left", "right")),
-    Scenario("integrated, video goes blank", ("integrated",), moving, blank=("video",)),
+    Scenario("monocular moving", "monocular", moving, stereo=False),
+    Scenario("monocular still", "monocular", still, stereo=False),
+    Scenario("monocular stops", "monocular", stopping, stereo=False),
+    Scenario("monocular goes blank", "monocular", moving, stereo=False, blank=("video",)),
+    Scenario("stereo moving", "stereo", far, video=False),
+    Scenario("stereo still", "stereo", still, video=False),
+    Scenario("stereo goes blank", "stereo", far, video=False, blank=("left", "right")),
+    Scenario("integrated moving", "integrated", moving),
+    Scenario("integrated still", "integrated", still),
+    Scenario("integrated stops", "integrated", stopping),
+    Scenario("integrated, pairs end", "integrated", moving, pairs_end=True),
+    Scenario("integrated, pairs go blank", "integrated", moving, blank=("left", "right")),
+    Scenario("integrated, video goes blank", "integrated", moving, blank=("video",)),
 )
 
 
@@ -164,28 +163,29 @@ class Lap:
     """Steps with a pose."""
 
 
-FEW: dict[str, dict[str, Any]] = {
+SETTINGS: dict[str, dict[str, Any]] = {
     "monocular": {"max_tracks": 80},
     "stereo": {"max_tracks": 80},
     "integrated": {"max_points": 80},
     "monocular.paper": {"max_tracks": 80},
     "stereo.paper": {"matching": "klt", "max_tracks": 80},
+    "integrated.paper": {},
 }
-"""Settings for small images."""
+"""Few tracks: small images."""
 
 
-def config() -> Config:
-    """Few tracks: small images."""
-    return Config({name: replace(Config().of(name), **settings) for name, settings in FEW.items()})
-
-
-def of_variant(names: tuple[str, ...], variant: Variant) -> tuple[str, ...]:
-    return tuple(f"{name}.paper" for name in names) if variant == "paper" else names
+def config(name: str) -> Config:
+    """For a method and those that it asks."""
+    found = Config()
+    for method in with_asked((name,)):
+        found = found.with_settings(method, replace(found.of(method), **SETTINGS[method]))
+    return found
 
 
 def laps(scenario: Scenario, variant: Variant, exposures: int, length: int = 100) -> list[Lap]:
     """A run, measured in pieces."""
-    ensemble = build(config(), of_variant(scenario.methods, variant), rig())
+    name = scenario.method if variant == "modern" else f"{scenario.method}.paper"
+    ensemble = build(config(name), (name,), rig())
     state, found, stream = ensemble.start(), [], islice(scenario.exposures(), exposures)
     while piece := list(islice(stream, length)):
         values, arrays, tracking, used_s = 0, 0, 0, 0.0
