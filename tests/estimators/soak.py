@@ -166,7 +166,7 @@ class Lap:
 SETTINGS: dict[str, dict[str, Any]] = {
     "monocular": {"max_tracks": 80},
     "stereo": {"max_tracks": 80},
-    "integrated": {"max_points": 80},
+    "integrated": {"max_points": 80, "max_views": 120},
     "monocular.paper": {"max_tracks": 80},
     "stereo.paper": {"matching": "klt", "max_tracks": 80},
     "integrated.paper": {},

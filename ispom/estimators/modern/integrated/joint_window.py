@@ -45,7 +45,7 @@ NEIGHBOURS = 5
 """Points whose median depth a new point of the video is given."""
 NEWEST = 8
 """The last views are never thinned out: what comes next is placed by them."""
-MOST_CARRIED = 10
+MOST_CARRIED = 3
 """Frames that move along with others, per view that the window may have: with more its oldest part leaves it."""
 
 
