@@ -1,4 +1,9 @@
-"""Integrated (section 6.3): video poses between two stereo exposures, scaled and turned to fit both."""
+"""Integrated (section 6.3): video poses between two stereo exposures, scaled and turned to fit both.
+
+Where this differs from the print: stereo poses are carried to the video camera, not video poses to the rig, as the
+lever arm cannot be applied in a unit that is not known yet; where the video's poses cannot be used, positions between
+two pairs are interpolated; of a segment that never ends only the newest MOST_FRAMES video poses are kept.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Monocular (section 6.1): track, choose key frames, solve triples of them, hand on the unit, fill in the rest."""
+"""Monocular (section 6.1): track, choose key frames, solve triples of them, hand on the unit, fill in the rest.
+
+Where this differs from the print: a pose is resected by AP3P in RANSAC and refined with a Cauchy loss, instead of by
+decomposing a projection matrix; frames between key frames are refined one by one with the points held, instead of by
+bundle adjustment; each frame also gets a pose at once, from the last triple's points. What never sees a key frame again
+keeps the pose that it got at once after MOST_WAITING frames.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Stereo (section 6.2): left/right matches, a point cloud each, the rigid transformation between consecutive clouds."""
+"""Stereo (section 6.2): left/right matches, a point cloud each, the rigid transformation between consecutive clouds.
+
+Where this differs from the print: the motion is fitted in RANSAC, to points within `max_depth_baselines` of the camera;
+a pair is compared with the last one that was located, which is the one before it unless that was lost.
+"""
 
 from __future__ import annotations
 
