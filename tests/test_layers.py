@@ -15,6 +15,7 @@ LAYERS = (
     {"caches", "child", "errors", "geometry"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list"},
+    {"numerics"},
     {"solvers", "io"},
     {"frontends", "sequences", "simulation", "calibration", "evaluation"},
     {"estimators"},

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispom.geometry import Array
+from ispom.numerics.lie import logs
 
 POSE = 6
 """Unknowns of a pose: left twist (rho, phi) of camera_from_world."""
@@ -34,7 +35,7 @@ class Prior:
         p = len(self.rotations)
         turn = rotations[:p] @ np.swapaxes(self.rotations, 1, 2)
         rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
-        return np.concatenate([np.hstack([rho, _small_log(turn)]).ravel(), extra - self.extra])
+        return np.concatenate([np.hstack([rho, logs(turn)]).ravel(), extra - self.extra])
 
     def cost(self, shift: Array) -> float:
         """Of a change `shift` (6 P + E,)."""
@@ -46,13 +47,3 @@ def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: flo
     information = np.concatenate([np.full(POSE, sigma**-2), np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0])
     zeros = np.zeros(len(information))
     return Prior(rotation[None], translation[None], np.zeros(len(extra_sigma)), np.diag(information), zeros)
-
-
-def _small_log(turn: Array) -> Array:
-    """Rotation vectors (N, 3) of (N, 3, 3) well below pi: a window's poses turn little between two linearisations."""
-    axis = (
-        np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], 1) / 2
-    )
-    sine = np.sqrt((axis * axis).sum(1))
-    angle = np.arctan2(sine, (np.trace(turn, axis1=1, axis2=2) - 1) / 2)
-    return axis * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)[:, None]

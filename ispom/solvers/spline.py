@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel
+from ispom.numerics.lie import exp3, inverse_right_jacobian, log3, right_jacobian
 
 ORDER = 4
 """Knots that shape the spline at any one time."""
@@ -73,61 +74,6 @@ class Sampled:
             out[:3, column : column + 3] = self.rotation_jacobians[e, k]
             out[3:, column + 3 : column + 6] = self.weights[e, k] * np.eye(3)
         return out
-
-
-@kernel()
-def exp3(v):
-    """Rotation (3, 3) of a rotation vector (3,)."""
-    angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    if angle2 < 1e-10:
-        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
-    else:
-        angle = np.sqrt(angle2)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
-    return _combination(v, 1.0, a, b)
-
-
-@kernel()
-def log3(r):
-    """Rotation vector (3,) of a rotation (3, 3) by less than pi."""
-    x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    sine = 0.5 * np.sqrt(x * x + y * y + z * z)
-    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
-    factor = 0.5 * (1.0 + sine * sine / 6.0) if sine < 1e-5 else 0.5 * np.arctan2(sine, cosine) / sine
-    return np.array([factor * x, factor * y, factor * z])
-
-
-@kernel()
-def right_jacobian(v):
-    """(3, 3) J with exp(v + d) = exp(v) exp(J d) for small d."""
-    angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    if angle2 < 1e-8:
-        return _combination(v, 1.0, -0.5 + angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
-    angle = np.sqrt(angle2)
-    return _combination(v, 1.0, -(1.0 - np.cos(angle)) / angle2, (angle - np.sin(angle)) / (angle2 * angle))
-
-
-@kernel()
-def inverse_right_jacobian(v):
-    """The inverse of `right_jacobian`, for angles below 2 pi."""
-    angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    if angle2 < 1e-6:
-        return _combination(v, 1.0, 0.5, 1.0 / 12.0 + angle2 / 720.0)
-    angle = np.sqrt(angle2)
-    half = 0.5 * angle
-    return _combination(v, 1.0, 0.5, (1.0 - half * np.cos(half) / np.sin(half)) / angle2)
-
-
-@kernel()
-def _combination(v, one, a, b):
-    """one I + a [v]x + b [v]x^2."""
-    x, y, z = v[0], v[1], v[2]
-    out = np.empty((3, 3))
-    out[0, 0], out[1, 1], out[2, 2] = one - b * (y * y + z * z), one - b * (x * x + z * z), one - b * (x * x + y * y)
-    out[0, 1], out[1, 0] = b * x * y - a * z, b * x * y + a * z
-    out[0, 2], out[2, 0] = b * x * z + a * y, b * x * z - a * y
-    out[1, 2], out[2, 1] = b * y * z - a * x, b * y * z + a * x
-    return out
 
 
 @kernel()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
 from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.solvers.triple import Triple
 
@@ -47,10 +48,7 @@ class Points:
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Index (K,) of each id, -1 where there is no such point."""
-        if not len(self.ids):
-            return np.full(len(ids), -1, np.int64)
-        place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
-        return np.where(self.ids[place] == ids, place, -1)
+        return places(self.ids, ids)
 
     def merged(self, newer: Points) -> Points:
         """Both, the newer position where both have one."""

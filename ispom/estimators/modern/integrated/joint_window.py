@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
 from ispom.solvers.continuous import (
     LEFT,
     VIDEO,
@@ -109,10 +110,7 @@ class Table:
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id, -1 where unknown."""
-        if not len(self.ids):
-            return np.full(len(ids), -1)
-        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
-        return np.where(self.ids[at] == ids, at, -1)
+        return places(self.ids, ids)
 
     def select(self, index: NDArray) -> Table:
         p = self.points

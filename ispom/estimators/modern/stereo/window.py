@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
 from ispom.solvers.late_shutter import RowFit, drift
 from ispom.solvers.prior import PAIR, POSE, Prior, anchored
 from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
@@ -53,10 +54,7 @@ class StereoMap:
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
-        if not len(self.ids):
-            return np.full(len(ids), -1, np.int64)
-        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
-        return np.where(self.ids[at] == ids, at, -1)
+        return places(self.ids, ids)
 
     def felt(self, rate: Array) -> Array:
         """(6,) of left_from_world's change (rho, phi; left) [1/s], what a late right shutter is held to see."""
