@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from io import TextIOWrapper
 
 
 def main() -> int:
     """As `cli.main` of the words on the command line."""
+    _complete_streams()
     words = sys.argv[1:]
     if words[:1] == ["demo"] or (words[:1] == ["app"] and any(word.startswith("sim:") for word in words)):
         from ispom.simulation.cache import anything_rendered
@@ -17,6 +20,20 @@ def main() -> int:
     from .cli import main as run
 
     return run(words)
+
+
+def _complete_streams() -> None:
+    """Standard streams that were closed lead nowhere: else the first files opened would get their numbers, and what
+    is printed would land in them. Python's standard error gets a descriptor of its own, away from C libraries'."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (until the end)
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    if sys.stderr.fileno() == 2:
+        sys.stderr = open(os.dup(2), "w", 1, sys.stderr.encoding, "backslashreplace")  # noqa: SIM115
 
 
 if __name__ == "__main__":

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from ispom.ensemble import build
-from ispom.errors import InputError
+from ispom.errors import InputError, printable
 from ispom.methods import faults, in_order
 
 from .bench.options import Bench
@@ -30,23 +32,46 @@ Command = (
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
-MISUSE, INTERRUPTED = 2, 130
+MISUSE, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+"""Exit codes; those after signals as shells give them."""
 
 
 def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
     """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user, told in
     one sentence."""
     description = "Compare image-only position-and-orientation estimators."
-    command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
-    for fault in faults():
-        sys.stderr.write(f"ispom: {fault}\n")
     try:
-        return _execute(command, builder)
+        command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
+        for fault in faults():
+            sys.stderr.write(f"ispom: {fault}\n")
+        code = _execute(command, builder)
+        sys.stdout.flush()
+        return code
     except InputError as error:
-        sys.stderr.write(f"ispom: {error}\n")
-        return MISUSE
+        return _misuse(str(error))
+    except BrokenPipeError:
+        _discard_output()
+        return BROKEN_PIPE
+    except OSError as error:  # a full disk, missing permissions: faults of the place, not of the program
+        _discard_output()
+        what, reason = error.filename or "standard output", error.strerror or str(error)
+        return _misuse(printable(f"{what} cannot be used ({reason}): check the path, its permissions and free space"))
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _misuse(sentence: str) -> int:
+    with suppress(OSError):  # nobody reads it
+        sys.stderr.write(f"ispom: {sentence}\n")
+    return MISUSE
+
+
+def _discard_output() -> None:
+    """What is still in the buffer of a standard output that takes no more, so that Python's end is quiet."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench, builder: Builder) -> int:
@@ -80,11 +105,12 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
     from .run import warmup
     from .session.session import Session
 
+    opener = command.opener(source)
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
 
     def session(live: LiveStream) -> Session:
         return Session(
-            command.open,
+            opener,
             source,
             Path("recordings"),
             methods=in_order(command.methods) or None,

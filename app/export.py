@@ -7,16 +7,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ispom.errors import InputError
 from ispom.io.colmap import colmap_model
 from ispom.io.euroc import euroc_text
+from ispom.io.files import exists
 from ispom.io.kitti import poses_text
+from ispom.io.mapping import read_mapping
 from ispom.io.maps import read_maps
 from ispom.io.ply import ply_bytes
 from ispom.io.rig import read_rig
-from ispom.io.rows import read_text
 from ispom.io.tables import landmarks_csv, trajectory_csv
 from ispom.io.tum import read_tum, seconds_text, tum_text
 from ispom.io.whole import write_whole
@@ -43,7 +42,7 @@ def export(options: Export) -> int:
     if not 0 < options.max_error_px < math.inf:
         raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
     folder = options.out or run / "export" / options.format
-    if (run / MARKER).exists():
+    if exists(run / MARKER):
         sys.stdout.write(f"{run} is not complete: what there is of it is exported\n")
     failures: list[InputError] = []
     for method in methods:
@@ -64,11 +63,11 @@ def export(options: Export) -> int:
 
 def _frame(run: Path) -> Frame:
     """Whose poses the run's trajectories hold."""
-    if not (run / "run.yaml").is_file():
+    if not exists(run / "run.yaml"):
         raise InputError(f"{run} is no folder of a run (it has no run.yaml): give one that `ispom run` wrote")
     try:
-        frame: Any = yaml.safe_load(read_text(run / "run.yaml"))["options"]["frame"]
-    except (yaml.YAMLError, ValueError, TypeError, KeyError, RecursionError):
+        frame: Any = read_mapping(run / "run.yaml")["options"]["frame"]
+    except (TypeError, KeyError):
         frame = None
     if frame not in FRAMES:
         raise InputError(f"{run / 'run.yaml'} does not tell the frame of the poses: run again")
@@ -76,7 +75,7 @@ def _frame(run: Path) -> Frame:
 
 
 def _methods(options: Export) -> list[str]:
-    present = [m for m in names() if (options.run / f"{m}.tum").exists()]
+    present = [m for m in names() if exists(options.run / f"{m}.tum")]
     missing = [m for m in options.methods if m not in present]
     if missing or not present:
         raise InputError(f"{options.run} has no trajectory of {missing[0] if missing else 'any method'}: run it first")

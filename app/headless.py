@@ -23,7 +23,7 @@ from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
 from ispom.methods import default_methods, in_order, names, require_cameras, with_asked
 from ispom.methods import method as registered
-from ispom.sequences.live import without_secrets
+from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from .options import Run

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from ispom.errors import InputError
 from ispom.evaluation.ate import Alignment
+from ispom.io.files import expanded, is_folder
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
+from ispom.sequences.address import without_secrets
+from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
 
@@ -63,8 +68,8 @@ class Options:
         """The settings of all methods."""
         return Config({name: getattr(self.settings, _field(name)) for name in names()})
 
-    def open(self, source: str) -> Sequence:
-        """The sequence of a source, shaped by these options; InputError where that cannot be."""
+    def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
+        """The sequence of a source, shaped by these options; InputError where that cannot be, or may not."""
         return open_sequence(
             source,
             stereo_every=self.stereo_every,
@@ -72,6 +77,7 @@ class Options:
             seed=self.seed,
             max_exposures=self.max_exposures,
             camera=self.camera,
+            policy=policy,
         )
 
 
@@ -90,6 +96,30 @@ class Serve(Options):
     """Path under which a proxy in front of ISPOM offers it, such as /ispom/."""
     browser: bool = True
     """Open the page in a browser."""
+    root: Path | None = None
+    """Folder to which the page's sources are restricted, links followed; without it, any path can be opened there."""
+    allow_devices: bool = False
+    """Let the page open cameras of this machine (camera:0)."""
+    allow_network: bool = False
+    """Let the page open network streams (http://..., rtsp://...)."""
+
+    def opener(self, named: str) -> Callable[[str], Sequence]:
+        """What opens sources in the app: `named`, from the command line, in any case, others as these options allow.
+
+        InputError where the options themselves are not possible.
+        """
+        if self.root is not None and not is_folder(expanded(self.root)):
+            raise InputError(f"--root is {self.root}, which is not a folder: give one that exists")
+        root = None if self.root is None else expanded(self.root)
+        files = () if self.camera is None else (expanded(self.camera),)
+        policy = SourcePolicy(root, self.allow_devices, self.allow_network, files)
+
+        def opened(source: str) -> Sequence:
+            if source in (named, without_secrets(named)):  # the page shows and sends it without its password
+                return self.open(named)
+            return self.open(source, policy)
+
+        return opened
 
 
 @dataclass(frozen=True, kw_only=True)

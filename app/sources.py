@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.errors import printable
 from ispom.methods import possible_methods
 from ispom.types import Camera, Kind, Sequence, Trajectory
 
@@ -22,7 +23,7 @@ def tell(sequence: Sequence) -> int:
     """Prints the description; the exit code is 0. A live source is let go."""
     if sequence.stop is not None:
         sequence.stop()
-    sys.stdout.write("\n".join(described(sequence)) + "\n")
+    sys.stdout.write("\n".join(map(printable, described(sequence))) + "\n")
     return 0
 
 
@@ -90,6 +91,6 @@ def _gaps(sequence: Sequence) -> list[str]:
 
 def _truth(truth: Trajectory | None, times_ns: NDArray[np.int64]) -> str:
     if truth is None or not len(truth):
-        return "none: errors cannot be told"
+        return "none: no errors can be computed"
     covered = np.isin(times_ns, truth.times_ns).sum()
     return f"at {covered} of {len(times_ns)} exposures, path {truth.length:.3f} m"

@@ -1,9 +1,28 @@
 """The exceptions that a user's input may cause: what, where, and what to do, in one sentence."""
 
+LONGEST = 1_000
+"""Characters of a sentence; of a longer one the middle is not shown."""
+
 
 class InputError(Exception):
-    """Something that the user gave cannot be used. The message is one sentence that names the place and the cure."""
+    """Something that the user gave cannot be used. The message is one sentence that names the place and the cure.
+
+    What a sentence quotes (names, paths, words of a file) is shown on one line and without control characters,
+    whatever it holds.
+    """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class UnreadableImage(InputError):
     """One image of a recording is missing or damaged; those around it may be whole."""
+
+
+def printable(text: str) -> str:
+    """The text on one line, of bounded length: what is not printable is shown as its escape (a new line as \\n)."""
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]} … {text[-LONGEST // 2 :]}"
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

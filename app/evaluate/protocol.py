@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import yaml
-
+from ispom.errors import InputError
+from ispom.io.mapping import read_mapping
 from ispom.io.trajectories import TrajectoryFile
 
 from ..options import Evaluate
@@ -22,9 +22,8 @@ def frame_of(file: TrajectoryFile) -> str | None:
     if file.format == "EuRoC":
         return "body"
     try:
-        manifest = yaml.safe_load((file.path.parent / "run.yaml").read_text(encoding="utf-8"))
-        return str(manifest["options"]["frame"])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError):
+        return str(read_mapping(file.path.parent / "run.yaml")["options"]["frame"])
+    except (InputError, TypeError, KeyError):
         return None
 
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
+from ispom.io.files import exists, opened
+from ispom.io.files import names as names_in
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import read_rig
 from ispom.io.rows import read_text
@@ -64,9 +66,9 @@ class Run:
 
 def read_run(path: Path, label: str) -> Run:
     """InputError where the folder holds no run, one that is not complete, or files that are not as written."""
-    if not (path / "run.yaml").is_file():
+    if not exists(path / "run.yaml"):
         raise InputError(f"{path} holds no run (no run.yaml): give a folder that `ispom run` wrote")
-    if (path / MARKER).exists():
+    if exists(path / MARKER):
         why = read_text(path / MARKER).strip().splitlines()
         raise InputError(
             f"{path} holds a run that is not complete ({why[0] if why else 'no reason given'}): run it again"
@@ -76,7 +78,7 @@ def read_run(path: Path, label: str) -> Run:
     frame: Frame = manifest["options"].get("frame", "rig")
     if frame not in FRAMES:
         raise InputError(f"{path / 'run.yaml'}: the frame is {str(frame)[:40]!r}, not one of {', '.join(FRAMES)}")
-    truth = read_tum(path / "truth.tum", frame) if (path / "truth.tum").exists() else None
+    truth = read_tum(path / "truth.tum", frame) if exists(path / "truth.tum") else None
     return Run(
         path,
         label,
@@ -86,9 +88,9 @@ def read_run(path: Path, label: str) -> Run:
         read_rig(path / "rig.yaml"),
         {method: read_tum(path / f"{method}.tum", frame) for method in metrics},
         truth if truth is not None and len(truth) else None,
-        read_steps(path / STEPS) if (path / STEPS).exists() else {},
-        read_decisions(path / DECISIONS) if (path / DECISIONS).exists() else (),
-        {file.name: _sha256(file) for file in sorted(path.iterdir()) if file.suffix in HASHED and file.is_file()},
+        read_steps(path / STEPS) if exists(path / STEPS) else {},
+        read_decisions(path / DECISIONS) if exists(path / DECISIONS) else (),
+        {name: _sha256(path / name) for name in names_in(path) if name.endswith(HASHED)},
     )
 
 
@@ -103,10 +105,12 @@ def _manifest(path: Path) -> dict[str, Any]:
 
 
 def _plain(path: Path, value: Any, depth: int) -> None:
-    """Refuses nests: YAML's aliases can make a small file a huge page."""
+    """Refuses nests, for YAML's aliases can make a small file a huge page, and names that are no text."""
     inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
     if depth > 4 or len(inner) > 500:
         raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")
+    if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
+        raise InputError(f"{path} has names that are no text: restore the file, or run again")
     for item in inner:
         _plain(path, item, depth + 1)
 
@@ -127,5 +131,5 @@ def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:
 
 
 def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
+    with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

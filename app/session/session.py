@@ -12,6 +12,7 @@ from threading import Thread
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
+from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..run import warmup
@@ -67,11 +68,12 @@ class Session:
         """`methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
         may take of memory."""
-        self.state = State(source, config=config or Config())
+        self.state = State(without_secrets(source), config=config or Config())
         self.changes = Subscribers()
         """Called, in the worker's thread, at each new state."""
         self.run: CurrentRun | None = None
         """The run that is on the screen. Another object for each start: readers take it once, and stay with it."""
+        self._first = source
         self._opener, self._wanted, self._autoplay = opener, methods, autoplay
         self.recordings_dir = recordings_dir
         self._compiling, self._unready = compiling, False
@@ -120,7 +122,7 @@ class Session:
 
     def _run(self) -> None:
         self._guarded(self._list_recordings)
-        self._guarded(lambda: self._open(self.state.source))
+        self._guarded(lambda: self._open(self._first))
         if self._autoplay and self.run is not None:
             self._emit(changed(playing=True))
         while not self._closing:
@@ -211,10 +213,11 @@ class Session:
     def _open(self, source: str) -> None:
         """Opens another source; where that fails, the one before stays as it was."""
         before = self.state
-        if self.run is not None and self.run.live and source == before.source:
+        shown = without_secrets(source)
+        if self.run is not None and self.run.live and shown == before.source:
             self.run.stop()  # a camera has to be let go before it can be opened again
-        self._emit(Opening(source))
-        self._busy(f"opening {source}")
+        self._emit(Opening(shown))
+        self._busy(f"opening {shown}")
         try:
             sequence = self._opener(source)
             methods = self._methods_for(source, sequence)
@@ -222,8 +225,8 @@ class Session:
         except InputError as mistake:
             self._opening_failed(before, str(mistake))
         except Exception as fault:
-            log.exception("opening %s failed", source)
-            self._opening_failed(before, f"internal fault while opening {source}: {type(fault).__name__}: {fault}")
+            log.exception("opening %s failed", shown)
+            self._opening_failed(before, f"internal fault while opening {shown}: {type(fault).__name__}: {fault}")
         else:
             if self.run is not None:
                 self.run.stop()
@@ -233,7 +236,9 @@ class Session:
         """Those asked for; of a later source those of them that it has the cameras for, or else the usual ones."""
         possible, usual = possible_methods(sequence.rig), default_methods(sequence.rig, self._variant)
         if not possible:
-            raise InputError(f"{source} has neither a video camera nor a stereo pair: open another source")
+            raise InputError(
+                f"{without_secrets(source)} has neither a video camera nor a stereo pair: open another source"
+            )
         wanted = self._wanted or usual
         return wanted if self.run is None else tuple(m for m in wanted if m in possible) or usual
 

@@ -5,13 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ispom.errors import InputError
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.types import Camera
 
 SIZES, INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
 MODELS = ("opencv", "pinhole")
-MAX_SIZE_PX = 65_536
+MAX_SIDE_PX = 32_766
+"""OpenCV's remapping counts pixels in 16 bits."""
+MAX_PIXELS = 1 << 26
+"""67 million: of a stereo pair with colours and its rectification, 1.2 GB."""
+MIN_FOCAL, MAX_FOCAL = 0.01, 1000.0
+"""Focal lengths, as a share of the longer side: views from 179° down to 0.06°."""
+MAX_CENTRE = 10.0
+"""The principal point is at most so many longer sides from the image's centre."""
+MAX_COEFFICIENT = 1e4
+UNDONE_PX = 1.0
+"""A pixel's distortion counts as undone where distorting again leads back this near."""
 
 
 def read_camera(path: Path) -> Camera:
@@ -29,8 +41,46 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
         if found[key] <= 0:
             raise InputError(f"{path}: {where}{key} is {found[key]:g}, not positive: correct it")
     for key in SIZES:
-        if found[key] != int(found[key]) or found[key] > MAX_SIZE_PX:
+        if found[key] != int(found[key]):
             raise InputError(f"{path}: {where}{key} is {found[key]:g}, not a size in whole pixels: correct it")
     distortion = finite_numbers(path, f"{where}distortion", values.get("distortion", []), (0, 4, 5, 8))
     width, height = (int(found[key]) for key in SIZES)
-    return Camera(width, height, *(found[key] for key in INTRINSICS), distortion=tuple(distortion))
+    camera = Camera(width, height, *(found[key] for key in INTRINSICS), distortion=tuple(distortion))
+    return usable(camera, f"{path}: {where.rstrip('.')}".rstrip(": "))
+
+
+def usable(camera: Camera, where: str) -> Camera:
+    """The camera, where images can be of it; InputError, beginning with `where`, says what is impossible about it.
+
+    Its image has at most MAX_SIDE_PX a side and MAX_PIXELS in all, which is known before memory is taken for it.
+    """
+    width, height = camera.width, camera.height
+    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX and width * height <= MAX_PIXELS):
+        limit = f"{MAX_SIDE_PX} px a side and {MAX_PIXELS} px in all"
+        raise InputError(f"{where}: the image size {width} x {height} is not within 1 to {limit}: correct it")
+    longer = max(width, height)
+    for key in ("fx", "fy"):
+        focal = getattr(camera, key)
+        if not MIN_FOCAL * longer <= focal <= MAX_FOCAL * longer:
+            limits = f"{MIN_FOCAL:g} to {MAX_FOCAL:g} times the longer side of {longer} px"
+            raise InputError(f"{where}: {key} is {focal:g} px, not within {limits}: correct it")
+    for key, side in (("cx", width), ("cy", height)):
+        if not abs(getattr(camera, key) - side / 2) <= MAX_CENTRE * longer:
+            raise InputError(f"{where}: {key} is {getattr(camera, key):g} px, far outside of the image: correct it")
+    if not _distortion_undone(camera):
+        raise InputError(f"{where}: the distortion cannot be undone in half of the image: correct its coefficients")
+    return camera
+
+
+def _distortion_undone(camera: Camera) -> bool:
+    """Whether it can be, for half of the pixels at least: fitted polynomials often turn back in the corners."""
+    if not camera.distortion:
+        return True
+    if not max(map(abs, camera.distortion)) <= MAX_COEFFICIENT:
+        return False
+    u, v = np.meshgrid(np.linspace(0, camera.width - 1, 9), np.linspace(0, camera.height - 1, 9))
+    uv = np.stack([u.ravel(), v.ravel()], axis=1)
+    rays = np.column_stack([camera.normalise(uv), np.ones(len(uv))])
+    with np.errstate(all="ignore"):
+        away_px = np.linalg.norm(camera.project(rays) - uv, axis=1)
+    return bool((away_px <= UNDONE_PX).mean() >= 0.5)

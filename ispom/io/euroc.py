@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.io.rows import Row, latest, numbers, read_text
+from ispom.io.rows import MAX_TIME_S, Row, latest, numbers, read_text
 from ispom.types import Frame, Trajectory
 
 HEADER = "#timestamp [ns],p_x [m],p_y [m],p_z [m],q_w [],q_x [],q_y [],q_z []"
 COLUMNS = 8
-"""Read of each line; what follows (velocity, biases of the gyroscope and accelerometer) is left out."""
+"""Read of each line; what follows (velocity, biases of the gyroscope and accelerometer) is ignored."""
 
 
 def euroc_text(trajectory: Trajectory) -> str:
@@ -44,6 +44,6 @@ def _rows(path: Path) -> list[Row]:
 
 
 def _time_ns(path: Path, line: int, word: str) -> int:
-    if not word.removeprefix("-").isdecimal() or len(word) > 20 or abs(int(word)) >= 2**63:
+    if not word.removeprefix("-").isdecimal() or len(word) > 20 or abs(int(word)) > MAX_TIME_S * 10**9:
         raise InputError(f"{path} line {line}: '{word[:40]}' is not a time in whole nanoseconds: correct that line")
     return int(word)

@@ -45,7 +45,7 @@ def read_times(path: Path) -> NDArray[np.int64]:
 
 
 def read_calibration(path: Path) -> dict[str, Array]:
-    """Projection matrices (3, 4) by name, P0 and P1; other entries are left out."""
+    """Projection matrices (3, 4) by name, P0 and P1; other entries are ignored."""
     found = {}
     for line, text in enumerate(read_text(path).splitlines(), 1):
         name, colon, values = text.partition(":")

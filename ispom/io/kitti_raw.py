@@ -75,6 +75,6 @@ def _time_ns(path: Path, line: int, text: str) -> int:
         moment = datetime.fromisoformat(match[1]).replace(tzinfo=UTC) if match else None
     except ValueError:
         moment = None
-    if match is None or moment is None or not 1970 <= moment.year < 2200:
+    if match is None or moment is None or not 1970 <= moment.year < 2115:
         raise InputError(f"{path} line {line}: '{text[:40]}' is not a date and a time: correct that line")
     return int(moment.timestamp()) * 10**9 + int((match[2] or "0").ljust(9, "0"))

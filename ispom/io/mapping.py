@@ -7,25 +7,65 @@ from typing import Any
 
 import numpy as np
 import yaml
+from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from ispom.errors import InputError
 from ispom.io.rows import read_text
 
+MAX_BYTES = 256 << 10
+MAX_DIGITS = 100
+MAX_VALUES, MAX_DEPTH = 20_000, 30
+"""Of a file with its aliases written out: a short file of aliases of aliases stands for billions of values."""
+
 
 def read_mapping(path: Path) -> dict[Any, Any]:
     """The mapping of a YAML file, also of OpenCV; InputError where it is missing, malformed or no mapping."""
-    text = read_text(path)
+    text = read_text(path, MAX_BYTES)
     if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
         text = "#" + text
     try:
-        content = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        content = _loaded(path, text)
+    except InputError:
+        raise
+    except Exception as error:  # its constructors raise KeyError, IndexError and others on values of a wrong tag
         place = getattr(error, "problem_mark", None)
         where = f" line {place.line + 1}" if place else ""
         raise InputError(f"{path}{where} is not valid YAML: correct it") from None
     if not isinstance(content, dict):
         raise InputError(f"{path} holds no named values (name: value): give the right file")
     return content
+
+
+def _loaded(path: Path, text: str) -> Any:
+    loader = yaml.SafeLoader(text)
+    try:
+        root = loader.get_single_node()
+        if root is None:
+            return None
+        if _written_out(root, 0, {}) > MAX_VALUES:
+            raise InputError(
+                f"{path} holds more than {MAX_VALUES} values (aliases written out) or nests too deep: correct it"
+            )
+        return loader.construct_document(root)
+    finally:
+        loader.dispose()
+
+
+def _written_out(node: Node, depth: int, known: dict[int, int]) -> int:
+    """How many values a node stands for; more than MAX_VALUES where it is too deep, or holds itself."""
+    if depth > MAX_DEPTH:
+        return MAX_VALUES + 1
+    if id(node) not in known:
+        known[id(node)] = MAX_VALUES + 1  # while it is counted: what holds itself has no end
+        inner: list[Node] = []
+        if isinstance(node, MappingNode):
+            inner = [part for pair in node.value for part in pair]
+        elif isinstance(node, SequenceNode):
+            inner = node.value
+        elif isinstance(node, ScalarNode) and node.tag.endswith(":int") and len(node.value) > MAX_DIGITS:
+            raise ValueError("Python itself refuses to write such an integer")
+        known[id(node)] = min(MAX_VALUES + 1, 1 + sum(_written_out(part, depth + 1, known) for part in inner))
+    return known[id(node)]
 
 
 def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, ...]) -> list[float]:

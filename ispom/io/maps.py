@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.files import require_file
+from ispom.io.rows import LARGEST
 from ispom.types import Frame, Landmarks, Trajectory
 
+MAX_BYTES = 2 << 30
+ROTATION_TOLERANCE = 1e-3
 CAMERAS: tuple[Frame, ...] = ("video", "left")
 _SHAPES = {
     "ids": ("m", "i"),
@@ -65,14 +70,21 @@ def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
 
 
 def read_maps(path: Path) -> dict[str, SceneMap]:
-    """By method; InputError where the file is missing or damaged."""
+    """By method; InputError where the file is missing or damaged, or unpacks to more than MAX_BYTES."""
+    require_file(path)
     try:
+        with ZipFile(path) as packed:
+            size = sum(entry.file_size for entry in packed.infolist())
+        if size > MAX_BYTES:
+            raise InputError(f"{path} unpacks to {size >> 20} MB, more than such a file holds: run again")
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        methods = dict.fromkeys(name.split(".")[0] for name in arrays)
+        methods = dict.fromkeys(name.rpartition(".")[0] for name in arrays)
         return {method: _map({n: arrays[f"{method}.{n}"] for n in (*_SHAPES, "camera")}) for method in methods}
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing: run again with this version of ispom") from None
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): check its permissions") from None
     except Exception:  # zip, zlib and NumPy's header parser raise a dozen kinds on damaged bytes
         raise InputError(f"{path} is damaged, or was not written by ispom run: run again") from None
 
@@ -85,8 +97,17 @@ def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
         expected = (counts.setdefault(axes[0], len(array)), *(int(n) for n in axes[1:]))
         if array.shape != expected or array.dtype.kind != kind:
             raise ValueError(name)
+        if kind == "f" and not (abs(array) <= LARGEST).all():
+            raise ValueError(name)
     if counts["n"] and not 0 <= arrays["seen_from"].min() <= arrays["seen_from"].max() < counts["k"]:
         raise ValueError("seen_from")
+    if (np.diff(arrays["ids"]) <= 0).any() or (np.diff(arrays["key_times_ns"]) <= 0).any():
+        raise ValueError("not in order")
+    turns = arrays["key_rotations"]
+    if counts["k"] and abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max() > ROTATION_TOLERANCE:
+        raise ValueError("key_rotations")
+    if arrays["camera"].shape or arrays["camera"] not in range(len(CAMERAS)):
+        raise ValueError("camera")
     return SceneMap(
         Landmarks(arrays["ids"], arrays["xyz_in_world"], arrays["rgb"]),
         Trajectory(

@@ -22,7 +22,7 @@ def read_oxts(folder: Path) -> Trajectory:
     """world_from_body of the unit, the world's origin at its first place, x east, y north, z up.
 
     Places by a Mercator projection at the first latitude, as the data set's own tools have it (Geiger et al. 2013).
-    Samples whose time is not after that of all before them are left out. InputError names the file that is wrong.
+    Samples whose time is not after that of all before them are skipped. InputError names the file that is wrong.
     """
     stamps = folder / "timestamps.txt"
     times_ns = read_timestamps(stamps, ordered=False)

@@ -13,22 +13,20 @@ from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
 from ispom.geometry import Array
+from ispom.io.files import MAX_BYTES, read_bytes
 from ispom.types import Frame, Trajectory
 
 Row = tuple[int, list[str]]
 """Line number, counted from 1, and the words of the line."""
+MAX_TIME_S = 4_600_000_000
+"""No time is farther from zero (in 2115, counted since 1970): any two have a difference in 64 bits of nanoseconds."""
 LARGEST = 1e15
 """No length, angle or intrinsic is larger; squares and cubes of it are still numbers."""
 
 
-def read_text(path: Path) -> str:
-    """A text file in UTF-8, with or without byte-order mark; InputError where it is missing or no such text."""
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing: restore the file or correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}): check the path and its permissions") from None
+def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+    """A text file in UTF-8, with or without byte-order mark; InputError where it is missing, too long or not that."""
+    content = read_bytes(path, max_bytes)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -39,12 +37,15 @@ def read_text(path: Path) -> str:
 
 
 def read_rows(path: Path, columns: int) -> list[Row]:
-    """The lines that hold something, comments (#) left out; InputError where one has not `columns` words."""
-    rows = [(n, line.split()) for n, line in enumerate(read_text(path).splitlines(), 1)]
-    rows = [(n, words) for n, words in rows if words and not words[0].startswith("#")]
-    for line, words in rows:
+    """The lines that hold something, comments (#) excluded; InputError where one has not `columns` words."""
+    rows: list[Row] = []
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        words = text.split()
+        if not words or words[0].startswith("#"):
+            continue
         if len(words) != columns:
             raise InputError(f"{path} line {line} has {len(words)} columns, not {columns}: correct that line")
+        rows.append((line, words))
     return rows
 
 
@@ -123,6 +124,6 @@ def _time_ns(path: Path, line: int, word: str) -> int:
         seconds = Decimal(word)
     except InvalidOperation:
         seconds = Decimal("NaN")
-    if not seconds.is_finite() or abs(seconds) > 9_000_000_000:
-        raise InputError(f"{path} line {line}: '{word}' is not a time in seconds: correct that line")
+    if not seconds.is_finite() or abs(seconds) > MAX_TIME_S:
+        raise InputError(f"{path} line {line}: '{word[:40]}' is not a time in seconds: correct that line")
     return int((seconds * 10**9).to_integral_value())

@@ -10,6 +10,8 @@ from ispom.errors import InputError
 
 def write_whole(path: Path, content: str | bytes) -> None:
     """Writes beside the place and renames; InputError where the disk does not take it, the old file staying then."""
+    if not path.name:
+        raise InputError(f"{path} is a folder: give the name of a file to write")
     part = path.with_name(f".part-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

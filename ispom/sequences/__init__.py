@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.bags import looks_like_bag, open_bag
 from ispom.sequences.described import looks_described, open_described
 from ispom.sequences.euroc import looks_like_euroc, open_euroc
@@ -12,15 +14,17 @@ from ispom.sequences.folder import looks_like_images, open_folder
 from ispom.sequences.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.live import looks_live, open_live
+from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.recording import Recording
 from ispom.sequences.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.tum import looks_like_tum, open_tum
-from ispom.sequences.two_rate import two_rate
+from ispom.sequences.two_rate import check_shape, two_rate
 from ispom.sequences.video import looks_like_video, open_video
-from ispom.types import Sequence
+from ispom.types import Exposure, Sequence
 
 MIN_FRAMES = 3
+MAX_SEED = 2**32 - 1
 LAYOUTS = (
     (looks_described, open_described),
     (looks_like_kitti, open_kitti),
@@ -46,37 +50,59 @@ def open_sequence(
     seed: int = 0,
     max_exposures: int | None = None,
     camera: str | Path | None = None,
+    policy: SourcePolicy = ANY_SOURCE,
 ) -> Sequence:
     """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
     by the file `camera`), or of a path whose kind is recognised (shaped by `two_rate`).
 
-    Only its first `max_exposures` where given. InputError says what is wrong with the source or an option.
+    Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
+    the `policy` does not allow.
     """
+    policy.check(source)
     if camera is not None and source.startswith("sim:"):
         raise InputError(f"{source} has its own calibration: leave --camera {camera} out")
     if max_exposures is not None and max_exposures < MIN_FRAMES:
         raise InputError(f"--max-exposures is {max_exposures}, give {MIN_FRAMES} or more")
-    calibration = None if camera is None else Path(camera).expanduser()
+    check_shape(stereo_every, video_scale)
+    if not 0 <= seed <= MAX_SEED:
+        raise InputError(f"--seed is {seed}, give a value from 0 to {MAX_SEED}")
+    calibration = None if camera is None else expanded(camera)
     if source.startswith("sim:"):
         from ispom.sequences.simulated import open_simulated  # brings the ray caster, which takes seconds
 
         name, _, own_seed = source.removeprefix("sim:").partition("#")
-        if own_seed and not own_seed.isdecimal():
-            raise InputError(f"{source} has no seed after #: give a whole number, such as sim:{name}#3")
+        if own_seed and not (
+            own_seed.isdecimal() and len(own_seed) <= len(str(MAX_SEED)) and int(own_seed) <= MAX_SEED
+        ):
+            raise InputError(f"{source}: after # comes a seed, a whole number up to {MAX_SEED}: give sim:{name}#3")
         sequence = open_simulated(name, int(own_seed or seed))
     elif looks_live(source):
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
-        opened = _opened(Path(source).expanduser(), calibration)
+        with bounded(policy.places):
+            opened = _opened(expanded(source), calibration)
         sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
+        sequence = _within(sequence, policy)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
     if frames < MIN_FRAMES:
         raise InputError(f"{source} has {frames} frame(s), a run needs {MIN_FRAMES} or more: give a longer sequence")
     return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
 
 
+def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
+    """The same sequence, whose images are read within the policy's bounds, too."""
+    if policy.places is None:
+        return sequence
+
+    def load(i: int) -> Exposure:
+        with bounded(policy.places):
+            return sequence.load(i)
+
+    return replace(sequence, load=load)
+
+
 def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
-    if not path.exists():
+    if not exists(path):
         raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
     for looks_like, opened in LAYOUTS:
         if looks_like(path):
@@ -86,15 +112,14 @@ def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
     for looks_like, opened in ONE_CAMERA:
         if looks_like(path):
             return opened(path, calibration)
-    if not path.is_dir():
+    if not is_folder(path):
         raise InputError(
             f"{path} is a file of no known kind: give a video, a sequence.yaml, or the folder of a drive, such as "
             "kitti/sequences/06"
         )
-    if not any(path.iterdir()):
+    if not names(path):
         raise InputError(f"{path} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
-    children = (p for pattern in ("*", "sequences/*") for p in path.glob(pattern) if p.is_dir())
-    drives = sorted(p for p in children if _is_known(p))
+    drives = sorted(p for pattern in ("*", "sequences/*") for p in path.glob(pattern) if _is_known(p))
     cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
@@ -103,4 +128,7 @@ def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
 
 
 def _is_known(folder: Path) -> bool:
-    return any(looks_like(folder) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+    try:
+        return is_folder(folder) and any(looks_like(folder) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+    except InputError:  # one that cannot be looked into is no example to give
+        return False

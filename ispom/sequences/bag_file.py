@@ -15,11 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.files import is_folder, require_file
+from ispom.io.mapping import read_mapping
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+METADATA = "metadata.yaml"
+"""What makes a folder a bag of ROS 2."""
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 
 
@@ -40,6 +44,7 @@ class BagFile:
         """InputError where rosbags is not installed, and where the bag is damaged."""
         if not _installed():
             raise InputError(f"{path} is a bag, which takes the extra `bags` to read: pip install 'ispom[bags]'")
+        _require_files(path)
         self.path = path
         self._own = threading.local()
         with self._reading() as reader:
@@ -79,6 +84,8 @@ class BagFile:
                 reader.open()
                 self._own.reader = reader
             yield self._own.reader
+        except InputError:
+            raise
         except Exception as error:  # a damaged bag may fail anywhere in rosbags, or in what it decompresses with
             reason = " ".join(str(error).split()) or type(error).__name__
             raise InputError(f"{self.path} is not a whole bag ({reason}): restore or reindex it") from None
@@ -89,6 +96,19 @@ def _installed() -> bool:
         return find_spec("rosbags") is not None
     except ValueError:
         return False
+
+
+def _require_files(path: Path) -> None:
+    """InputError where rosbags would open what is no regular file, or outside of what may be opened."""
+    if not is_folder(path):
+        require_file(path)
+        return
+    information = read_mapping(path / METADATA).get("rosbag2_bagfile_information")
+    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
+    if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
+        raise InputError(f"{path / METADATA} lists no files (relative_file_paths): restore or reindex the bag")
+    for name in listed:
+        require_file(path / name)
 
 
 def _connections(reader: AnyReader, topic: str) -> list:

@@ -11,8 +11,9 @@ import numpy as np
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Array
-from ispom.io.camera import read_camera
-from ispom.sequences.bag_file import IMAGE_TYPES, INFO_TYPE, BagFile, Index
+from ispom.io.camera import read_camera, usable
+from ispom.io.files import exists, is_folder
+from ispom.sequences.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
 from ispom.sequences.folder import CAMERA, CAMERA_ENTRIES
 from ispom.sequences.images import decode
 from ispom.sequences.matching import pairs, unmatched_note
@@ -57,7 +58,7 @@ class _Info:
 
 def looks_like_bag(path: Path) -> bool:
     """Whether it is called a bag, or is the folder of a ROS 2 bag."""
-    return path.suffix.lower() in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").exists()
+    return path.suffix.lower() in (".bag", ".mcap", ".db3") or (is_folder(path) and exists(path / METADATA))
 
 
 def open_bag(path: Path) -> Recording:
@@ -80,9 +81,11 @@ def open_bag(path: Path) -> Recording:
 
 def _single(bag: BagFile, topic: str, info: _Info | None, others: list[str]) -> Recording:
     beside = bag.path.resolve().parent / CAMERA
-    if info is None and not beside.exists():
+    if info is None and not exists(beside):
         raise InputError(f"{bag.path} has no camera_info for {topic}: write {beside} with {CAMERA_ENTRIES}")
-    camera = read_camera(beside) if info is None else info.rectified if _is_rectified(topic) else info.raw
+    camera = read_camera(beside) if info is None else info.raw
+    if info is not None and _is_rectified(topic):
+        camera = usable(info.rectified, f"{bag.path}: P of {topic}")
     index = _index(bag, topic)
     notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
 
@@ -97,7 +100,8 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
     i_left, i_right = pairs(left.stamps_ns, right.stamps_ns)
     if not len(i_left):
         raise InputError(f"{bag.path}: no images of {' and '.join(topics)} are of the same time: record both together")
-    camera, size = infos[0].rectified, (infos[0].raw.width, infos[0].raw.height)
+    camera = usable(infos[0].rectified, f"{bag.path}: P of {topics[0]}")
+    size = (camera.width, camera.height)
     maps = [undistortion(info.raw, info.turn, info.projection, size) for info in infos]
     streams = {"left": (0, left, i_left), "right": (1, right, i_right)}
 
@@ -150,14 +154,17 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
         model = message.distortion_model or "no"
         raise InputError(f"{bag.path}: {name} is no pinhole camera ({model} distortion model): calibrate it as one")
     intrinsics = k[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    return _Info(Camera(message.width, message.height, *intrinsics, distortion=tuple(d.tolist())), r, p)
+    raw = Camera(message.width, message.height, *intrinsics, distortion=tuple(d.tolist()))
+    return _Info(usable(raw, f"{bag.path}: {name}"), r, p)
 
 
 def _image(bag: BagFile, topic: str, index: Index, i: int, camera: Camera) -> Image:
     message = bag.message(topic, index.places[i])
     where = f"{bag.path}: image {i} of {topic}"
     compressed = bag.types[topic] == IMAGE_TYPES[1]
-    image = decode(bytes(message.data)) if compressed else _pixels(message, where)
+    if compressed:
+        return decode(bytes(message.data), where, (camera.width, camera.height))
+    image = _pixels(message, where)
     if image is None:
         raise UnreadableImage(f"{where} is not whole or of no known format: restore the bag")
     height, width = image.shape[:2]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
+from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
@@ -38,7 +39,9 @@ STREAM_ENTRIES = ("source", "rate_hz", "times", "offset_s")
 
 def looks_described(path: Path) -> bool:
     """Whether it is a YAML file, or a folder with a sequence.yaml."""
-    return (path / FILE).exists() or (path.is_file() and path.suffix.lower() in (".yaml", ".yml"))
+    if is_folder(path):
+        return exists(path / FILE)
+    return path.suffix.lower() in (".yaml", ".yml")
 
 
 def open_described(path: Path) -> Sequence | Recording:
@@ -46,7 +49,7 @@ def open_described(path: Path) -> Sequence | Recording:
 
     InputError names the file and the entry that is missing or wrong.
     """
-    path = path / FILE if path.is_dir() else path
+    path = path / FILE if is_folder(path) else path
     content = read_mapping(path)
     _refuse_others(path, "", content, ENTRIES)
     name = content.get("name", path.resolve().parent.name)
@@ -110,7 +113,7 @@ def _stream(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Strea
     if described is None:
         raise InputError(f"{path} has a {camera} stream, but its rig no {camera} camera: add it to the rig's file")
     source, clock = named_file(path, f"{camera}.source", entry.get("source")), clock_of(path, entry, f"{camera}.")
-    if source.is_dir():
+    if is_folder(source):
         return folder_stream(source, size_of(described), clock)
     if not looks_like_video(source):
         raise InputError(f"{path}: {camera}.source names {source}, neither a folder nor a video file: correct it")

@@ -17,9 +17,10 @@ from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.camera import camera_of
 from ispom.io.euroc import read_euroc
+from ispom.io.files import exists, is_folder
 from ispom.io.mapping import finite_numbers, read_mapping
-from ispom.io.rows import read_text
-from ispom.sequences.images import read_grey, those_there
+from ispom.io.rows import MAX_TIME_S, read_text
+from ispom.sequences.images import read_grey, require_size, those_there
 from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Rectification, remapped
@@ -41,17 +42,17 @@ class _Sensor:
 
 def looks_like_euroc(folder: Path) -> bool:
     """Whether it is a `mav0`, or the folder that holds one."""
-    return (folder / "mav0").is_dir() or (folder / "cam0" / "data.csv").exists()
+    return is_folder(folder / "mav0") or exists(folder / "cam0" / "data.csv")
 
 
 def open_euroc(folder: Path) -> Recording:
     """The recording of a `mav0`, or of the folder that holds it; InputError names the file that is missing or wrong."""
-    mav0 = folder / "mav0" if (folder / "mav0").is_dir() else folder
+    mav0 = folder / "mav0" if is_folder(folder / "mav0") else folder
     name = f"EuRoC {mav0.resolve().parent.name}"
     left = _sensor(mav0 / "cam0")
-    if not (mav0 / "cam1").is_dir():
-        truth, told = _truth(mav0, left.body_from_camera, left.times_ns)
-        size, notes = (left.camera.width, left.camera.height), left.notes + told
+    if not is_folder(mav0 / "cam1"):
+        truth, about = _truth(mav0, left.body_from_camera, left.times_ns)
+        size, notes = (left.camera.width, left.camera.height), left.notes + about
 
         def read_left(_: Side, i: int) -> Image:
             return read_grey(left.paths[i], size)
@@ -72,8 +73,8 @@ def open_euroc(folder: Path) -> Recording:
         return remapped(read_grey(paths[i], size), maps)
 
     times_ns = left.times_ns[i_left]
-    truth, told = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
-    notes = left.notes + right.notes + unmatched_note(len(left.paths), len(right.paths), len(i_left)) + told
+    truth, about = _truth(mav0, left.body_from_camera @ rectified.left_from_rectified, times_ns)
+    notes = left.notes + right.notes + unmatched_note(len(left.paths), len(right.paths), len(i_left)) + about
     return Recording(name, rectified.camera, rectified.baseline_m, times_ns, read, truth, notes)
 
 
@@ -91,7 +92,9 @@ def _sensor(folder: Path) -> _Sensor:
     camera, body_from_camera = _calibration(folder / "sensor.yaml")
     times_ns, names = _image_list(folder / "data.csv")
     there, notes = those_there(folder / "data.csv", [folder / "data" / name for name in names])
-    return _Sensor(camera, body_from_camera, times_ns[there], [folder / "data" / names[i] for i in there], notes)
+    paths = [folder / "data" / names[i] for i in there]
+    require_size(paths[0], (camera.width, camera.height))
+    return _Sensor(camera, body_from_camera, times_ns[there], paths, notes)
 
 
 def _calibration(path: Path) -> tuple[Camera, Pose]:
@@ -138,13 +141,13 @@ def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
 
 
 def _fits(digits: str) -> bool:
-    return len(digits) <= 19 and int(digits) < 2**63
+    return len(digits) <= 19 and int(digits) <= MAX_TIME_S * 10**9
 
 
 def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, tuple[str, ...]]:
-    """world_from_left at the images' times, of the body's poses, and what to tell about it."""
+    """world_from_left at the images' times, of the body's poses, and notes about it."""
     path = mav0 / "state_groundtruth_estimate0" / "data.csv"
-    if not path.exists():
+    if not exists(path):
         return None, ()
     found = truth_at(read_euroc(path, "body"), times_ns)
     return found and found.moved(right=body_from_left, frame="left"), no_truth_note(path, found)

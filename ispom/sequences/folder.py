@@ -11,8 +11,9 @@ from typing import Any
 
 from ispom.errors import InputError
 from ispom.io.camera import read_camera
+from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
-from ispom.sequences.images import IMAGE_SUFFIXES, read_image
+from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import Clock, Stream, clock_of, size_of
 from ispom.types import Camera, Image
@@ -23,22 +24,19 @@ CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortio
 
 def looks_like_images(folder: Path) -> bool:
     """Whether there are images right in it."""
-    try:
-        return folder.is_dir() and any(_is_image(path) for path in folder.iterdir())
-    except OSError as error:
-        raise InputError(f"{folder} cannot be read ({error.strerror}): check its permissions") from None
+    return is_folder(folder) and any(_is_image(name) for name in names(folder))
 
 
 def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
     places = [folder / CAMERA, folder.resolve().parent / CAMERA]
-    path = calibration or next((place for place in places if place.exists()), None)
+    path = calibration or next((place for place in places if exists(place)), None)
     if path is None:
         raise InputError(f"{places[0]} is missing: write one with {CAMERA_ENTRIES}")
     camera, content = read_settings(path)
     clock = clock_of(path, content)
     beside = path.parent if calibration is None else folder.resolve().parent
-    times = next((place / TIMES for place in (folder, beside) if (place / TIMES).exists()), None)
+    times = next((place / TIMES for place in (folder, beside) if exists(place / TIMES)), None)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock)
@@ -53,9 +51,10 @@ def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:
 
 def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:
     """The images (width, height) of a folder in the order of their names, 2 before 10."""
-    paths = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: _order(p.name))
+    paths = [folder / name for name in sorted(filter(_is_image, names(folder)), key=_order)]
     if not paths:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
+    require_size(paths[0], size)
     times_ns, note = clock.times_ns(folder, len(paths))
 
     def read(i: int) -> Image:
@@ -64,9 +63,9 @@ def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:
     return Stream(times_ns, read, (note,) if note else ())
 
 
-def _is_image(path: Path) -> bool:
-    """By its name; hidden files are those that other systems leave beside the real ones."""
-    return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+def _is_image(name: str) -> bool:
+    """Hidden files are those that other systems leave beside the real ones."""
+    return Path(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
 
 
 def _order(name: str) -> tuple[tuple[int, str], ...]:

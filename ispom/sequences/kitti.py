@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.camera import usable
+from ispom.io.files import exists, is_folder, names
 from ispom.io.kitti import read_calibration, read_poses, read_times
 from ispom.sequences.images import read_grey
 from ispom.sequences.recording import Recording, Side
@@ -19,7 +21,7 @@ from ispom.types import Camera, Image, Trajectory
 
 def looks_like_kitti(folder: Path) -> bool:
     """Whether anything that only a KITTI odometry drive has is there."""
-    return any((folder / name).exists() for name in ("image_0", "image_1", "calib.txt"))
+    return any(exists(folder / name) for name in ("image_0", "image_1", "calib.txt"))
 
 
 def open_kitti(folder: Path) -> Recording:
@@ -45,15 +47,15 @@ def open_kitti(folder: Path) -> Recording:
 
 def _count(images: Path) -> int:
     """How many images there are, numbered from 0 without a gap."""
-    if not images.is_dir():
+    if not is_folder(images):
         raise InputError(f"{images} is missing: give a drive with its images")
-    names = sorted(path.name for path in images.glob("*.png"))
-    if not names:
+    found = [name for name in names(images) if name.endswith(".png") and not name.startswith(".")]
+    if not found:
         raise InputError(f"{images} holds no .png image: give a drive with its images")
-    gap = next((i for i, name in enumerate(names) if name != f"{i:06d}.png"), None)
+    gap = next((i for i, name in enumerate(found) if name != f"{i:06d}.png"), None)
     if gap is not None:
         raise InputError(f"{images / f'{gap:06d}.png'} is missing: images are numbered from 0 without a gap")
-    return len(names)
+    return len(found)
 
 
 def _cameras(folder: Path) -> tuple[Camera, float | None]:
@@ -62,8 +64,8 @@ def _cameras(folder: Path) -> tuple[Camera, float | None]:
     height, width = read_grey(folder / "image_0" / "000000.png").shape
     left = projections["P0"]
     fx, fy, cx, cy = left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    camera = Camera(width, height, fx, fy, cx, cy)
-    if not (folder / "image_1").is_dir():
+    camera = usable(Camera(width, height, fx, fy, cx, cy), f"{folder / 'calib.txt'}: P0")
+    if not is_folder(folder / "image_1"):
         return camera, None
     if "P1" not in projections:
         raise InputError(
@@ -80,7 +82,7 @@ def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
     """world_from_left of `poses/NN.txt` beside `sequences`, None where there is none."""
     folder = folder.resolve()
     path = folder.parent.parent / "poses" / f"{folder.name}.txt"
-    if not path.exists():
+    if not exists(path):
         return None
     poses = read_poses(path)
     if len(poses) < len(times_ns):

@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
+from ispom.io.camera import usable
+from ispom.io.files import exists, is_folder, names
 from ispom.io.kitti_raw import image_size, raw_camera, read_calibrations, read_timestamps
 from ispom.io.oxts import read_oxts, read_rigid
 from ispom.sequences.images import read_image
@@ -31,13 +33,13 @@ _TRUTH_GAP_NS = 250_000_000
 
 def looks_like_kitti_raw(folder: Path) -> bool:
     """Whether it is a drive with a left camera, grey or in colour."""
-    return any((folder / f"image_{left}" / "data").is_dir() for left, _ in _PAIRS)
+    return any(is_folder(folder / f"image_{left}" / "data") for left, _ in _PAIRS)
 
 
 def open_kitti_raw(folder: Path) -> Recording:
     """The recording of a drive; InputError names the file that is missing or wrong."""
-    left, right = next(pair for pair in _PAIRS if (folder / f"image_{pair[0]}" / "data").is_dir())
-    cameras = (left, right) if (folder / f"image_{right}" / "data").is_dir() else (left,)
+    left, right = next(pair for pair in _PAIRS if is_folder(folder / f"image_{pair[0]}" / "data"))
+    cameras = (left, right) if is_folder(folder / f"image_{right}" / "data") else (left,)
     path = _calibration_path(folder, _CALIBRATION)
     if path is None:
         missing = folder.resolve().parent / _CALIBRATION
@@ -66,45 +68,46 @@ def open_kitti_raw(folder: Path) -> Recording:
         return image if maps is None else remapped(image, maps)
 
     name = f"KITTI raw {folder.resolve().name}"
-    truth, told = _truth(folder, left, calibrations[0], path, times_ns[frames])
-    return Recording(name, camera, baseline_m, times_ns[frames], read, truth, (*notes, told))
+    truth, about = _truth(folder, left, calibrations[0], path, times_ns[frames])
+    return Recording(name, camera, baseline_m, times_ns[frames], read, truth, (*notes, about))
 
 
 def _calibration_path(folder: Path, name: str) -> Path | None:
     places = (folder / name, folder.resolve().parent / name)
-    return next((place for place in places if place.exists()), None)
+    return next((place for place in places if exists(place)), None)
 
 
 def _truth(
     folder: Path, left: str, calibration: dict[str, Array], path: Path, times_ns: NDArray[np.int64]
 ) -> tuple[Trajectory | None, str]:
-    """world_from_left at the images' times, and what to tell about it."""
-    if not (folder / "oxts" / "data").is_dir():
-        return None, "The drive has no GPS/IMU track (oxts): no truth."
+    """world_from_left at the images' times, and a note about it."""
+    if not is_folder(folder / "oxts" / "data"):
+        return None, "The drive has no GPS/IMU track (oxts): no ground truth."
     imu, velo = _calibration_path(folder, _IMU), _calibration_path(folder, _VELO)
     if imu is None or velo is None:
         missing = folder.resolve().parent / (_IMU if imu is None else _VELO)
-        return None, f"{missing} is missing, without which the GPS/IMU track (oxts) cannot be used: no truth."
+        return None, f"{missing} is missing, without which the GPS/IMU track (oxts) cannot be used: no ground truth."
     first = calibration if left == _PAIRS[0][0] else read_calibrations(path, (_PAIRS[0][0],))[0]
     turned = Pose(Rotation.from_matrix(first["R_rect"]).as_matrix())
     projection = calibration["P_rect"]
     left_from_rectified = Pose(translation=np.linalg.solve(projection[:, :3], projection[:, 3]))
     left_from_body = left_from_rectified @ turned @ read_rigid(velo) @ read_rigid(imu)
     found = truth_at(read_oxts(folder / "oxts"), times_ns, _TRUTH_GAP_NS)
-    note = "The truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor."
+    note = "The ground truth is the GPS/IMU track: smooth, but off by decimetres, and more where GPS is poor."
     if found is None:
-        return None, "The GPS/IMU track (oxts) is of other times than the images: no truth."
+        return None, "The GPS/IMU track (oxts) is of other times than the images: no ground truth."
     return found.moved(right=left_from_body.inverse(), frame="left"), note
 
 
 def _images(folder: Path, camera: str) -> dict[int, Path]:
     """The image files by their number."""
     data = folder / f"image_{camera}" / "data"
-    return {int(p.stem): p for p in data.iterdir() if p.stem.isascii() and p.stem.isdigit() and len(p.stem) <= 10}
+    found = [data / name for name in names(data)]
+    return {int(p.stem): p for p in found if p.stem.isascii() and p.stem.isdigit() and len(p.stem) <= 10}
 
 
 def _frames(folder: Path, images: list[dict[int, Path]]) -> tuple[list[int], tuple[str, ...]]:
-    """The numbers of the images that every camera has, and what to tell about the others."""
+    """The numbers of the images that every camera has, and notes about the others."""
     common = sorted(set.intersection(*(set(found) for found in images)))
     if not common:
         raise InputError(f"{folder} holds no image that every camera has: restore the images")
@@ -115,7 +118,7 @@ def _rectified(path: Path, calibrations: list[dict[str, Array]]) -> tuple[Camera
     """The rectified camera of both sides, and the baseline [m] where there are two."""
     left = calibrations[0]["P_rect"]
     fx, fy, cx, cy = left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    camera = Camera(*image_size(calibrations[0]["S_rect"]), fx, fy, cx, cy)
+    camera = usable(Camera(*image_size(calibrations[0]["S_rect"]), fx, fy, cx, cy), f"{path}: P_rect")
     if len(calibrations) == 1:
         return camera, None
     right = calibrations[1]["P_rect"]

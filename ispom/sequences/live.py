@@ -6,7 +6,7 @@ estimators are slower, and they can be read again in any order. Their times are 
 
 from __future__ import annotations
 
-import re
+import os
 import sys
 import time
 from pathlib import Path
@@ -17,13 +17,12 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.camera import read_camera
-from ispom.sequences.quiet import quiet_decoders
+from ispom.sequences.address import DEVICE, SCHEMES, is_address, is_device, scheme, without_secrets
+from ispom.sequences.quiet import silenced
 from ispom.sequences.spool import Spool
 from ispom.sequences.stream import size_of
 from ispom.types import Camera, Exposure, Image, Rig, Sequence, VideoFrame
 
-DEVICE = "camera:"
-SCHEMES = ("http://", "https://", "rtsp://", "rtsps://", "rtmp://", "udp://", "tcp://")
 PATIENCE_S = 10.0
 """A source that can't be opened for so long, or gives no image for so long, has failed."""
 STOP_S = 2.0
@@ -31,12 +30,7 @@ STOP_S = 2.0
 
 def looks_live(source: str) -> bool:
     """Whether it names a camera or a stream, not a path."""
-    return source.startswith((DEVICE, *SCHEMES))
-
-
-def without_secrets(source: str) -> str:
-    """The source without the user's name and password that an address may hold."""
-    return re.sub(r"(://)[^/@]*@", r"\1", source) if looks_live(source) else source
+    return is_device(source) or is_address(source)
 
 
 def open_live(source: str, calibration: Path | None, max_frames: int | None = None, least: int = 1) -> Sequence:
@@ -48,6 +42,8 @@ def open_live(source: str, calibration: Path | None, max_frames: int | None = No
     name = without_secrets(source)
     if calibration is None:
         raise InputError(f"{name} has no calibration: give --camera FILE, a camera.yaml of this camera")
+    if not is_device(source) and (scheme(source) not in SCHEMES or not source.isprintable()):
+        raise InputError(f"{name} is no address of a stream: give one that begins with {', '.join(SCHEMES)}")
     camera = read_camera(calibration)
     live = _Live(name, camera, _opened(source, name, camera), max_frames)
     sequence = live.grown(least - 1, None)
@@ -57,18 +53,18 @@ def open_live(source: str, calibration: Path | None, max_frames: int | None = No
 
 
 def _opened(source: str, name: str, camera: Camera) -> cv2.VideoCapture:
-    quiet_decoders()
-    if source.startswith(DEVICE):
+    if is_device(source):
         capture = _device(source.removeprefix(DEVICE), name)
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, camera.width)
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, camera.height)
     else:
         patience_ms = round(1000 * PATIENCE_S)
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, patience_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, patience_ms]
-        capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, limits)
+        with silenced():
+            capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, limits)
     if not capture.isOpened():
         cure = "check that it is plugged in and no other program uses it"
-        if not source.startswith(DEVICE):
+        if not is_device(source):
             cure = "check the address, and that it can be reached"
         raise InputError(f"{name} cannot be opened: {cure}")
     return capture
@@ -77,7 +73,7 @@ def _opened(source: str, name: str, camera: Camera) -> cv2.VideoCapture:
 def _device(which: str, name: str) -> cv2.VideoCapture:
     if sys.platform == "linux":
         file = Path(f"/dev/video{which}" if which.isdecimal() else which)
-        if not file.exists():
+        if not os.path.exists(file):
             there = ", ".join(sorted(f"{DEVICE}{p}" for p in Path("/dev").glob("video*"))) or "none"
             raise InputError(f"{name} is not there (no {file}): plug it in, or give one of those there are: {there}")
         return cv2.VideoCapture(str(file), cv2.CAP_V4L2)

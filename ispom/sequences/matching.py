@@ -27,12 +27,12 @@ def pairs(left_ns: NDArray[np.int64], right_ns: NDArray[np.int64]) -> tuple[NDAr
 
 
 def unmatched_note(left: int, right: int, matched: int) -> tuple[str, ...]:
-    """What to tell about images without a partner; nothing where there are none."""
+    """A note about images without a partner; nothing where there are none."""
     if left == right == matched:
         return ()
     return (
         f"{left - matched} of {left} left and {right - matched} of {right} right images have no partner "
-        "of the same time and are left out.",
+        "of the same time: skipped.",
     )
 
 
@@ -48,8 +48,8 @@ def truth_at(truth: Trajectory, times_ns: NDArray[np.int64], gap_ns: int = TRUTH
 
 
 def no_truth_note(path: Path, found: Trajectory | None) -> tuple[str, ...]:
-    """What to tell where a file of truth covers no image."""
-    return () if found is not None else (f"{path} has no pose at the times of the images: no truth.",)
+    """A note where a file of truth covers no image."""
+    return () if found is not None else (f"{path} has no pose at the times of the images: no ground truth.",)
 
 
 def _nearest(times_ns: NDArray[np.int64], asked_ns: NDArray[np.int64]) -> NDArray[np.int64]:

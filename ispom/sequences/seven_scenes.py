@@ -1,11 +1,10 @@
 """7-Scenes style: `frame-000000.color.png` and, with its pose, `frame-000000.pose.txt`, in one folder (seq-01).
 
-`camera.yaml` is in the folder or beside it; without one, the intrinsics that the data set's page tells count.
+`camera.yaml` is in the folder or beside it; without one, the intrinsics on the data set's page are used.
 """
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
@@ -14,9 +13,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
+from ispom.io.files import exists, is_folder, names
 from ispom.io.rows import matrix
 from ispom.sequences.folder import CAMERA, read_settings
-from ispom.sequences.images import IMAGE_SUFFIXES, read_image
+from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import Clock, clock_of, size_of
 from ispom.types import Camera, Trajectory
@@ -24,19 +24,19 @@ from ispom.types import Camera, Trajectory
 COLOUR, POSE = ".color", ".pose.txt"
 PUBLISHED = Camera(640, 480, 585.0, 585.0, 320.0, 240.0)
 """Of every sequence of the data set (Shotton et al. 2013, "Scene coordinate regression forests")."""
-_NOTE = f"Without {CAMERA}: the focal length of 585 px and the centre (320, 240) that the data set's page tells count."
+_NOTE = f"No {CAMERA}: the data set's published intrinsics are used (focal length 585 px, centre 320, 240)."
 
 
 def looks_like_seven_scenes(folder: Path) -> bool:
     """Whether there are images called frame-NUMBER.color.EXTENSION."""
-    return folder.is_dir() and any(_number(name) is not None for name in os.listdir(folder))
+    return is_folder(folder) and any(_number(name) is not None for name in names(folder))
 
 
 def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of one such folder; InputError names the file that is missing or wrong."""
-    images = {number: name for name in os.listdir(folder) if (number := _number(name)) is not None}
+    images = {number: name for name in names(folder) if (number := _number(name)) is not None}
     places = (folder / CAMERA, folder.resolve().parent / CAMERA)
-    path = calibration or next((place for place in places if place.exists()), None)
+    path = calibration or next((place for place in places if exists(place)), None)
     camera, clock, notes = PUBLISHED, Clock(), (_NOTE,)
     if path is not None:
         camera, content = read_settings(path)
@@ -45,6 +45,7 @@ def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recordin
     times_ns, note = clock.times_ns(folder, numbers[-1] + 1)
     times_ns = times_ns[numbers]  # a number that is missing is a gap in time
     paths, size = [folder / images[n] for n in numbers], size_of(camera)
+    require_size(paths[0], size)
     truth, without = _truth(paths, times_ns)
     if truth is not None and without:
         notes += (f"{without} of {len(paths)} images have no pose, or one that is not finite.",)
@@ -64,7 +65,7 @@ def _pose_path(image: Path) -> Path:
 
 def _truth(images: list[Path], times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, int]:
     """world_from_camera, and how many images have no pose."""
-    known, matrices, there = [], [], set(os.listdir(images[0].parent))
+    known, matrices, there = [], [], set(names(images[0].parent))
     for i, image in enumerate(images):
         path = _pose_path(image)
         found = matrix(path, (4, 4)) if path.name in there else np.full((4, 4), np.nan)

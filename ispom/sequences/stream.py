@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.files import exists
 from ispom.io.mapping import finite_numbers
-from ispom.io.rows import increasing_times_ns, read_rows
+from ispom.io.rows import MAX_TIME_S, increasing_times_ns, read_rows
 from ispom.types import Camera, Image
 
 NOMINAL_HZ = 30.0
 MIN_HZ, MAX_HZ = 1e-3, 1e5
-MAX_OFFSET_S = 9e9
-MAX_NS = 9_200_000_000_000_000_000
+MAX_OFFSET_S = float(MAX_TIME_S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Clock:
     offset_s: float = 0.0
 
     def times_ns(self, what: Path, count: int, otherwise_hz: float | None = None) -> tuple[NDArray[np.int64], str]:
-        """(N,) [ns] of the `count` images of `what`, and what to tell about them ("" where they are as given).
+        """(N,) [ns] of the `count` images of `what`, and a note about them ("" where they are as given).
 
         Without times and rate, `otherwise_hz` counts, or else NOMINAL_HZ.
         """
@@ -52,14 +52,12 @@ class Clock:
                 raise InputError(f"{self.times} has {len(found)} times for {count} images: give one per image")
             return self._moved(found, what), ""
         rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
-        note = (
-            "" if self.rate_hz or otherwise_hz else f"{what} tells no times: {NOMINAL_HZ:g} images per second assumed"
-        )
+        note = "" if self.rate_hz or otherwise_hz else f"{what} has no times: {NOMINAL_HZ:g} images per second assumed"
         return self._moved(np.rint(np.arange(count) * 1e9 / rate_hz).astype(np.int64), what), note
 
     def _moved(self, times_ns: NDArray[np.int64], what: Path) -> NDArray[np.int64]:
         offset_ns = round(self.offset_s * 1e9)
-        if len(times_ns) and max(abs(int(times_ns[i]) + offset_ns) for i in (0, -1)) > MAX_NS:
+        if len(times_ns) and max(abs(int(times_ns[i]) + offset_ns) for i in (0, -1)) > MAX_TIME_S * 10**9:
             raise InputError(
                 f"{what}: its last time with offset_s {self.offset_s:g} s is too large: correct the offset"
             )
@@ -89,10 +87,8 @@ def named_file(path: Path, where: str, name: Any) -> Path:
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise InputError(f"{path}: {where} is not the name of a file: correct it")
     found = path.parent / name
-    try:
-        found.stat()
-    except OSError:
-        raise InputError(f"{path}: {where} names {found}, which is not there or unreadable: correct it") from None
+    if not exists(found):
+        raise InputError(f"{path}: {where} names {found}, which is missing: correct it")
     return found
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from ispom.errors import InputError
 from ispom.io.camera import read_camera
+from ispom.io.files import exists
 from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.io.tum import read_tum
-from ispom.sequences.images import read_image, those_there
+from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording, Side
 from ispom.types import Image
@@ -16,7 +17,7 @@ from ispom.types import Image
 
 def looks_like_tum(folder: Path) -> bool:
     """Whether the list of images is there."""
-    return (folder / "rgb.txt").exists()
+    return exists(folder / "rgb.txt")
 
 
 def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
@@ -30,17 +31,18 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     there, notes = those_there(listing, paths)
     times_ns, paths = times_ns[there], [paths[i] for i in there]
     path = calibration or folder / "camera.yaml"
-    if not path.exists():
+    if not exists(path):
         raise InputError(f"{path} is missing: write one with width, height, fx, fy, cx, cy and distortion")
     camera = read_camera(path)
     size = (camera.width, camera.height)
+    require_size(paths[0], size)
 
     def read(_: Side, i: int) -> Image:
         return read_image(paths[i], size)
 
     truth = folder / "groundtruth.txt"
     found = None
-    if truth.exists():
+    if exists(truth):
         found = truth_at(read_tum(truth, "left"), times_ns)
         notes += no_truth_note(truth, found)
     return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found, notes)

@@ -11,16 +11,23 @@ from ispom.errors import InputError
 from ispom.sequences.recording import Recording
 from ispom.types import Exposure, Image, Kind, Rig, Sequence, StereoPair, VideoFrame
 
+MIN_SCALE = 0.05
+
+
+def check_shape(stereo_every: int, video_scale: float) -> None:
+    """InputError where an option is out of its range."""
+    if stereo_every < 1:
+        raise InputError(f"--stereo-every is {stereo_every}, give 1 or more")
+    if not MIN_SCALE <= video_scale <= 1:
+        raise InputError(f"--video-scale is {video_scale:g}, give a value from {MIN_SCALE:g} to 1")
+
 
 def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1.0) -> Sequence:
     """Every left image, scaled, is video; every k-th pair, at full resolution and just before it, is stereo.
 
     Without a right camera there is video only. InputError where an option is out of its range.
     """
-    if stereo_every < 1:
-        raise InputError(f"--stereo-every is {stereo_every}, give 1 or more")
-    if not 0.05 <= video_scale <= 1:
-        raise InputError(f"--video-scale is {video_scale:g}, give a value from 0.05 to 1")
+    check_shape(stereo_every, video_scale)
     video = recording.camera.scaled(video_scale)
     rig, notes = Rig.single(video), recording.notes
     if recording.baseline_m is not None:

@@ -1,6 +1,6 @@
 """A video file (FFmpeg, through OpenCV) with its camera in `NAME.yaml` or `camera.yaml` beside it.
 
-Images follow at the file's own constant rate, unless the camera's file tells `rate_hz` or `times`.
+Images follow at the file's own constant rate, unless the camera's file gives `rate_hz` or `times`.
 """
 
 from __future__ import annotations
@@ -12,18 +12,21 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError, UnreadableImage
+from ispom.io.files import exists, read_head
 from ispom.sequences.folder import CAMERA, CAMERA_ENTRIES, read_settings
-from ispom.sequences.quiet import quiet_decoders
+from ispom.sequences.quiet import silenced
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
 from ispom.types import Image
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
+MAX_COUNT = 100_000_000
+"""Of images that a header may claim."""
 MAX_SKIP = 40
 """Up to this many images ahead, reading on is quicker than a jump to the key frame before and decoding from there."""
 
 HEADER_ERROR = 4
-"""Headers of whole files may tell a few images too many; beyond that, the images are counted by decoding all."""
+"""Headers of whole files may claim a few images too many; beyond that, the images are counted by decoding all."""
 
 
 def looks_like_video(path: Path) -> bool:
@@ -34,7 +37,7 @@ def looks_like_video(path: Path) -> bool:
 def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
     places = [path.with_suffix(".yaml"), path.parent / CAMERA]
-    settings = calibration or next((place for place in places if place.exists()), None)
+    settings = calibration or next((place for place in places if exists(place)), None)
     if settings is None:
         raise InputError(f"{places[0]} (or {CAMERA} beside it) is missing: write one with {CAMERA_ENTRIES}")
     camera, content = read_settings(settings)
@@ -45,31 +48,39 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
 
 def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:
     """The images of a video file of this size (width, height)."""
-    film = _Film(path)
-    (width, height), cure = film.size, "give the calibration of this video"
-    if film.size != size:
-        raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
+    film = _Film(path, size)
     times_ns, note = clock.times_ns(path, film.count, film.rate_hz)
     if clock.times is None and clock.rate_hz is None and not note:
         note = f"{path.name}: times follow from the file's own rate, {film.rate_hz:g} images per second"
     return Stream(times_ns, film.read, tuple(text for text in (note, film.note) if text))
 
 
+def _is_container(head: bytes) -> bool:
+    """By the first bytes: FFmpeg would take a list of addresses for a video, too, and open them."""
+    mp4 = head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
+    return mp4 or head.startswith(b"\x1aE\xdf\xa3") or (head.startswith(b"RIFF") and head[8:12] == b"AVI ")
+
+
 class _Film:
     """One decoder, at one place at a time: reading in order is quick, jumps cost decoding from a key frame."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, size: tuple[int, int]) -> None:
+        """InputError where it is no video of this size (width, height), before any image is decoded."""
+        if not _is_container(read_head(path, 12)):
+            raise InputError(f"{path} is not a video in MP4, MOV, AVI, MKV or WebM format (damaged?): restore it")
         self._path = path
         self._lock = threading.Lock()
         self._decoder = self._opened()
         self._next = 0
         self._last: tuple[int, Image] | None = None
         get = self._decoder.get
-        self.size = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
+        width, height = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
+        if (width, height) != size:
+            cure = "give the calibration of this video"
+            raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
         rate_hz = get(cv2.CAP_PROP_FPS)
         self.rate_hz = rate_hz if np.isfinite(rate_hz) and MIN_HZ <= rate_hz <= MAX_HZ else None
-        told = int(get(cv2.CAP_PROP_FRAME_COUNT))
-        self.count, self.note = self._counted(told)
+        self.count, self.note = self._counted(int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_COUNT)))
 
     def read(self, i: int) -> Image:
         """Image i (H, W, 3) RGB, read-only."""
@@ -84,17 +95,17 @@ class _Film:
             return self._last[1]
 
     def _opened(self) -> cv2.VideoCapture:
-        quiet_decoders()
-        decoder = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
+        with silenced():
+            decoder = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
         if not decoder.isOpened():
             raise InputError(f"{self._path} is not a video that FFmpeg can decode (truncated or damaged?): restore it")
         return decoder
 
-    def _counted(self, told: int) -> tuple[int, str]:
-        """How many images there are, and what to tell about that. Headers may tell none, or more than there are."""
-        for count in range(told, max(0, told - HEADER_ERROR), -1):
+    def _counted(self, claimed: int) -> tuple[int, str]:
+        """How many images there are, and a note about that. Headers may claim none, or more than there are."""
+        for count in range(claimed, max(0, claimed - HEADER_ERROR), -1):
             if self._decoded(count - 1) is not None:
-                return count, self._fewer(count, told)
+                return count, self._fewer(count, claimed)
         self._restart()
         count = 0
         while self._decoder.grab():
@@ -102,10 +113,10 @@ class _Film:
         self._restart()
         if not count:
             raise InputError(f"{self._path} holds no image that can be decoded: restore the file")
-        return count, self._fewer(count, told)
+        return count, self._fewer(count, claimed)
 
-    def _fewer(self, count: int, told: int) -> str:
-        return f"{self._path.name}: {count} of {told} images can be decoded" if count < told else ""
+    def _fewer(self, count: int, claimed: int) -> str:
+        return f"{self._path.name}: {count} of {claimed} images can be decoded" if count < claimed else ""
 
     def _decoded(self, i: int) -> np.ndarray | None:
         """Image i in OpenCV's order of colours, None where there is none."""

@@ -42,6 +42,48 @@ def test_path_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert f"{tmp_path}/nowhere does not exist: correct the path" in sentence(capsys, f"{tmp_path}/nowhere")
 
 
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("~no-such-user/drive", "~no-such-user/drive does not exist"),
+        ("x" * 5000, "cannot be read (File name too long)"),
+        ("a\0b", "a\\x00b cannot be read (not a valid path)"),
+        ("sim:city#" + "9" * 5000, "after # comes a seed, a whole number up to 4294967295"),
+        ("sim:city#-1", "after # comes a seed"),
+        ("sim:nowhere", "there is no simulated sequence sim:nowhere"),
+        ("/dev/null", "is a file of no known kind"),
+        ("", "has no known layout"),
+    ],
+)
+def test_sources_that_cannot_be(source: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    told = sentence(capsys, source)
+    assert message in told and len(told) < 1100
+
+
+def test_a_pipe_in_place_of_any_file_of_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive = make_drive(tmp_path / "kitti")
+    for name in ("calib.txt", "times.txt", "image_0/000000.png", "image_1/000003.png", "../../poses/07.txt"):
+        path = drive / name
+        content = path.read_bytes()
+        path.unlink()
+        os.mkfifo(path)
+        assert "is a named pipe: give a regular file in its place" in sentence(
+            capsys, str(drive), "--out", str(tmp_path / name[:5])
+        )
+        path.unlink()
+        path.write_bytes(content)
+
+
+@pytest.mark.parametrize("name", ["times.txt", "../../poses/07.txt", "calib.txt"])
+def test_a_link_to_nothing_is_no_file_that_is_not_there(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = make_drive(tmp_path / "kitti")
+    (drive / name).unlink()
+    (drive / name).symlink_to("gone")
+    assert "is a link to gone, which is missing: restore or remove it" in sentence(capsys, str(drive))
+
+
 def test_a_file_of_no_known_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.txt").touch()
     assert "notes.txt is a file of no known kind: give a video" in sentence(capsys, f"{tmp_path}/notes.txt")
@@ -51,7 +93,7 @@ def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     (tmp_path / "film.mp4").touch()
     assert "film.yaml (or camera.yaml beside it) is missing: write one" in sentence(capsys, f"{tmp_path}/film.mp4")
     (tmp_path / "film.yaml").write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
-    assert "film.mp4 is not a video that FFmpeg can decode" in sentence(capsys, f"{tmp_path}/film.mp4")
+    assert "film.mp4 is not a video in MP4" in sentence(capsys, f"{tmp_path}/film.mp4")
 
 
 def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -125,7 +167,7 @@ def shrink(path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("spoil", "message"),
-    [(cut, "is not a whole image"), (shrink, "is 20 x 10, not 96 x 64"), (Path.unlink, "is missing or")],
+    [(cut, "is not a whole image"), (shrink, "is 20 x 10, not 96 x 64"), (Path.unlink, "is missing:")],
 )
 @pytest.mark.parametrize("image", ["image_0/000003.png", "image_1/000003.png"])
 def test_a_bad_image_in_the_middle_loses_nothing(
@@ -177,7 +219,14 @@ def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     [
         (("--stereo-every", "0"), "--stereo-every is 0, give 1 or more"),
         (("--video-scale", "7"), "--video-scale is 7, give a value from"),
+        (("--stereo-every", "-3"), "--stereo-every is -3, give 1 or more"),
+        (("--video-scale", "nan"), "--video-scale is nan, give a value from"),
+        (("--video-scale", "0"), "--video-scale is 0, give a value from"),
         (("--max-exposures", "1"), "--max-exposures is 1, give 3 or more"),
+        (("--max-exposures", "-1"), "--max-exposures is -1, give 3 or more"),
+        (("--seed", "-1"), "--seed is -1, give a value from 0 to 4294967295"),
+        (("--seed", "9" * 400), "give a value from 0 to 4294967295"),
+        (("--camera", "nowhere.yaml"), "has its own calibration"),
         (("--monocular.max-tracks", "1"), "--monocular.max-tracks is 1, give a value from"),
     ],
 )

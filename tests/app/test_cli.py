@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +74,56 @@ def test_a_methods_settings_are_flags_of_its_own(served: list, tmp_path: Path) -
     assert options["variant"] == "modern" and options["methods"] == ("stereo", "integrated.paper")
     assert not config.of("stereo").self_calibration and config.of("monocular.paper").max_tracks == 300
     assert config.of("stereo.paper") == Config().of("stereo.paper")
+
+
+def test_the_page_may_open_what_the_command_line_names_or_allows(served: list, tmp_path: Path) -> None:
+    drive, other = str(make_drive(tmp_path / "data")), str(make_drive(tmp_path / "other"))
+    for arguments in (["--root", str(tmp_path / "data")], ["--root", str(tmp_path / "other" / "sequences")]):
+        assert main(["app", drive, *arguments]) == 0
+    (opener, *_), (elsewhere, *_) = served
+    assert len(opener(drive)) and len(elsewhere(drive)) and len(elsewhere(other))
+    for source, flag in ((other, "is outside of"), ("camera:0", "--allow-devices"), ("http://x/1", "--allow-network")):
+        with pytest.raises(InputError, match=flag):
+            opener(source)
+
+
+def test_the_address_on_the_command_line_is_known_without_its_password(served: list, tmp_path: Path) -> None:
+    assert main(["app", "http://me:secret@127.0.0.1:9/1"]) == 0
+    ((opener, *_),) = served
+    for source in ("http://me:secret@127.0.0.1:9/1", "http://127.0.0.1:9/1"):
+        with pytest.raises(InputError, match=r"http://127.0.0.1:9/1 has no calibration"):
+            opener(source)
+
+
+def test_a_root_that_is_no_folder_is_refused(served: list, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "--root", "/no/such/folder"]) == 2 and not served
+    assert "--root is /no/such/folder, which is not a folder" in capsys.readouterr().err
+
+
+def test_a_reader_that_stops_reading_is_no_traceback(tmp_path: Path) -> None:
+    """`ispom ... | head`: the pipe is closed before anything is written."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "ispom_app", "sources", str(make_drive(tmp_path))]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, timeout=120, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell closes it")
+def test_a_closed_standard_output_is_no_traceback(tmp_path: Path) -> None:
+    command = f"exec {shlex.quote(sys.executable)} -m ispom_app sources {shlex.quote(str(make_drive(tmp_path)))} >&-"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
+def test_a_full_standard_output_is_one_sentence(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "ispom_app", "sources", str(make_drive(tmp_path))]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=120, check=False)
+    assert done.returncode == 2 and done.stderr.startswith(b"ispom: standard output cannot be used (No space left")
+    assert done.stderr.count(b"\n") == 1
 
 
 @pytest.mark.parametrize("arguments", [[], ["fly"], ["app"], ["run"]])

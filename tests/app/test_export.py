@@ -167,7 +167,7 @@ def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.Captur
     ("damage", "form", "message"),
     [
         (("run.yaml", None), "tum", "is no folder of a run"),
-        (("run.yaml", "options: [1"), "tum", "does not tell the frame"),
+        (("run.yaml", "options: [1"), "tum", "run.yaml line 1 is not valid YAML"),
         (("monocular.tum", None), "tum", "no trajectory of any method"),
         (("monocular.tum", "0 0 0\n"), "tum", "line 1 has 3 columns"),
         (("landmarks.npz", None), "ply", "landmarks.npz is missing"),

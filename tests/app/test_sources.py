@@ -12,6 +12,7 @@ from ispom_app.sources import described
 
 from tests import doubles
 from tests.sequences.folders import MAKERS, make_euroc
+from tests.sequences.own_folders import make_images
 
 
 def test_cameras_rates_truth_and_notes_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,3 +47,9 @@ def test_every_kind_is_told(kind: str, tmp_path: Path, capsys: pytest.CaptureFix
 def test_what_is_no_source_is_told_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sources", str(tmp_path / "nowhere")]) == 2
     assert "does not exist" in capsys.readouterr().err
+
+
+def test_names_cannot_write_to_the_terminal_what_they_like(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sources", str(make_images(tmp_path / "\x1b[2Jgone").rename(tmp_path / "\x1b[2J"))]) == 0
+    out = capsys.readouterr().out
+    assert "\\x1b[2J" in out and "\x1b" not in out

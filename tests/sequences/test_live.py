@@ -10,7 +10,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.sequences import live, open_sequence, spool
-from ispom.sequences.live import without_secrets
+from ispom.sequences.address import without_secrets
 from ispom.types import Image, Sequence, VideoFrame
 from tests.sequences.folders import images
 from tests.sequences.live_stream import streaming
@@ -169,6 +169,24 @@ def test_another_kind_of_source_takes_no_calibration(calibration: Path) -> None:
         open_sequence("sim:tiny", camera=calibration)
 
 
-def test_passwords_are_not_told() -> None:
-    assert without_secrets("rtsp://me:pass@cam.local/1?x=a@b") == "rtsp://cam.local/1?x=a@b"
-    assert without_secrets("/data/a@b") == "/data/a@b"
+@pytest.mark.parametrize(
+    ("source", "shown"),
+    [
+        ("rtsp://me:pass@cam.local/1", "rtsp://cam.local/1"),
+        ("rtsp://me:p@ss/word@cam.local/1", "rtsp://cam.local/1"),
+        ("RTSP://me:pass@cam.local/1", "RTSP://cam.local/1"),
+        ("http://cam.local/video.cgi?user=me&password=secret", "http://cam.local/video.cgi?…"),
+        ("http://token@cam.local/1?x=a@b", "http://cam.local/1?…"),
+        ("http://cam.local/live@2", "http://cam.local/live@2"),
+        ("/data/a@b", "/data/a@b"),
+    ],
+)
+def test_passwords_are_not_shown(source: str, shown: str) -> None:
+    assert without_secrets(source) == shown
+
+
+@pytest.mark.parametrize("address", ["gopher://me:secret@cam.local/1", "FTP://me:secret@cam.local/1"])
+def test_an_address_of_no_known_kind_is_refused_without_its_password(address: str, calibration: Path) -> None:
+    with pytest.raises(InputError, match="is no address of a stream") as caught:
+        open_sequence(address, camera=calibration)
+    assert "secret" not in str(caught.value)

@@ -1,0 +1,151 @@
+"""Files that the user names, opened safely: regular ones only, of bounded size, inside a root where one is set."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from io import BufferedReader
+from pathlib import Path
+
+from ispom.errors import InputError
+
+MAX_BYTES = 64 << 20
+"""Of a text file: more than a day of poses at 10 Hz."""
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+_BOUNDS: ContextVar[tuple[Path, ...] | None] = ContextVar("bounds", default=None)
+
+
+@contextmanager
+def bounded(places: tuple[Path, ...] | None) -> Iterator[None]:
+    """Within it, nothing outside of these folders and files is opened, links followed; None sets no bound."""
+    resolved = None if places is None else tuple(Path(os.path.realpath(place)) for place in places)
+    token = _BOUNDS.set(resolved)
+    try:
+        yield
+    finally:
+        _BOUNDS.reset(token)
+
+
+def inside(path: Path) -> bool:
+    """Whether the bounds that are set, if any, allow the path."""
+    bounds = _BOUNDS.get()
+    if bounds is None:
+        return True
+    try:
+        real = Path(os.path.realpath(path))
+    except (OSError, ValueError):
+        return False
+    return any(real.is_relative_to(place) for place in bounds)
+
+
+def expanded(path: str | Path) -> Path:
+    """With the home folder in place of ~; a user who does not exist stays as written."""
+    return Path(os.path.expanduser(path))
+
+
+def exists(path: Path) -> bool:
+    """Whether something is there that may be opened.
+
+    InputError where that cannot be told, and for a link to nothing: someone meant something by it.
+    """
+    if not inside(path):
+        return False
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        if path.is_symlink():
+            raise InputError(
+                f"{path} is a link to {os.readlink(path)}, which is missing: restore or remove it"
+            ) from None
+        return False
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    return True
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder; InputError as `exists`."""
+    return exists(path) and path.is_dir()
+
+
+def names(folder: Path) -> list[str]:
+    """What a folder holds, sorted; InputError where it is none or cannot be read."""
+    _require_inside(folder)
+    try:
+        return sorted(os.listdir(folder))
+    except FileNotFoundError:
+        raise _missing(folder) from None
+    except (OSError, ValueError) as error:
+        raise _unreadable(folder, error) from None
+
+
+def require_file(path: Path) -> int:
+    """The size [bytes] of a regular file; InputError where there is none, or a pipe, socket, device or folder."""
+    _require_inside(path)
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        raise _missing(path) from None
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    if not stat.S_ISREG(found.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
+        raise InputError(f"{path} is {kind}: give a regular file in its place")
+    return found.st_size
+
+
+def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
+    """The content of a regular file; InputError where it cannot be read or is longer than max_bytes."""
+    size = require_file(path)
+    content = read_head(path, max_bytes + 1) if size <= max_bytes else b""
+    if max(size, len(content)) > max_bytes:
+        raise InputError(
+            f"{path} is larger than {max_bytes >> 10} kB, more than such a file holds: give the right file"
+        )
+    return content
+
+
+def read_head(path: Path, count: int) -> bytes:
+    """The first `count` bytes of a regular file, or all it has; InputError where it cannot be read."""
+    with opened(path) as file:
+        return file.read(count)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BufferedReader]:
+    """A regular file, to read from; InputError where it is none, or cannot be read now or while it is open."""
+    require_file(path)
+    try:
+        # Not blocking, and looked at again: the file may have become a pipe since.
+        number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(number, "rb") as file:
+            if not stat.S_ISREG(os.fstat(number).st_mode):
+                raise InputError(f"{path} is not a regular file: give a regular file in its place")
+            yield file
+    except OSError as error:
+        raise _unreadable(path, error) from None
+
+
+def _require_inside(path: Path) -> None:
+    if not inside(path):
+        raise InputError(f"{path} is outside of the folder that --root allows: give a path inside")
+
+
+def _missing(path: Path) -> InputError:
+    if path.is_symlink():
+        return InputError(f"{path} is a link to {os.readlink(path)}, which is missing: restore or remove it")
+    return InputError(f"{path} is missing: restore the file or correct the path")
+
+
+def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else "not a valid path"
+    return InputError(f"{path} cannot be read ({reason}): check the path and its permissions")

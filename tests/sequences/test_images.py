@@ -1,0 +1,62 @@
+"""Image files: what a header claims is not decoded unless it is expected, and decoders stay silent."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from ispom.errors import InputError, UnreadableImage
+from ispom.sequences.images import IMAGE_SUFFIXES, decode, header_size
+
+PNG = cv2.imencode(".png", np.random.default_rng(1).integers(0, 255, (64, 96), np.uint8))[1].tobytes()
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def claiming(width: int, height: int) -> bytes:
+    """A small PNG whose header is right in all but the size."""
+    return PNG[:8] + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)) + PNG[33:]
+
+
+@pytest.mark.parametrize("side", [9_000, 30_000, 60_000])
+def test_a_decompression_bomb_is_not_decoded(side: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cv2, "imdecode", None)
+    with pytest.raises(InputError, match=r"is 9000 x 9000, more than 67108864 px|claims more pixels"):
+        decode(claiming(side, side), "bomb.png")
+    with pytest.raises(InputError, match=rf"{side} x {side}, not 96 x 64 as its camera|claims more pixels"):
+        decode(claiming(side, side), "bomb.png", (96, 64))
+
+
+@pytest.mark.parametrize("suffix", sorted(IMAGE_SUFFIXES))
+def test_the_header_of_every_kind_is_understood(suffix: str) -> None:
+    content = cv2.imencode(suffix, np.zeros((64, 96) if suffix == ".pgm" else (64, 96, 3), np.uint8))[1].tobytes()
+    assert header_size(content, "a") == (96, 64)
+    assert decode(content, "a", (96, 64)).shape[:2] == (64, 96)
+
+
+def test_an_image_turned_by_its_camera_s_note_is_read_upright() -> None:
+    jpeg = cv2.imencode(".jpg", np.zeros((96, 64), np.uint8))[1].tobytes()
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    turned = jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
+    assert header_size(turned, "a") == (64, 96)
+    assert decode(turned, "a", (96, 64)).shape == (64, 96)
+
+
+def test_decoders_write_nothing_to_standard_error(capfd: pytest.CaptureFixture[str]) -> None:
+    profile = PNG[:33] + chunk(b"iCCP", b"x\0\0" + zlib.compress(b"abc" * 50)) + PNG[33:]
+    jpeg = bytearray(cv2.imencode(".jpg", np.tile(np.arange(96, dtype=np.uint8), (64, 1)))[1].tobytes())
+    jpeg[-40:-20] = b"\xff\xd0" * 10
+    assert decode(profile, "a.png").shape == decode(bytes(jpeg), "a.jpg").shape == (64, 96)
+    spoilt = PNG[:200] + bytes(20) + PNG[220:]
+    tiff = bytearray(cv2.imencode(".tiff", np.zeros((64, 96), np.uint8))[1].tobytes())
+    tiff[-60:] = b"\x07" * 60
+    for content in (spoilt, bytes(tiff), b"", b"x"):
+        with pytest.raises(UnreadableImage, match="a is not a whole image"):
+            decode(content, "a")
+    assert capfd.readouterr().err == ""
