@@ -25,6 +25,7 @@ from ispom.types import Frame, Trajectory
 
 from . import colours
 from .options import Export
+from .outputs import claim_folder
 from .run.run_folder import MARKER
 
 Files = dict[str, str | bytes]
@@ -51,6 +52,7 @@ def export(options: Export) -> int:
         except InputError as error:
             failures.append(error)
             continue
+        claim_folder(folder, f"export {options.format}")
         for name, content in files.items():
             write_whole(folder / name, content)
         sys.stdout.write(f"{method}: {summary}: {', '.join(files)}\n")

@@ -9,11 +9,11 @@ from ispom.evaluation.association import associate
 from ispom.evaluation.comparison import MIN_POSES, Comparison, compare
 from ispom.io.kitti import read_times
 from ispom.io.trajectories import TrajectoryFile, read_trajectory
-from ispom.io.whole import write_whole
 
 from ..options import Evaluate
+from ..outputs import require_own, write_file
 from .evaluated import Evaluated, distinct_names
-from .output import csv_text, json_text, print_table
+from .output import CSV_HEAD, JSON_HEAD, csv_text, json_text, print_table
 from .protocol import protocol_of
 
 MAX_DIFFERENCE_S = 3600.0
@@ -30,6 +30,9 @@ def evaluate(options: Evaluate) -> int:
         raise InputError(
             f"--delta must be at least 1 and --max-difference-s from 0 to {MAX_DIFFERENCE_S:g}: give other values"
         )
+    for path, head in ((options.json, JSON_HEAD), (options.csv, CSV_HEAD)):
+        if path is not None:
+            require_own(path, head)
     times_ns = read_times(options.times) if options.times else None
     reference = read_trajectory(options.reference, times_ns)
     files = [read_trajectory(path, times_ns) for path in options.estimates]
@@ -39,9 +42,9 @@ def evaluate(options: Evaluate) -> int:
     notes = [note for item in items for note in item.notes(options.alignment)]
     print_table(protocol, items, notes)
     if options.json is not None:
-        write_whole(options.json, json_text(reference, protocol, items, notes))
+        write_file(options.json, json_text(reference, protocol, items, notes), JSON_HEAD)
     if options.csv is not None:
-        write_whole(options.csv, csv_text(protocol, items))
+        write_file(options.csv, csv_text(protocol, items), CSV_HEAD)
     if options.plots is not None:
         from .plots import write_plots  # brings matplotlib
 

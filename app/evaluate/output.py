@@ -16,6 +16,8 @@ from ispom.io.trajectories import TrajectoryFile
 from .evaluated import Evaluated
 from .protocol import frame_of
 
+JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
+"""How the files begin: by this they are known as ours."""
 ROWS = {
     "poses_given": ("poses compared", "d"),
     "poses_asked": ("  of asked", "d"),

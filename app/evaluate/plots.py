@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 
 from ispom.evaluation.comparison import local_scale
 from ispom.geometry import Array
-from ispom.io.whole import write_whole
 
 from ..colours import TRUTH, css
+from ..outputs import write_file
 from .evaluated import Evaluated
 from .line_styles import LineStyle, line_styles
 
+AUTHOR = "ISPOM evaluate"
+"""By this in its head a plot is known as ours."""
 PLANES = ((0, 1), (0, 2), (1, 2))
 Styled = Sequence[tuple[Evaluated, LineStyle]]
 
@@ -34,8 +36,9 @@ def write_plots(
     }.items():
         figure.suptitle(alignment if name != "scale" else "local scale, before alignment")
         content = BytesIO()
-        figure.savefig(content, format=form, metadata={"Date": None} if form == "svg" else None)
-        write_whole(folder / f"{name}.{form}", content.getvalue())
+        metadata = {"Software": AUTHOR} if form == "png" else {"Creator": AUTHOR, "Date": None}
+        figure.savefig(content, format=form, metadata=metadata)
+        write_file(folder / f"{name}.{form}", content.getvalue(), AUTHOR)
 
 
 def _trajectory(items: Styled) -> Figure:

@@ -6,12 +6,12 @@ import sys
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.io.whole import write_whole
 
 from ..options import Report
+from ..outputs import require_own, write_file
 from ..run.run_folder import MARKER
 from .folder import read_run
-from .page import page
+from .page import GENERATOR, page
 
 RECORDINGS = Path("recordings")
 """Where runs are written to unless something else is asked."""
@@ -21,11 +21,12 @@ def report(options: Report) -> int:
     """Writes the page; InputError where a folder holds no complete run, or the page cannot be written."""
     if not options.runs:
         raise InputError(f"no run was given: name one or more folders that `ispom run` wrote{_example()}")
-    if options.out.suffix.lower() not in (".html", ".htm") or options.out.is_dir():
+    if options.out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out is {options.out}: give a file name that ends in .html")
+    require_own(options.out, GENERATOR)
     folders = [folder.expanduser() for folder in options.runs]
     runs = [read_run(folder, label) for folder, label in zip(folders, _labels(folders), strict=True)]
-    write_whole(options.out, page(runs))
+    write_file(options.out, page(runs), GENERATOR)
     sys.stdout.write(f"{options.out} ({options.out.stat().st_size / 1e6:.1f} MB)\n")
     return 0
 

@@ -21,6 +21,8 @@ from .traces import Figure, points_per_line
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """What the browser itself then refuses: any other file, any address, any eval."""
+GENERATOR = "ISPOM report"
+"""By this name in its head a page is known as ours."""
 UNRECORDED = "steps.csv is not in this folder: run again to have statistics, times and decisions."
 
 
@@ -59,6 +61,7 @@ def page(runs: list[Run]) -> str:
     return rendered(
         "page.html",
         policy=POLICY,
+        generator=GENERATOR,
         title=", ".join(dict.fromkeys(run.manifest["sequence"] for run in runs)),
         subtitle=f"{len(runs)} runs: {', '.join(r.label for r in runs)}" if len(runs) > 1 else f"Run {runs[0].label}",
         notes=list(dict.fromkeys(str(note) for run in runs for note in run.manifest["notes"])),

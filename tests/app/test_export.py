@@ -154,7 +154,7 @@ def test_every_format_of_a_run(form: str, tmp_path: Path, capsys: pytest.Capture
     out = capsys.readouterr().out
     assert all(method in out for method in METHODS)
     assert main(["export", str(run), "--format", form, "--methods", "stereo", "--out", str(tmp_path / "one")]) == 0
-    assert all("stereo" in str(path) for path in (tmp_path / "one").rglob("*.*"))
+    assert all("stereo" in str(path) for path in (tmp_path / "one").rglob("[!.]*.*"))
 
 
 def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -173,7 +173,7 @@ def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.Captur
         (("landmarks.npz", None), "ply", "landmarks.npz is missing"),
         (("landmarks.npz", "x"), "csv", "is damaged"),
         (("rig.yaml", "left: 1"), "colmap", "left"),
-        (("export", "a file in the way"), "tum", "cannot be written"),
+        (("export", "a file in the way"), "tum", "cannot be made"),
     ],
 )
 def test_a_mistake_is_one_sentence(
@@ -187,3 +187,11 @@ def test_a_mistake_is_one_sentence(
     assert main(["export", str(run), "--format", form]) == 2
     told = capsys.readouterr().err
     assert message in told and told.startswith("ispom: ") and told.count("\n") == 1
+
+
+def test_a_folder_with_other_files_is_left_alone(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (run / "monocular.tum").read_text()
+    assert main(["export", str(run), "--format", "tum", "--out", str(run)]) == 2
+    assert "is not empty" in capsys.readouterr().err and (run / "monocular.tum").read_text() == before
+    exported(run, "tum")
+    exported(run, "tum")

@@ -178,3 +178,21 @@ def test_names_that_tell_apart() -> None:
     assert distinct_names([Path("a/x.tum"), Path("b/x.tum"), Path("b/y.tum")]) == ["a/x.tum", "b/x.tum", "b/y.tum"]
     assert distinct_names([Path("a/x.tum")]) == ["x.tum"]
     assert len(set(distinct_names([Path("x"), Path("x")]))) == 2
+
+
+@pytest.mark.parametrize(("option", "name"), [("--json", "a.json"), ("--csv", "a.csv"), ("--plots", "errors.png")])
+def test_files_of_the_users_are_not_overwritten(
+    option: str, name: str, files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_text("mine")
+    place = tmp_path if option == "--plots" else tmp_path / name
+    arguments = ["evaluate", str(files["truth.tum"]), str(files["moved.tum"]), option, str(place)]
+    assert main(arguments) == 2
+    assert "is no earlier output" in capsys.readouterr().err and (tmp_path / name).read_text() == "mine"
+    (tmp_path / name).unlink()
+    assert main(arguments) == main(arguments) == 0
+
+
+def test_svg_plots_are_replaced_by_their_like(files: dict[str, Path], tmp_path: Path) -> None:
+    arguments = ["evaluate", str(files["truth.tum"]), str(files["moved.tum"]), "--plots", str(tmp_path / "plots")]
+    assert main([*arguments, "--plot-format", "svg"]) == main([*arguments, "--plot-format", "svg"]) == 0

@@ -190,3 +190,12 @@ def test_a_bad_folder_is_told_in_one_sentence(
 def test_only_a_page_is_overwritten(run: Path, tmp_path: Path, out: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(run), "--out", str(tmp_path / out)]) == 2
     assert "ends in .html" in capsys.readouterr().err
+
+
+def test_a_page_of_somebody_else_stays(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "report.html").write_text("<!DOCTYPE html><title>Mine</title>")
+    assert main(["report", str(run), "--out", str(tmp_path / "report.html")]) == 2
+    assert "is no earlier output" in capsys.readouterr().err
+    assert "Mine" in (tmp_path / "report.html").read_text()
+    (tmp_path / "report.html").unlink()
+    assert report(tmp_path / "report.html", run) == report(tmp_path / "report.html", run)

@@ -1,0 +1,57 @@
+"""Files that a command writes where the user says: its own earlier ones are replaced, anything else is left alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.io.whole import write_whole
+
+MARKER = ".written-by-ispom"
+"""Holds the command that a folder's files are from."""
+_HEAD_BYTES = 4096
+
+
+def write_file(path: Path, content: str | bytes, signature: str) -> None:
+    """Makes the file, or replaces one that is of the same kind: `signature` stands within the beginning of its content.
+
+    An empty file is replaced, too. InputError, and nothing changed, where there is something else, or the disk does not
+    take it.
+    """
+    require_own(path, signature)
+    write_whole(path, content)
+
+
+def require_own(path: Path, signature: str) -> None:
+    """InputError where there is something at the path that has no such signature."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder: give the name of a file")
+        if not path.exists() and not path.is_symlink():
+            return
+        if path.is_file():
+            with path.open("rb") as file:
+                head = file.read(_HEAD_BYTES)
+            if not head or signature.encode() in head:
+                return
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read ({error}): give another name") from None
+    raise InputError(f"{path} exists and is no earlier output of this command: give another name, or remove it first")
+
+
+def claim_folder(path: Path, command: str) -> None:
+    """Makes the folder, or takes one that is empty or the same command's earlier output.
+
+    InputError, and nothing changed, where it holds anything else or cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        marker = path / MARKER
+        ours = marker.is_file() and marker.read_text(encoding="utf-8", errors="replace").strip() == command
+        other = None if ours else next(iter(sorted(entry.name for entry in path.iterdir())), None)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{path} cannot be made ({reason}): give another folder") from None
+    if other is not None:
+        raise InputError(f"{path} is not empty (it holds {other}): give a new or empty folder")
+    write_whole(marker, f"{command}\n")
