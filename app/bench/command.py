@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,28 +18,23 @@ from typing import Any
 from rich.console import Console
 
 from ispom.errors import InputError
-from ispom.io.whole import write_whole
 from ispom.methods import names
 
+from ..outputs import require_own, write_file
 from .consistency import print_consistency
 from .options import Bench
 from .plan import CASES, Case, found_below
+from .row import Row
+from .soak import MIN_EXPOSURES, print_soak, scenarios
 from .tables import print_blocks, print_case, print_unit
 
 ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""
+JSON_HEAD = '"versions": {'
+"""How the JSON begins: by this it is known as ours."""
 PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba")
-
-
-@dataclass(frozen=True)
-class Row:
-    """A method on a case, and what was found: see measure.py; {"error": ...} where nothing was."""
-
-    case: str
-    method: str
-    found: dict[str, Any]
 
 
 def bench(options: Bench) -> int:
@@ -50,14 +45,20 @@ def bench(options: Bench) -> int:
         raise InputError(f"{options.json.parent} is no folder: make it, or give another --json")
     if not 2 <= options.seeds <= 1000:
         raise InputError(f"--seeds is {options.seeds}, give a value from 2 to 1000")
+    if not MIN_EXPOSURES <= options.soak_exposures <= 10_000_000:
+        raise InputError(f"--soak-exposures is {options.soak_exposures}, give a value from {MIN_EXPOSURES} to 10000000")
+    if options.json is not None:
+        require_own(options.json, JSON_HEAD)
     console = Console(highlight=False, markup=False, soft_wrap=True)
     chosen, report = _chosen(options), _about(options)
     if options.consistency:
         report["consistency"] = _consistency(console, options)
+    elif options.soak:
+        report["soak"] = _soak(console, options)
     else:
         _rows_and_blocks(console, chosen, options, report)
     if options.json is not None:
-        write_whole(options.json, json.dumps(report, indent=2) + "\n")
+        write_file(options.json, json.dumps(report, indent=2) + "\n", JSON_HEAD)
     return 0
 
 
@@ -82,15 +83,28 @@ def _rows_and_blocks(console: Console, chosen: list[Case], options: Bench, repor
 
 
 def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
-    told = []
+    measured = []
     # Not the user's cache: so many flights would push out the ones that are really used.
     with tempfile.TemporaryDirectory() as folder:
         for method in (m for m in names() if not options.methods or m in options.methods):
             with _telling(f"{method}: {options.seeds} seeds"):
                 found = _child("consistency", {"method": method, "seeds": options.seeds, "folder": folder})
             print_consistency(console, method, found)
-            told.append({"method": method, **found})
-    return told
+            measured.append({"method": method, **found})
+    return measured
+
+
+def _soak(console: Console, options: Bench) -> list[dict[str, Any]]:
+    found = []
+    for method in (m for m in names() if not options.methods or m in options.methods):
+        rows = {}
+        for scenario in scenarios(method):
+            with _telling(f"{method}, {scenario.name}: {options.soak_exposures} exposures"):
+                task = {"method": method, "scenario": scenario.name, "exposures": options.soak_exposures}
+                rows[scenario.name] = _child("soak", task)
+            found.append({"method": method, "scenario": scenario.name, **rows[scenario.name]})
+        print_soak(console, method, rows)
+    return found
 
 
 def _chosen(options: Bench) -> list[Case]:
@@ -143,6 +157,7 @@ def _about(options: Bench) -> dict[str, Any]:
         "rows": [],
         "blocks": [],
         "consistency": [],
+        "soak": [],
         "skipped": [],
     }
 

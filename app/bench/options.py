@@ -13,14 +13,14 @@ class Bench:
     """Measures speed, memory and accuracy of every method, beside the figures of other programs."""
 
     data: Path = Path("data")
-    """Folder that holds KITTI odometry (kitti/sequences/06 and 00), EuRoC (V1_01_easy) ...; what is not there is left
-    out. The simulations need none."""
+    """Folder that holds KITTI odometry (kitti/sequences/06 and 00), EuRoC (V1_01_easy) ...; what is not there is
+    skipped. The simulations need none."""
     sources: tuple[str, ...] = ()
     """Sources to measure, such as sim-tiny or kitti-06; none given means all."""
     methods: tuple[Name, ...] = ()
     """Methods to measure; none given means all."""
     runs: int = 3
-    """Runs of each; the medians of their times are told."""
+    """Runs of each; the medians of their times are reported."""
     blocks: bool = True
     """Measure the building blocks, too: bundle adjustment of a window, rendering, logging, opening."""
     consistency: bool = False
@@ -28,5 +28,9 @@ class Bench:
     simulation."""
     seeds: int = 20
     """Of that simulation."""
+    soak: bool = False
+    """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
+    soak_exposures: int = 20_000
+    """Of each of these runs."""
     json: Path | None = None
     """Write all numbers as JSON to this file."""

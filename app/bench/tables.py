@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -10,9 +10,7 @@ from rich.table import Table
 
 from .peers import PEERS, PEERS_UNIT_MS
 from .plan import Case
-
-if TYPE_CHECKING:
-    from .command import Row
+from .row import Row
 
 COLUMNS = ("ms", "p95", "in U", "t_err %", "ATE m", "poses", "MB")
 
