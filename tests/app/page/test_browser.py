@@ -249,7 +249,9 @@ def test_a_signal_closes_the_recording_within_three_seconds(tmp_path: Path, numb
     assert app.process.wait(10) == 0
     assert time.monotonic() - began < 3.0
     rerun = Path(sys.executable).with_name("rerun")
-    subprocess.run([str(rerun), "rrd", "verify", str(files[0])], check=True, capture_output=True)
+    (finished,) = tmp_path.glob("*.rrd")
+    assert not finished.name.startswith(".")
+    subprocess.run([str(rerun), "rrd", "verify", str(finished)], check=True, capture_output=True)
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", urlsplit(app.url).port)) != 0
 
