@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import shutil
 import tempfile
+import time
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -16,9 +19,12 @@ import platformdirs
 
 from ispom.types import Image
 
+log = logging.getLogger(__name__)
 _DIGEST_BYTES = 16
 _KEPT_FOLDERS = 4
-"""Rendered sequences that stay on disk, about 0.7 GB each; the least recently opened ones go first."""
+"""Rendered sequences that stay on disk, about 0.7 GB each; the least recently used ones go first."""
+_IN_USE_S = 3600.0
+"""What was used so lately may be another app's at work: it stays, and so do its unfinished files."""
 
 
 def default_folder() -> Path:
@@ -48,14 +54,16 @@ class ImageCache:
 
     @staticmethod
     def open(parent: Path, key: str) -> ImageCache:
-        """The cache `key` in a parent folder; the ones there that nobody opened lately are deleted."""
+        """The cache `key` in a parent folder; the ones there that nobody used lately are deleted."""
         folder = parent / key
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             os.utime(folder)
             others = sorted((f for f in parent.iterdir() if f.is_dir()), key=lambda f: f.stat().st_mtime)
-            for old in others[:-_KEPT_FOLDERS]:
+            for old in filter(_unused, others[:-_KEPT_FOLDERS]):
                 shutil.rmtree(old, ignore_errors=True)
+            for part in filter(_unused, folder.glob("*.part")):  # of a process that was killed
+                part.unlink()
         return ImageCache(folder)
 
     def has(self, name: str) -> bool:
@@ -70,6 +78,8 @@ class ImageCache:
         body, digest = raw[:-_DIGEST_BYTES], raw[-_DIGEST_BYTES:]
         if not body or _digest(body) != digest:
             return None
+        with suppress(OSError):
+            os.utime(self.folder)
         image = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_COLOR)
         return None if image is None else np.ascontiguousarray(image[:, :, ::-1], np.uint8)
 
@@ -81,18 +91,34 @@ class ImageCache:
             [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY],
         )[1].tobytes()
         try:
+            self.folder.mkdir(parents=True, exist_ok=True)  # somebody may have emptied the cache meanwhile
             handle, part = tempfile.mkstemp(dir=self.folder, suffix=".part")
-        except OSError:
-            return False
+        except OSError as fault:
+            return _not_kept(self.folder, fault)
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(body + _digest(body))
             os.replace(part, self.folder / f"{name}.png")
-        except OSError:
+        except OSError as fault:
             with suppress(OSError):
                 os.unlink(part)
-            return False
+            return _not_kept(self.folder, fault)
         return True
+
+
+@cache
+def _warn(folder: Path, reason: str) -> None:
+    """Once for each folder and reason, not for each image."""
+    log.warning("rendered images cannot be kept in %s (%s): they are rendered again the next time", folder, reason)
+
+
+def _not_kept(folder: Path, fault: OSError) -> bool:
+    _warn(folder, fault.strerror or str(fault))
+    return False
+
+
+def _unused(path: Path) -> bool:
+    return time.time() - path.stat().st_mtime > _IN_USE_S
 
 
 def _digest(body: bytes) -> bytes:

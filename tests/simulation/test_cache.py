@@ -1,8 +1,13 @@
 """The image cache: lossless, checked, and never in the way."""
 
+import errno
+import os
+import shutil
+import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from ispom.simulation.cache import ImageCache, source_key
 
@@ -34,12 +39,55 @@ def test_a_place_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     assert cache.read("a") is None
 
 
-def test_old_folders_are_deleted(tmp_path: Path) -> None:
+def test_a_full_disk_is_told_once_and_leaves_nothing_half_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache = ImageCache.open(tmp_path, "key")
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    assert not cache.write("a", IMAGE) and not cache.write("b", IMAGE)
+    assert not list(cache.folder.iterdir())
+    (message,) = caplog.messages
+    assert "No space left on device" in message and str(cache.folder) in message
+
+
+def made_of_old(parent: Path) -> list[Path]:
+    """Seven caches, used a day ago and later, each after the one before."""
+    folders = []
     for n in range(7):
-        ImageCache.open(tmp_path, f"key{n}").write("a", IMAGE)
-    left = {f.name for f in tmp_path.iterdir()}
-    assert len(left) == 4
-    assert "key6" in left
+        cache = ImageCache.open(parent, f"key{n}")
+        cache.write("a", IMAGE)
+        folders.append(cache.folder)
+    for n, folder in enumerate(folders):
+        os.utime(folder, (time.time() - 86400 + n,) * 2)
+    return folders
+
+
+def test_old_folders_are_deleted(tmp_path: Path) -> None:
+    made_of_old(tmp_path)
+    ImageCache.open(tmp_path, "key6")
+    assert {f.name for f in tmp_path.iterdir()} == {"key3", "key4", "key5", "key6"}
+
+
+def test_what_another_app_uses_stays(tmp_path: Path) -> None:
+    """Two apps on one cache: neither deletes what the other one reads or writes."""
+    folders = made_of_old(tmp_path)
+    ImageCache(folders[0]).read("a")
+    unfinished, left = folders[1] / "1.part", folders[1] / "2.part"
+    for part in (unfinished, left):
+        part.write_bytes(b"")
+    os.utime(left, (1e9, 1e9))
+    ImageCache.open(tmp_path, "key1")
+    assert folders[0].is_dir() and unfinished.exists() and not left.exists()
+
+
+def test_a_cache_that_was_emptied_meanwhile_is_filled_again(tmp_path: Path) -> None:
+    cache = ImageCache.open(tmp_path, "key")
+    shutil.rmtree(tmp_path)
+    assert cache.write("a", IMAGE) and np.array_equal(cache.read("a"), IMAGE)
 
 
 def test_the_key_tells_values_apart() -> None:
