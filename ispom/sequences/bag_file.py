@@ -48,8 +48,7 @@ class BagFile:
         self.path = path
         self._own = threading.local()
         with self._reading() as reader:
-            found = {c.topic: c.msgtype for c in reader.connections}
-        self.types: dict[str, str] = dict(sorted(found.items()))
+            self.types: dict[str, str] = dict(sorted((c.topic, c.msgtype) for c in reader.connections))
         """Message type by topic."""
 
     def index(self, topic: str) -> Index:

@@ -13,12 +13,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--count", type=int, default=5000, help="how many cases")
-    parser.add_argument("--case", type=int, help="this case only")
+    parser.add_argument("--case", type=int, nargs="+", default=[], help="these cases only")
     asked = parser.parse_args()
-    numbers = list(range(asked.first, asked.first + asked.count)) if asked.case is None else [asked.case]
+    numbers = asked.case or list(range(asked.first, asked.first + asked.count))
     faults = 0
     for done, (number, what, fault) in enumerate(outcomes(numbers), 1):
-        if fault or asked.case is not None:
+        if fault or asked.case:
             faults += bool(fault)
             sys.stdout.write(f"--- case {number}: {what}\n{fault or 'as it should be'}\n")
         if done % 250 == 0:

@@ -84,3 +84,11 @@ def test_a_damaged_bag_is_an_input_error(kind: str, tmp_path: Path) -> None:
                 sequence[0]
             except InputError as error:
                 assert str(tmp_path) in str(error) and "\n" not in str(error)
+
+
+def test_a_topic_whose_name_is_a_number_is_one_sentence(tmp_path: Path) -> None:
+    bag = make_bag(tmp_path, "mcap", ("cam0", "cam1"))
+    text = (bag / "metadata.yaml").read_text()
+    (bag / "metadata.yaml").write_text(text.replace("/cam0/image_raw", "0x1F"))
+    with pytest.raises(InputError, match="is not a whole bag"):
+        open_sequence(str(bag))
