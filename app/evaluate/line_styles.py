@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..colours import METHOD, Rgb, css
+from ispom.methods import names
+
+from ..colours import Rgb, css, of
 
 OTHERS: tuple[Rgb, ...] = ((230, 159, 0), (86, 180, 233), (140, 86, 75), (0, 0, 0), (170, 160, 40))
 """Of files that are called like no method: orange, sky blue, brown, black, mustard; none is a method's."""
@@ -33,7 +35,7 @@ def line_styles(paths: Sequence[Path]) -> list[LineStyle]:
     used: Counter[Rgb] = Counter()
     found = []
     for path in paths:
-        colour = METHOD.get(path.stem) or min(OTHERS, key=lambda other: used[other])
+        colour = of(path.stem) if path.stem in names() else min(OTHERS, key=lambda other: used[other])
         found.append(LineStyle(css(colour), _dash(used[colour])))
         used[colour] += 1
     return found

@@ -199,3 +199,15 @@ def test_a_page_of_somebody_else_stays(run: Path, tmp_path: Path, capsys: pytest
     assert "Mine" in (tmp_path / "report.html").read_text()
     (tmp_path / "report.html").unlink()
     assert report(tmp_path / "report.html", run) == report(tmp_path / "report.html", run)
+
+
+def test_a_run_of_the_papers_integration_beside_the_modern_one(tmp_path: Path) -> None:
+    methods = ["integrated", "integrated.paper"]
+    arguments = ["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--methods", *methods]
+    assert main([*arguments, "--out", str(tmp_path / "run")], helpers.build) == 0
+    figures = json.loads(Parsed(report(tmp_path / "report.html", tmp_path / "run")).figures)
+    lines = {trace["name"]: trace["line"]["color"] for trace in figures[0]["traces"]}
+    assert lines["integrated"] != lines["integrated.paper"]
+    assert [
+        t["name"] for f in figures for t in f["traces"] if t["name"] == "integrated.paper: metres per monocular unit"
+    ]
