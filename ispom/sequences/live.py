@@ -91,6 +91,7 @@ class _Live:
         self._times_ns = np.zeros(self._spool.capacity, np.int64)
         self._notes: tuple[str, ...] = ("Times are those of each image's arrival.",)
         self._count = 0
+        self._start_ns = time.time_ns() - time.monotonic_ns()
         self._over = self._stopping = False
         self._failure = ""
         self._news = Condition()
@@ -170,6 +171,6 @@ class _Live:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB if image.ndim == 3 else cv2.COLOR_GRAY2RGB), np.uint8)
 
     def _now_ns(self) -> int:
-        """The time of day, never before or at the last one, whatever is done to the clock."""
+        """The time of day at the start, and since then of a clock that nobody sets; always after the last one."""
         before = int(self._times_ns[self._count - 1]) if self._count else 0
-        return max(time.time_ns(), before + 1)
+        return max(self._start_ns + time.monotonic_ns(), before + 1)

@@ -190,3 +190,13 @@ def test_an_address_of_no_known_kind_is_refused_without_its_password(address: st
     with pytest.raises(InputError, match="is no address of a stream") as caught:
         open_sequence(address, camera=calibration)
     assert "secret" not in str(caught.value)
+
+
+def test_a_clock_that_is_set_back_changes_no_interval(calibration: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Decoding an image takes more than a microsecond; a clock set back left gaps of a nanosecond, then a leap."""
+    backwards = iter(range(2_000_000_000_000_000_000, 0, -1_000_000_000))
+    monkeypatch.setattr(live.time, "time_ns", lambda: next(backwards))
+    with streaming(images(N, 0)) as stream:
+        sequence = grown(open_sequence(stream.url, camera=calibration))
+    assert (np.diff(sequence.times_ns) > 1000).all()
+    assert abs(int(sequence.times_ns[0]) - 2_000_000_000_000_000_000) < 60 * 10**9
