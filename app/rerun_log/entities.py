@@ -67,6 +67,12 @@ def strips(places: NDArray[np.float32]) -> pa.Array:
     return pa.ListArray.from_arrays(pa.array(np.arange(count + 1, dtype=np.int32) * length), inner, type=kind)
 
 
+def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:
+    """Polylines (N, K, 3). Negative radii are screen units in Rerun."""
+    drawn = strips(np.asarray(places, np.float32))
+    return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
+
+
 def statuses() -> rr.AnnotationContext:
     """What the class ids of `points` mean: shown on hovering."""
     return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])

@@ -22,7 +22,8 @@ from ..run.feed import Feed
 from ..run.history import History
 from ..subscribers import Subscribers
 from . import blueprint
-from .recorder import Batch, Columns, Entry, Recorder
+from .batch import Batch, Columns, Entry
+from .recorder import Recorder
 from .rrd import messages
 from .streams import APPLICATION, send
 from .tape import Tape

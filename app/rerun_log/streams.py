@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from .recorder import Batch, Columns
+from .batch import Batch, Columns
 
 APPLICATION = "ispom"
 

@@ -13,16 +13,18 @@ import pytest
 import rerun as rr
 from ispom_app import colours
 from ispom_app.rerun_log import entities
+from ispom_app.rerun_log.batch import Entry
 from ispom_app.rerun_log.file_recording import FileRecording
-from ispom_app.rerun_log.memory import Cloud, PoseHistory
-from ispom_app.rerun_log.recorder import Entry, Recorder
+from ispom_app.rerun_log.recorder import Recorder
+from ispom_app.run.encoding import decode, encode
 from ispom_app.run.events import Finished, Stepped
 from ispom_app.run.playback import Playback
+from ispom_app.run.record import ExposureRecord
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
 from ispom.geometry import Pose, Similarity
-from ispom.types import Camera, Landmarks, StereoPair, Tracks, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Camera, StereoPair, Tracks, TrackStatus, VideoFrame
 from tests import doubles
 from tests.alone import ALL, METHODS
 from tests.app import helpers
@@ -148,26 +150,6 @@ def test_a_frustum_sees_the_image_corners():
     assert_allclose(camera.project(corners)[:2], [[79.5, -0.5], [-0.5, -0.5]], atol=1e-3)
 
 
-def test_revised_poses_replace_the_drawn_ones():
-    times = np.arange(250, dtype=np.int64)
-    memory = PoseHistory(times)
-    straight = Trajectory(times, np.broadcast_to(np.eye(3), (250, 3, 3)), np.outer(times, [1.0, 0, 0]))
-    assert memory.update(straight) == {0, 1, 2}
-    assert_allclose(memory.line(1), straight.translations[99:200])
-    raised = straight.select(np.arange(90, 100)).moved(left=Pose(translation=np.array([0, 5.0, 0])))
-    assert memory.update(raised) == {0, 1}
-    assert_allclose(memory.line(1)[0], [99, 5, 0])
-    assert memory.update(straight.select(np.arange(240, 250))) == {2}
-
-
-def test_landmarks_are_replaced_by_id_and_only_changed_blocks_told():
-    cloud, grey = Cloud(), np.zeros((3, 3), np.uint8)
-    cloud.update(Landmarks(np.array([7, 8, 9]), np.array([[1.0, 1, 1], [2, 2, 2], [np.nan, 0, 0]]), grey))
-    assert cloud.changed() == {0} and cloud.changed() == set()
-    cloud.update(Landmarks(np.array([8]), np.array([[5.0, 5, 5]]), grey[:1]))
-    assert_allclose(cloud.points(0)[0], [[1, 1, 1], [5, 5, 5]])
-
-
 def test_a_new_placement_redraws_the_monocular_world(run):
     recorder, event = Recorder(run.opened), run.step()
     recorder.batch(event)
@@ -193,6 +175,17 @@ def test_what_is_logged_per_exposure_does_not_grow(run):
     recorder = Recorder(run.opened)
     counts = [len(recorder.batch(event).entries) for event in events(run)]
     assert max(counts[10:]) <= max(counts[:10]) <= 45
+
+
+def test_a_thinned_exposure_is_drawn_without_its_points(run):
+    """What a history beyond its budget of disk gives to a recording that begins late."""
+    recorder = Recorder(run.opened)
+    while not run.done:
+        event = run.step()
+        record = decode(encode(ExposureRecord.of(event, None))[0], None)
+        paths = [entry.path for entry in recorder.batch(record.stepped(event.exposure)).entries]
+        assert any(path.endswith("/image") for path in paths) and "decisions" in paths
+        assert not any("/cloud/" in path for path in paths)
 
 
 def test_every_status_has_a_colour_and_methods_read_in_both_themes():

@@ -6,18 +6,14 @@ import json
 import signal
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from ispom_app import headless
 from ispom_app.cli import main
-from ispom_app.rerun_log.memory import PoseHistory
 from ispom_app.run.run_folder import MARKER
 from ispom_app.session import commands as do
 
-from ispom.geometry import Pose
 from ispom.sequences import live, open_sequence
-from ispom.types import Trajectory
 from tests import doubles
 from tests.app.helpers import build, started, wait_for
 from tests.sequences.folders import images
@@ -118,11 +114,3 @@ def test_the_app_ends_with_the_stream(calibration: Path, tmp_path: Path) -> None
         session.post(do.Restart(("monocular",), session.state.config))
         wait_for(lambda: session.state.run == 2 and session.state.ended, "the same again")
         assert session.state.computed == N and session.close(5.0)
-
-
-def test_paths_grow_by_exposures_that_were_not_known() -> None:
-    path = PoseHistory(np.array([10, 20], np.int64))
-    for index, time_ns in enumerate((10, 20, 30, 40)):
-        path.know(index, time_ns)
-    path.update(Trajectory.of([(t, Pose(translation=np.array([t, 0.0, 0]))) for t in (10, 30, 40)]))
-    assert path.line(0)[:, 0].tolist() == [10, 30, 40] and path.indices(np.array([30, 40])).tolist() == [2, 3]

@@ -1,0 +1,39 @@
+"""What one event adds to a recording, as values: no stream is touched here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from ispom.types import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """One value of one entity."""
+
+    path: str
+    value: rr.AsComponents
+    static: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A whole final trajectory: world_from_frame at many exposures."""
+
+    path: str
+    trajectory: Trajectory
+    indices: np.ndarray
+    """(N,) of its exposures in the sequence."""
+    first_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What one event adds, at one instant of both timelines."""
+
+    index: int
+    since_start_ns: int
+    entries: tuple[Entry | Columns, ...]

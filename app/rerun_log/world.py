@@ -1,0 +1,155 @@
+"""The 3-D part of a recording: poses, paths, key frames, clouds and how well poses are known, below /world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+
+import numpy as np
+import rerun as rr
+
+from ispom.geometry import Array, Similarity
+from ispom.methods import method as registered
+from ispom.types import Frame, Step
+
+from .. import colours, uncertainty
+from ..run.events import Finished, Opened, Stepped
+from ..run.model import RunModel
+from ..run.placing import same_place
+from ..run.points import PointMap
+from . import entities
+from .batch import Columns, Entry
+
+TINT = 0.3
+"""How much of a cloud's colour is its method's, the rest being what the camera saw."""
+
+
+class World:
+    """Follows one run; only blocks of paths and clouds that changed are drawn again."""
+
+    def __init__(self, opened: Opened, first_ns: int) -> None:
+        self._opened, self._first_ns = opened, first_ns
+        self.model = RunModel.start(opened.methods)
+        self.placements: dict[str, Similarity] = {}
+        self._drawn_frames: dict[str, Frame] = {}
+        """Of the cameras that are drawn now."""
+        self._drawn_points = {m: PointMap() for m in opened.methods}
+        self._spreads: set[str] = set()
+        """Methods whose ellipsoid is drawn now."""
+
+    def opening(self) -> Iterator[Entry]:
+        """What holds for the whole run (all static)."""
+        yield Entry("world", rr.ViewCoordinates.RDF, static=True)
+        truth = self._opened.truth
+        if truth is not None:
+            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
+            rig = self._frusta("rig", self._size, colours.TRUTH, main_camera=True)
+            yield Entry("world/truth/rig", rig, static=True)
+
+    def stepped(self, event: Stepped) -> Iterator[Entry]:
+        """Each event once, in their order."""
+        before = self.model
+        yield from self._place(event.placements)
+        yield from self._truth_now(event.exposure.time_ns)
+        self.model = before.after(event.index, event.exposure.time_ns, event.steps)
+        for step in event.steps:
+            yield from self._path_blocks(step.method, self._changed(step.method, before))
+            yield from self._pose(step)
+            yield from self._spread(step)
+            if step.key_frame:
+                yield from self._cloud(step.method)
+
+    def finished(self, event: Finished) -> Iterator[Entry | Columns]:
+        yield from self._place(event.placements)
+        before, found = self.model, {m: t for m, t in event.trajectories.items() if len(t)}
+        self.model = before.with_final(found)
+        times = self.model.times
+        for method, trajectory in found.items():
+            yield from self._path_blocks(method, self._changed(method, before))
+            yield from self._cloud(method)
+            line = entities.lines([trajectory.translations], colours.of(method), 2.0)
+            yield Entry(f"world/{method}/path/final", line)
+            indices = times.indices(times.rows(trajectory.times_ns))
+            yield Columns(f"world/{method}/final", trajectory, indices, self._first_ns)
+
+    def _changed(self, method: str, before: RunModel) -> set[int]:
+        return self.model.methods[method].poses.changed_blocks(before.methods[method].poses)
+
+    def _place(self, placements: Mapping[str, Similarity]) -> Iterator[Entry]:
+        for method, new in placements.items():
+            if method in self.model.methods and not same_place(self.placements.get(method), new):
+                self.placements[method] = new
+                yield Entry(f"world/{method}", entities.placement(new))
+                if method in self._drawn_frames:
+                    yield self._camera(method)
+                yield from self._path_blocks(method, self.model.methods[method].poses.drawn_blocks())
+
+    def _truth_now(self, time_ns: int) -> Iterator[Entry]:
+        pose = self._opened.truth.at(time_ns) if self._opened.truth is not None else None
+        if pose is not None:
+            yield Entry("world/truth/rig", entities.transform(pose))
+
+    def _pose(self, step: Step) -> Iterator[Entry]:
+        method, frame = step.method, self.model.methods[step.method].poses.frame
+        if step.world_from_frame is not None:
+            yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
+            if self._drawn_frames.get(method) != frame:
+                self._drawn_frames[method] = frame
+                yield self._camera(method)
+        elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
+            yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
+
+    def _spread(self, step: Step) -> Iterator[Entry]:
+        found, place = uncertainty.of_step(step), f"world/{step.method}/spread"
+        if found is not None:
+            yield Entry(place, entities.ellipsoid(found, colours.of(step.method)))
+        elif step.method in self._spreads:
+            yield Entry(place, rr.Clear(recursive=False))
+        (self._spreads.discard if found is None else self._spreads.add)(step.method)
+
+    def _camera(self, method: str) -> Entry:
+        frame, colour = self.model.methods[method].poses.frame, colours.of(method)
+        main = "video" in registered(method).needs
+        return Entry(f"world/{method}/camera", self._frusta(frame, self._own_size(method), colour, main))
+
+    def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
+        poses, colour = self.model.methods[method].poses, colours.of(method)
+        outlines = self._outlines(poses.frame, 0.5 * self._own_size(method), main_camera=True)
+        for block in sorted(blocks):
+            yield Entry(f"world/{method}/path/{block}", entities.lines([poses.line(block)], colour, 1.5))
+            keys = poses.key_frames(block, outlines)
+            if len(keys):
+                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colour, 0.5))
+
+    def _cloud(self, method: str) -> Iterator[Entry]:
+        """The blocks that changed since this was asked last."""
+        points = self.model.methods[method].points
+        changed = points.changed_blocks(self._drawn_points[method])
+        self._drawn_points[method] = points
+        for block in sorted(changed):
+            xyz, rgb = points.blocks[block].xyz, points.blocks[block].rgb
+            tinted = (1 - TINT) * rgb + TINT * np.array(colours.of(method))
+            drawn = rr.Points3D(xyz, colors=tinted.astype(np.uint8), radii=[-1.5])
+            yield Entry(f"world/{method}/cloud/{block}", drawn)
+
+    @cached_property
+    def _size(self) -> float:
+        """Depth of the current camera's frustum [m]: to the path's measure, where there is a true one."""
+        truth = self._opened.truth
+        return float(np.clip(0.012 * truth.length, 0.3, 6.0)) if truth is not None else 0.5
+
+    def _own_size(self, method: str) -> float:
+        """The same in the method's own unit."""
+        return self._size / self.placements.get(method, Similarity()).scale
+
+    @cache  # noqa: B019 - this lives as long as its run, and asks for a handful
+    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
+        """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
+        rig = self._opened.sequence.rig
+        main: Frame = "video" if rig.video is not None else "left"
+        names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+        frame_from_rig = rig.rig_from(frame).inverse()
+        return np.stack([entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
+
+    def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
+        return entities.lines(self._outlines(frame, size, main_camera), colour, 1.5)
