@@ -35,7 +35,10 @@ class Plots:
             colour = colours.of(method)
             for kind in ("error", "inliers", "residual"):
                 yield Entry(f"plots/{kind}/{method}", _series(_name(method), colour), static=True)
-            for kind, name, pale in (("transferred", registered(method).scale, 0.5), ("of_truth", "step / true step", 0.0)):
+            for kind, name, pale in (
+                ("transferred", registered(method).scale, 0.5),
+                ("of_truth", "step / true step", 0.0),
+            ):
                 series = _series(f"{_name(method)}: {name}", colours.shade(colour, (128, 128, 128), pale))
                 yield Entry(f"plots/scale/{method}/{kind}", series, static=True)
 

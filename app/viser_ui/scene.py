@@ -42,7 +42,7 @@ class Scene:
             method.show(model.times, model.methods[name], placement, record.index, hidden)
 
     def _method(self, name: str, rig: Rig, size: float) -> MethodScene:
-        return MethodScene(self._api, name, colours.of(name), rig, size, self._seek)  # type: ignore[index]
+        return MethodScene(self._api, name, colours.of(name), rig, size, self._seek)
 
     def _draw_truth(self, truth: Trajectory | None) -> float:
         """Depth of frusta [m], to the path's measure, where there is a true one."""

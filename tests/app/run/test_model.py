@@ -25,9 +25,9 @@ def step(index: int, revised: Sequence[int] = (), key_frame: bool = False) -> St
     again = Trajectory.of([(t, place(t, index)) for t in revised])
     found = Landmarks(np.array([index]), np.array([[float(index), 0, 0]]), np.zeros((1, 3), np.uint8))
     return Step(
-        "m",
-        index,
-        Status.TRACKING,
+        method="m",
+        time_ns=index,
+        status=Status.TRACKING,
         world_from_frame=place(index, index),
         revised=again,
         key_frame=key_frame,
