@@ -34,6 +34,8 @@ Command = (
 )
 MISUSE, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 """Exit codes; those after signals as shells give them."""
+LEAST_HISTORY_MB = 20
+"""Some hundred exposures."""
 
 
 def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
@@ -101,6 +103,8 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
 
         return bench(command)
     source = command.source if isinstance(command, App) else "sim:city"
+    if command.history_mb < LEAST_HISTORY_MB:
+        raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     from .page.server import Serving, serve
     from .run import warmup
     from .session.session import Session
@@ -119,6 +123,7 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
             live=live,
             compiling=warmup.start,
             builder=builder,
+            history_bytes=1_000_000 * command.history_mb,
         )
 
     return serve(

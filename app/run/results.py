@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import platform
+from array import array
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -28,7 +29,7 @@ PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "open3
 class RunStatistics:
     """What is counted while a run goes on."""
 
-    ms: dict[str, list[float]] = field(default_factory=dict)
+    ms: dict[str, array[float]] = field(default_factory=dict)
     lost: dict[str, int] = field(default_factory=dict)
     skipped: list[str] = field(default_factory=list)
     """What was wrong with each exposure that was left out."""
@@ -42,7 +43,7 @@ class RunStatistics:
             self.images.update(np.ascontiguousarray(image))
         self.skipped += [event.skipped] if event.skipped else []
         for step in event.steps:
-            self.ms.setdefault(step.method, []).append(1000 * sum(step.seconds.values()))
+            self.ms.setdefault(step.method, array("d")).append(1000 * sum(step.seconds.values()))
             self.lost[step.method] = self.lost.get(step.method, 0) + (step.status == Status.LOST)
 
     def of(self, method: str) -> dict[str, Any]:
