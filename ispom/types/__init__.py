@@ -1,0 +1,29 @@
+"""The values that flow between sequences, estimators and viewers. All frozen; arrays are never written to."""
+
+from ispom.types.camera import Camera, Frame, Image, Rig
+from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey, colours_at
+from ispom.types.sequence import Sequence
+from ispom.types.step import Decision, Status, Step
+from ispom.types.tracks import Landmarks, Tracks, TrackStatus
+from ispom.types.trajectory import Trajectory
+
+__all__ = [
+    "Camera",
+    "Decision",
+    "Exposure",
+    "Frame",
+    "Image",
+    "Kind",
+    "Landmarks",
+    "Rig",
+    "Sequence",
+    "Status",
+    "Step",
+    "StereoPair",
+    "TrackStatus",
+    "Tracks",
+    "Trajectory",
+    "VideoFrame",
+    "as_grey",
+    "colours_at",
+]

@@ -1,0 +1,49 @@
+"""A recording, as the estimators get it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.types.camera import Rig
+from ispom.types.exposure import Exposure, Kind
+from ispom.types.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """A time-ordered list of exposures with its rig; images are read when asked for."""
+
+    name: str
+    """What a person recognises: "sim:city seed 0", "KITTI 06"."""
+    rig: Rig
+    times_ns: NDArray[np.int64]
+    """(N,) not decreasing; a stereo pair comes before the video frame of the same time."""
+    kinds: tuple[Kind, ...]
+    """(N,) what exposure i is."""
+    load: Callable[[int], Exposure]
+    """Reads exposure i; InputError where its files are unreadable or of the wrong size. Safe from several threads."""
+    truth: Trajectory | None = None
+    """world_from_rig, in the source's own world; may cover only part of the exposures."""
+    notes: tuple[str, ...] = ()
+    """What a person must know to read results of this sequence rightly (an emulation, a nominal frame rate)."""
+    prepare: Callable[[int], None] | None = None
+    """Renders or fetches ahead from exposure i on, in the background; None where loading is always quick."""
+    grow: Callable[[int, float | None], Sequence] | None = None
+    """Of a live source: waits for more than N exposures, at most so many seconds (None: until it ends), and gives the
+    sequence of all that came so far. InputError where the source fails. None where nothing more will come."""
+    stop: Callable[[], None] | None = None
+    """Of a live source: ends the recording and frees the camera; what came so far stays."""
+
+    def __len__(self) -> int:
+        return len(self.times_ns)
+
+    def __getitem__(self, i: int) -> Exposure:
+        return self.load(i)
+
+    def truncated(self, count: int) -> Sequence:
+        """The first `count` exposures."""
+        return replace(self, times_ns=self.times_ns[:count], kinds=self.kinds[:count])

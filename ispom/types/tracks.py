@@ -1,0 +1,100 @@
+"""Image points followed over time, and the points of the scene that they show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array
+
+
+class TrackStatus(IntEnum):
+    """What became of a track in this image; from LOST on it ended, and the name says why."""
+
+    ALIVE = 0
+    NEW = 1
+    LOST = 2
+    FORWARD_BACKWARD = 3
+    OUT_OF_IMAGE = 4
+    EPIPOLAR = 5
+    REPROJECTION = 6
+    RIGID = 7
+    NO_DISPARITY = 8
+    UNMATCHED = 9
+
+    @property
+    def dropped(self) -> bool:
+        return self >= TrackStatus.LOST
+
+    @property
+    def reason(self) -> str:
+        """One line for people."""
+        return {
+            0: "alive",
+            1: "new",
+            2: "not found again",
+            3: "forward-backward check failed",
+            4: "left the image",
+            5: "off the epipolar line",
+            6: "reprojection error too large",
+            7: "does not fit the rigid motion",
+            8: "no reliable left-right match",
+            9: "descriptor match not found or ambiguous",
+        }[int(self)]
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """The image points of one camera at one exposure, those that ended in it included."""
+
+    ids: NDArray[np.int64]
+    """(N,) unique for the run of one estimator."""
+    uv: NDArray[np.float32]
+    """(N, 2) [px]; of an ended track the last known place."""
+    uv_prev: NDArray[np.float32]
+    """(N, 2) [px] in the same camera's previous exposure; NaN where new."""
+    status: NDArray[np.uint8]
+    """(N,) TrackStatus."""
+    residual_px: NDArray[np.float32]
+    """(N,) reprojection error of the last pose estimate; NaN where the point took no part."""
+    disparity_px: NDArray[np.float32]
+    """(N,) left minus right column; NaN where unknown (and in the video camera)."""
+
+    @staticmethod
+    def of(ids: NDArray, uv: NDArray, **others: NDArray) -> Tracks:
+        """With NaN or ALIVE for what is not given."""
+        n = len(ids)
+        nan1, nan2 = np.full(n, np.nan, np.float32), np.full((n, 2), np.nan, np.float32)
+        return Tracks(
+            np.asarray(ids, np.int64),
+            np.asarray(uv, np.float32).reshape(n, 2),
+            np.asarray(others.get("uv_prev", nan2), np.float32),
+            np.asarray(others.get("status", np.zeros(n)), np.uint8),
+            np.asarray(others.get("residual_px", nan1), np.float32),
+            np.asarray(others.get("disparity_px", nan1), np.float32),
+        )
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """Points of the scene, in the world (and unit) of the trajectory that they belong to."""
+
+    ids: NDArray[np.int64]
+    """(M,) the ids of their tracks."""
+    xyz_in_world: Array
+    """(M, 3)."""
+    rgb: NDArray[np.uint8]
+    """(M, 3)."""
+
+    @staticmethod
+    def empty() -> Landmarks:
+        return Landmarks(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
+
+    def __len__(self) -> int:
+        return len(self.ids)
