@@ -37,7 +37,7 @@ class Playback:
         self.truth = _truth_from_start(self.sequence)
         self.position = 0
         self.skipped: list[str] = []
-        """What was wrong with each exposure that was left out."""
+        """What was wrong with each skipped exposure."""
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
         own = [name for name in self.methods if registered(name).unit == "own"]
@@ -90,7 +90,7 @@ class Playback:
 
     def _skip(self, index: int, fault: str) -> Stepped:
         if len(self.skipped) + 1 > UNREADABLE_SHARE * len(self.sequence):
-            more = f" (left out before it: {len(self.skipped)})" if self.skipped else ""
+            more = f" (skipped before it: {len(self.skipped)})" if self.skipped else ""
             raise InputError(fault + more)
         self.skipped.append(fault)
         self.position = index + 1
