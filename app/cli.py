@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from platformdirs import user_config_path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
@@ -107,6 +108,8 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     from .page.server import Serving, serve
     from .run import warmup
+    from .session.folders import Folders
+    from .session.recent import RecentSources
     from .session.session import Session
 
     opener = command.opener(source)
@@ -124,6 +127,9 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
             compiling=warmup.start,
             builder=builder,
             history_bytes=1_000_000 * command.history_mb,
+            source_options=command.of_source,
+            folders=Folders(None if command.root is None else command.root.expanduser()),
+            recent=RecentSources(user_config_path("ispom") / "recent.json"),
         )
 
     return serve(

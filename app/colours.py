@@ -25,6 +25,18 @@ TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
 
+STAGES: tuple[Rgb, ...] = (
+    (86, 180, 233),
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (148, 138, 40),
+    (213, 94, 0),
+    (138, 138, 138),
+    (0, 114, 178),
+)
+"""Of the stages of a step, in turn."""
+
 _GEOMETRY, _SEARCH = (213, 94, 0), (204, 121, 167)
 TRACK: dict[TrackStatus, Rgb] = {
     TrackStatus.ALIVE: (86, 180, 233),  # sky blue
@@ -53,6 +65,10 @@ def label(method: str) -> str:
     base, _, kind = method.partition(".")
     text = base[:1].upper() + base[1:].replace("_", " ")
     return f"{text} ({kind.replace('_', ' ')})" if kind else text
+
+
+def stage(index: int) -> Rgb:
+    return STAGES[index % len(STAGES)]
 
 
 def shade(colour: Rgb, towards: Rgb, fraction: float) -> Rgb:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -43,14 +43,9 @@ else:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
-    """What every command takes."""
+class SourceOptions:
+    """How a source is opened."""
 
-    methods: tuple[Name, ...] = ()
-    """Methods to run, any beside each other; none given means all of --variant that the source has the cameras for."""
-    variant: Variant | None = None
-    """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern. On
-    first launch the app uses paper until compilation finishes."""
     stereo_every: int = 1
     """Of a stereo recording, every K-th pair is stereo; every left image is video."""
     video_scale: float = 1.0
@@ -61,12 +56,6 @@ class Options:
     """Use only the first N exposures."""
     camera: Path | None = None
     """Calibration of a live camera (a camera.yaml); of images or a video, in place of that beside them."""
-    settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
-
-    @property
-    def config(self) -> Config:
-        """The settings of all methods."""
-        return Config({name: getattr(self.settings, _field(name)) for name in names()})
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options; InputError where that cannot be, or may not."""
@@ -79,6 +68,28 @@ class Options:
             camera=self.camera,
             policy=policy,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(SourceOptions):
+    """What every command takes."""
+
+    methods: tuple[Name, ...] = ()
+    """Methods to run, any beside each other; none given means all of --variant that the source has the cameras for."""
+    variant: Variant | None = None
+    """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern. On
+    first launch the app uses paper until compilation finishes."""
+    settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
+
+    @property
+    def of_source(self) -> SourceOptions:
+        """Those that say how the source is opened."""
+        return SourceOptions(**{f.name: getattr(self, f.name) for f in fields(SourceOptions)})
+
+    @property
+    def config(self) -> Config:
+        """The settings of all methods."""
+        return Config({name: getattr(self.settings, _field(name)) for name in names()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +116,7 @@ class Serve(Options):
     allow_network: bool = False
     """Let the page open network streams (http://..., rtsp://...)."""
 
-    def opener(self, named: str) -> Callable[[str], Sequence]:
+    def opener(self, named: str) -> Callable[..., Sequence]:
         """What opens sources in the app: `named`, from the command line, in any case, others as these options allow.
 
         InputError where the options themselves are not possible.
@@ -116,10 +127,10 @@ class Serve(Options):
         files = () if self.camera is None else (expanded(self.camera),)
         policy = SourcePolicy(root, self.allow_devices, self.allow_network, files)
 
-        def opened(source: str) -> Sequence:
+        def opened(source: str, options: SourceOptions | None = None) -> Sequence:
             if source in (named, without_secrets(named)):  # the page shows and sends it without its password
-                return self.open(named)
-            return self.open(source, policy)
+                return replace(options or self, camera=self.camera).open(named)
+            return (options or self).open(source, policy)
 
         return opened
 

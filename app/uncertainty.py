@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from ispom.geometry import Array, Pose
 from ispom.types import Step
 
-CHI2_95_OF_3 = 7.815
+from .texts import length
+
+CHI2_95_OF_3 = float(chi2.ppf(0.95, 3))
 """What a chi-square variable with 3 degrees of freedom stays below with 95 %."""
 
 
@@ -53,12 +56,11 @@ def of_step(step: Step) -> Ellipsoid | None:
     return ellipsoid(step.world_from_frame, step.covariance)
 
 
-def told(step: Step, unit_m: float) -> str:
+def describe(step: Step, unit_m: float) -> str:
     """The largest half size and angle, for people; empty where nothing is known. `unit_m` is the step's unit [m]."""
     found = of_step(step)
     if found is None or step.covariance is None:
         return ""
-    metres = unit_m * float(found.half_sizes.max())
     variance = max(float(np.linalg.eigvalsh(step.covariance[3:, 3:]).max()), 0.0)
-    length = f"{1000 * metres:.3g} mm" if metres < 0.1 else f"{metres:.3g} m"
-    return f"95 % within {length} and {np.degrees(np.sqrt(CHI2_95_OF_3 * variance)):.2g}°"
+    position, angle_deg = unit_m * float(found.half_sizes.max()), np.degrees(np.sqrt(CHI2_95_OF_3 * variance))
+    return f"95 % confidence: {length(position)}, {angle_deg:.2g}° (largest axis)"

@@ -26,7 +26,7 @@ LAYERS = (
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}
 APP_LAYERS = (
-    {"colours", "options", "outputs", "subscribers", "texts"},
+    {"colours", "decisions", "options", "outputs", "subscribers", "texts"},
     {"uncertainty"},
     {"run"},
     {"rerun_log"},

@@ -49,6 +49,7 @@ def message_of(state: State) -> dict[str, Any]:
         "target": state.target,
         "ended": state.ended,
         "activity": state.activity.text if state.activity else None,
+        "compiling": state.compiling,
         "methods": [_method(method, state) for method in state.methods],
         "hidden": hidden_paths(state.methods, state.hidden),
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}

@@ -5,7 +5,9 @@ Rerun's pixel coordinates count from the corner of the top-left pixel, ours from
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
 
 import cv2
 import numpy as np
@@ -17,11 +19,20 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Image, Step, Tracks, TrackStatus
 
 from .. import colours
-from ..uncertainty import Ellipsoid, told
+from ..decisions import answers, mark, measured, named
+from ..uncertainty import Ellipsoid, describe
 
 JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
 """Larger images are shown, and kept, at about this many pixels."""
+MOST_MARKERS = 600
+"""Of an image's tracks, so many are drawn at most, spread evenly: more hide the image. The counts are of all."""
+CELLS = (16, 12)
+"""Over the image, by which they are spread."""
+LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
+"""Of a legend below its image."""
+LEGEND_WIDTH = 0.45
+"""Of one beside it, in widths of the image."""
 TRAIL_LENGTH = 5
 """Earlier positions of a track that its trail shows."""
 
@@ -78,9 +89,24 @@ def statuses() -> rr.AnnotationContext:
     return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])
 
 
+def drawn(tracks: Tracks, camera: Camera) -> Tracks:
+    """At most MOST_MARKERS of them, the same number in every part of the image where there are so many; of those in one
+    part the longest known, so that they stay from one exposure to the next."""
+    if len(tracks) <= MOST_MARKERS:
+        return tracks
+    places = np.nan_to_num(tracks.uv) / [camera.width, camera.height]
+    cell = np.clip(places * CELLS, 0, np.array(CELLS) - 1).astype(int)
+    parts = cell[:, 0] * CELLS[1] + cell[:, 1]
+    order = np.lexsort([tracks.ids, parts])
+    first = np.r_[True, np.diff(parts[order]) > 0]
+    rank = np.arange(len(order)) - np.flatnonzero(first)[np.cumsum(first) - 1]
+    kept = np.sort(order[np.argsort(rank, kind="stable")[:MOST_MARKERS]])
+    return Tracks(*(getattr(tracks, field.name)[kept] for field in fields(Tracks)))
+
+
 def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """Every track where it is, or was last seen; its class is its status."""
-    radii = np.where(tracks.status >= TrackStatus.LOST, np.float32(-2.5), np.float32(-2.0))
+    """These tracks where they are, or were last seen; their class is their status."""
+    radii = np.where(tracks.status >= TrackStatus.LOST, np.float32(-2.0), np.float32(-1.5))
     return rr.Points2D(
         shown_uv(tracks.uv, camera), class_ids=tracks.status.astype(np.uint16), radii=radii, show_labels=False
     )
@@ -119,10 +145,10 @@ def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
     present = [s for s in TrackStatus if counts[s]]
     size, places = np.array([camera.width, camera.height]), np.arange(len(present))
     if _legend_below(camera):
-        row, column = np.divmod(places, 4)
-        at = np.stack([(column + 0.5) / 4, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
+        row, column = np.divmod(places, LEGEND_COLUMNS)
+        at = np.stack([(column + 0.5) / LEGEND_COLUMNS, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
     else:
-        at = np.stack([np.full(len(present), 1.17), 0.03 + 0.13 * places], 1)
+        at = np.stack([np.full(len(present), 1 + LEGEND_WIDTH / 2), 0.03 + 0.13 * places], 1)
     return rr.Points2D(
         at * size * shown_scale(camera.width, camera.height),
         class_ids=[int(s) for s in present],
@@ -135,7 +161,9 @@ def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
 def shown_size(camera: Camera) -> Array:
     """Width and height (2,), in Rerun's coordinates, of the shown image with its legend."""
     width, height = camera.width, camera.height
-    size = [width, height + 3 * 0.085 * width] if _legend_below(camera) else [1.34 * width, height]
+    size = (
+        [width, height + LEGEND_ROWS * 0.085 * width] if _legend_below(camera) else [(1 + LEGEND_WIDTH) * width, height]
+    )
     return np.array(size) * shown_scale(width, height)
 
 
@@ -179,18 +207,25 @@ def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
 
 def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float]) -> str:
     """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units, where not 1."""
-    parts = []
-    for method, step in steps.items():
-        facts = [f"**{method}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
-        facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
-        if len(step.residuals_px):
-            facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
-        facts += [text] if (text := told(step, units_m.get(method, 1.0))) else []
-        rows = [
-            f"| {d.name} | {d.value:.4g} {d.unit} | {d.relation} {d.threshold:.4g} | {'yes' if d.passed else 'no'} | "
-            f"{d.consequence} |"
-            for d in step.decisions
-        ]
-        table = ["| test | value | asked | passed | so |", "| --- | --- | --- | --- | --- |", *rows] if rows else []
-        parts += [" · ".join(facts), "", *table, ""]
-    return "\n".join(parts)
+    return "\n".join(part for step in steps.values() for part in _story(step, first_ns, units_m))
+
+
+def _story(step: Step, first_ns: int, units_m: Mapping[str, float]) -> Iterator[str]:
+    facts = [f"**{colours.label(step.method)}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
+    facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
+    if len(step.residuals_px):
+        facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
+    facts += [text] if (text := describe(step, units_m.get(step.method, 1.0))) else []
+    yield from (" · ".join(facts), "")
+    for answer in answers(step.decisions):
+        if answer.question:
+            yield from (_plain(f"{answer.question} {answer.text}"), "")
+        for d in answer.checks:
+            consequence = f" → {d.consequence}" if d.consequence else ""
+            yield f"- {mark(d)} {_plain(f'{named(d)}: {measured(d)}{consequence}')}"
+        yield ""
+
+
+def _plain(text: str) -> str:
+    """As it is, in Markdown."""
+    return re.sub(r"([\\`*_{}\[\]<>#|])", r"\\\1", text)

@@ -106,11 +106,10 @@ def _series(name: str, colour: colours.Rgb, width: float = 1.5) -> rr.SeriesLine
 
 
 def _stage_series(method: str, stages: list[str]) -> rr.SeriesLines:
-    """The total in the method's colour, its stages in paler and paler ones."""
-    fractions = [0.0, *(0.3 + 0.5 * i / len(stages) for i in range(len(stages)))]
+    """The total in the method's colour, its stages in colours of their own."""
     return rr.SeriesLines(
         names=[_name(method), *(f"{_name(method)}: {stage}" for stage in stages)],
-        colors=[colours.shade(colours.of(method), (160, 160, 160), f) for f in fractions],
+        colors=[colours.of(method), *(colours.stage(i) for i in range(len(stages)))],
         widths=[2.5, *[1.0] * len(stages)],
     )
 

@@ -75,11 +75,12 @@ class Recorder:
             return
         camera = self.opened.sequence.rig.camera(name)
         recent = self._recent[name] = [*self._recent.get(name, []), tracks][-entities.TRAIL_LENGTH - 1 :]
-        yield Entry(f"{name}/tracks", entities.points(tracks, camera))
-        yield Entry(f"{name}/trails", entities.trails(recent, camera))
+        drawn = entities.drawn(tracks, camera)
+        yield Entry(f"{name}/tracks", entities.points(drawn, camera))
+        yield Entry(f"{name}/trails", entities.trails([*recent[:-1], drawn], camera))
         yield Entry(f"{name}/legend", entities.legend(tracks, camera))
         if name == "left":
-            yield Entry(f"{name}/disparity", entities.disparities(tracks, camera))
+            yield Entry(f"{name}/disparity", entities.disparities(drawn, camera))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)

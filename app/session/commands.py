@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from ispom.methods import Config
 
+from ..options import SourceOptions
+
 
 @dataclass(frozen=True)
 class Play:
@@ -45,9 +47,11 @@ class Restart:
 
 @dataclass(frozen=True)
 class Open:
-    """Open another source: `sim:NAME`, or a path."""
+    """Open another source, and play it: `sim:NAME`, an address, or a path."""
 
     source: str
+    options: SourceOptions | None = None
+    """None: as the command line said."""
 
 
 @dataclass(frozen=True)

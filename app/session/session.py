@@ -15,6 +15,7 @@ from ispom.methods import Config, Variant, default_methods, in_order, possible_m
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
+from ..options import SourceOptions
 from ..run import warmup
 from ..run.events import Finished, Opened
 from ..run.history import MEMORY_BYTES, History
@@ -23,6 +24,8 @@ from ..run.playback import Builder, Playback
 from ..subscribers import Subscribers
 from . import commands as do
 from .current_run import CurrentRun
+from .folders import Folders
+from .recent import RecentSources
 from .recording_desk import RecordingDesk
 from .recordings import list_recordings
 from .state import (
@@ -52,7 +55,7 @@ class Session:
 
     def __init__(
         self,
-        opener: Callable[[str], Sequence],
+        opener: Callable[..., Sequence],
         source: str,
         recordings_dir: Path,
         *,
@@ -64,11 +67,22 @@ class Session:
         compiling: Callable[[tuple[str, ...], Config], None] = lambda *_: None,
         builder: Builder = build,
         history_bytes: int = MEMORY_BYTES,
+        source_options: SourceOptions | None = None,
+        folders: Folders | None = None,
+        recent: RecentSources | None = None,
     ) -> None:
-        """`methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
+        """`opener(source)` opens the source as the command line said, `opener(source, options)` as the page says.
+
+        `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
-        may take of memory."""
-        self.state = State(without_secrets(source), config=config or Config())
+        may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened.
+        """
+        self._recent = recent or RecentSources(None)
+        self.folders = folders or Folders()
+        shaped = source_options or SourceOptions()
+        self.state = State(
+            without_secrets(source), config=config or Config(), source_options=shaped, recent=self._recent.names
+        )
         self.changes = Subscribers()
         """Called, in the worker's thread, at each new state."""
         self.run: CurrentRun | None = None
@@ -195,8 +209,11 @@ class Session:
                 self._due_s = 0.0
             case do.Restart(methods, config):
                 self._restart(methods, config)
-            case do.Open(source):
-                self._open(source)
+            case do.Open(source, options):
+                before = self.state.run
+                self._open(source, options)
+                if self.state.run != before:
+                    self._emit(changed(playing=True))
             case do.Record(name):
                 self._record(name)
             case do.StopRecording():
@@ -210,7 +227,7 @@ class Session:
 
     # Opening and starting
 
-    def _open(self, source: str) -> None:
+    def _open(self, source: str, options: SourceOptions | None = None) -> None:
         """Opens another source; where that fails, the one before stays as it was."""
         before = self.state
         shown = without_secrets(source)
@@ -219,7 +236,7 @@ class Session:
         self._emit(Opening(shown))
         self._busy(f"opening {shown}")
         try:
-            sequence = self._opener(source)
+            sequence = self._opener(source) if options is None else self._opener(source, options)
             methods = self._methods_for(source, sequence)
             playback = Playback(sequence, methods, before.config, self._builder)
         except InputError as mistake:
@@ -231,6 +248,8 @@ class Session:
             if self.run is not None:
                 self.run.stop()
             self._begin(playback)
+            shaped = options or self.state.source_options
+            self._emit(changed(source_options=shaped, recent=self._recent.add(source)))
 
     def _methods_for(self, source: str, sequence: Sequence) -> tuple[str, ...]:
         """Those asked for; of a later source those of them that it has the cameras for, or else the usual ones."""
@@ -340,11 +359,11 @@ class Session:
             elif before.text != text:
                 self._emit(changed(activity=Activity(text, before.since_s)))
             return
-        self._busy(f"{run.doing(self.state.source)} exposure {run.playback.position + 1}")
+        self._busy(f"{run.doing(self.state.source)} exposure {run.playback.position}")
         event, record = run.step()
         self._emit(Computed(record))
         if event.skipped:
-            self._emit(NoticeAdded(f"exposure {event.index + 1} is skipped: {event.skipped}"))
+            self._emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self._recordings.offer(event)
         if run.playback.done:
@@ -373,7 +392,10 @@ class Session:
 
     def _watch_compiling(self) -> None:
         """Tells that what this run did not wait for is ready, be the run still going on or not."""
-        if self._unready and warmup.finished():
+        compiling = "" if warmup.finished() else warmup.message()
+        if compiling != self.state.compiling:
+            self._emit(changed(compiling=compiling))
+        if self._unready and not compiling:
             self._unready = False
             self._emit(NoticeAdded(warmup.READY, "info"))
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 from ispom.methods import Config, possible_methods
 
+from ..options import SourceOptions
 from ..run.events import Finished, Opened
 from ..run.record import ExposureRecord, MethodStatus
 
@@ -84,6 +85,12 @@ class State:
     activity: Activity | None = None
     recording: Recording | None = None
     recordings: tuple[RecordedFile, ...] = ()
+    source_options: SourceOptions = field(default_factory=SourceOptions)
+    """How the source was opened."""
+    recent: tuple[str, ...] = ()
+    """Sources that were opened, newest first."""
+    compiling: str = ""
+    """What is compiled in the background, and for how long still; empty while nothing is."""
     hidden: frozenset[str] = frozenset()
     """Layers and methods that are not drawn."""
     notices: tuple[Notice, ...] = ()
@@ -147,7 +154,8 @@ class Changed:
 
 
 Event = Opening | OpeningFailed | Opened | Computed | Displayed | Finished | NoticeAdded | Changed
-_CHANGEABLE = {"playing", "speed", "target", "activity", "recording", "recordings", "hidden", "total", "notes"}
+_CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
+_CHANGEABLE |= {"source_options", "total", "notes"}
 
 
 def changed(**values: object) -> Changed:

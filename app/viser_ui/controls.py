@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
 import viser
@@ -20,22 +22,31 @@ class ConfigForm:
 
     def __init__(self, gui: viser.GuiApi, config: Any, changed: Callable[[Any], None] = lambda _: None) -> None:
         self._config, self._changed, self._showing = config, changed, False
+        self._kinds = {s.name: s.type for s in settings(type(config))}
         self._inputs = {s.name: _input(gui, s, getattr(config, s.name)) for s in settings(type(config))}
         for handle in self._inputs.values():
             handle.on_update(lambda _: None if self._showing else self._changed(self.value))
 
     @property
     def value(self) -> Any:
-        return replace(self._config, **{name: handle.value for name, handle in self._inputs.items()})
+        return replace(self._config, **{name: self._read(name) for name in self._inputs})
 
     def show(self, config: Any) -> None:
         self._showing = True
         try:
             for name, handle in self._inputs.items():
-                if handle.value != getattr(config, name):
-                    handle.value = getattr(config, name)
+                if self._read(name) != getattr(config, name):
+                    handle.value = _shown(getattr(config, name), self._kinds[name])
         finally:
             self._showing = False
+
+    def _read(self, name: str) -> Any:
+        """What an input says, as its field has it; what is empty or 0 is None where that is possible."""
+        kind, value = self._kinds[name], self._inputs[name].value
+        inner = _inner(kind)
+        if inner is not kind and not value:
+            return None
+        return inner(value) if inner in (int, float, str, Path) else value
 
 
 def label_of(name: str) -> str:
@@ -46,13 +57,22 @@ def label_of(name: str) -> str:
     return " ".join(words)
 
 
+def _inner(kind: Any) -> Any:
+    """`int` of `int | None`; anything else itself."""
+    others = [k for k in get_args(kind) if k is not NoneType]
+    return others[0] if NoneType in get_args(kind) else kind
+
+
+def _shown(value: Any, kind: Any) -> Any:
+    """A field's value as its input shows it."""
+    if value is None:
+        return 0 if _inner(kind) in (int, float) else ""
+    return str(value) if isinstance(value, Path) else value
+
+
 def _input(gui: viser.GuiApi, setting: Setting, value: Any) -> Any:
-    label, hint, kind, limits = (
-        label_of(setting.name),
-        " ".join(setting.help.split()) or None,
-        setting.type,
-        setting.range,
-    )
+    label, hint, limits = label_of(setting.name), " ".join(setting.help.split()) or None, setting.range
+    kind, value = _inner(setting.type), _shown(value, setting.type)
     if get_origin(kind) is Literal:
         return gui.add_dropdown(label, get_args(kind), initial_value=value, hint=hint)
     if kind is bool:

@@ -17,12 +17,14 @@ from ..session.session import Session
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel
+from .panels.source import SourcePanel
 from .panels.view import ViewPanel
 from .panels.why import WhyPanel
 from .portless import PortlessViser
 from .scene import Scene
 
 log = logging.getLogger(__name__)
+Panel = RunPanel | SourcePanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
@@ -64,8 +66,11 @@ class Screen:
         self._thread.join(1.0)
         self.server.stop()
 
-    def _panels(self, gui: viser.GuiApi) -> list[RunPanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel]:
+    def _panels(
+        self, gui: viser.GuiApi
+    ) -> list[RunPanel | SourcePanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel]:
         run = RunPanel(gui, self._session)
+        source = SourcePanel(gui, self._session)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Why", viser.Icon.HELP):
             why = WhyPanel(gui)
@@ -75,7 +80,7 @@ class Screen:
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
             record = RecordPanel(gui, self._session)
-        return [run, why, methods, view, record]
+        return [run, source, why, methods, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)

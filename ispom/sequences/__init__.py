@@ -119,7 +119,7 @@ def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
         )
     if not names(path):
         raise InputError(f"{path} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
-    drives = sorted(p for pattern in ("*", "sequences/*") for p in path.glob(pattern) if _is_known(p))
+    drives = sorted(p for pattern in ("*", "sequences/*") for p in path.glob(pattern) if recognised(p))
     cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
@@ -127,8 +127,6 @@ def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
     )
 
 
-def _is_known(folder: Path) -> bool:
-    try:
-        return is_folder(folder) and any(looks_like(folder) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
-    except InputError:  # one that cannot be looked into is no example to give
-        return False
+def recognised(path: Path) -> bool:
+    """Whether a folder or file looks like something that can be opened."""
+    return any(looks_like(path) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))

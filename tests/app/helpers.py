@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from ispom_app.options import SourceOptions
 from ispom_app.session.session import Session
 
 from ispom.ensemble import Ensemble
@@ -19,7 +20,7 @@ def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
     return doubles.ensemble(methods, doubles.FakeEstimator)
 
 
-def opener(source: str):
+def opener(source: str, options: SourceOptions | None = None):
     """`double:N` has N video frames."""
     return doubles.sequence(int(source.split(":")[1]))
 

@@ -34,10 +34,10 @@ def test_the_ellipsoid_holds_95_percent_of_the_poses_around():
 
 def test_what_is_told_is_the_largest_of_each():
     step = Step(0, Status.TRACKING, world_from_frame=POSE, covariance=COVARIANCE, method="stereo")
-    assert uncertainty.told(step, 1.0) == "95 % within 83.9 mm and 0.32°"
-    assert uncertainty.told(step, 10.0) == "95 % within 0.839 m and 0.32°"
-    assert uncertainty.told(replace(step, covariance=None), 1.0) == ""
-    assert uncertainty.told(replace(step, covariance=np.full((6, 6), np.inf)), 1.0) == ""
+    assert uncertainty.describe(step, 1.0) == "95 % confidence: 83.9 mm, 0.32° (largest axis)"
+    assert uncertainty.describe(step, 10.0) == "95 % confidence: 839 mm, 0.32° (largest axis)"
+    assert uncertainty.describe(replace(step, covariance=None), 1.0) == ""
+    assert uncertainty.describe(replace(step, covariance=np.full((6, 6), np.inf)), 1.0) == ""
 
 
 def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
@@ -51,7 +51,7 @@ def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
         event = Stepped(index, sequence[index], (given,), {"stereo": Similarity()}, {})
         entries = {entry.path: entry.value for entry in recorder.batch(event).entries if hasattr(entry, "value")}
         logged.append(entries.get("world/stereo/spread"))
-        assert ("95 % within" in report(ExposureRecord.of(event, None), 1)) == (index == 0)
+        assert ("95 % confidence" in report(ExposureRecord.of(event, None), 1)) == (index == 0)
     assert isinstance(logged[0], rr.Ellipsoids3D) and isinstance(logged[1], rr.Clear) and logged[2] is None
 
 
@@ -73,4 +73,4 @@ def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
     assert isinstance(series, rr.SeriesLines) and isinstance(band, rr.Scalars)
     assert [e.static for e in second if e.path == "plots/scale/monocular/drift"] == [False]
     text = report(ExposureRecord.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
-    assert "× 1.0020 carried over, ± 1.5 % since the start" in text
+    assert "± 1.5 % since the start (1 sigma)" in text and "1.002 scale" in text

@@ -1,4 +1,5 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
+import { openControls } from "./controls.js";
 import { listen } from "./keyboard.js";
 import { showNotices } from "./notices.js";
 import { openViewer } from "./rerun.js";
@@ -9,8 +10,6 @@ history.replaceState(null, "", location.pathname); // the token is the cookie's 
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 dark.addEventListener("change", () => location.reload());
-const controls = document.getElementById("controls");
-controls.src = `viser/${dark.matches ? "?darkMode" : ""}`;
 
 let socket;
 let state = null;
@@ -49,7 +48,7 @@ function command(message) {
   send(message);
 }
 listen(window, command);
-controls.addEventListener("load", () => listen(controls.contentWindow, command));
+openControls(dark.matches, command);
 
 document.getElementById("track").addEventListener("click", (event) => {
   if (state?.total) command({ do: "seek", index: Math.round((event.clientX / innerWidth) * (state.total - 1)) });

@@ -1,6 +1,6 @@
-// The keys of the run. viser has them as its commands; Rerun's canvas, the bar, and what has the focus in viser's panel get
-// them here, once: a slider that stepped, too, would make two steps of one.
+// The keys of the run, wherever the focus is: on the page, in Rerun's canvas, or in viser's panel.
 const KEYS = { " ": { do: "play" }, ArrowRight: { do: "step", by: 1 }, ArrowLeft: { do: "step", by: -1 } };
+const OWN_KEYS = "textarea, input:not([type=checkbox]), [role=slider], [role=tab], #splitter, button:focus-visible";
 
 export function listen(page, command) {
   page.addEventListener("keydown", (event) => {
@@ -12,6 +12,11 @@ export function listen(page, command) {
   }, { capture: true });
 }
 
-// Where text is typed, and what the arrows or the space move or press by themselves.
-const keepsKeys = (target) =>
-  target.matches("textarea, input:not([type=checkbox]), [role=slider], [role=tab], #splitter, button:focus-visible");
+// Where text is typed, and what the arrows move or the space presses; but the slider of the exposures steps with all else.
+const keepsKeys = (target) => target.matches(OWN_KEYS) && labelOf(target) !== "exposure";
+
+function labelOf(target) {
+  let row = target;
+  while (row && !row.querySelector("label")) row = row.parentElement;
+  return target.matches("[role=slider]") ? row?.querySelector("label").textContent : null;
+}

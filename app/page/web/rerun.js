@@ -7,6 +7,8 @@ import { closeRecordings, stateOf, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
 const APPLICATION = "ispom";
+const LATE = 20; // exposures behind, from which on a viewer that comes late first catches up ...
+const FAR = 100; // ... and one that fell behind
 const at = (id) => document.getElementById(id);
 
 // `seek` is told where a hand went on Rerun's side, `drawn` how many of the exposures up to the one shown are not drawn yet.
@@ -92,9 +94,26 @@ function watch(viewer) {
   beBehind(newest === null || newest < state.computed - 1);
   viewer.drawn(behind);
   if (newest === null) return;
-  if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
+  if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set(), caughtUp: false });
+  catchUp(viewer, state.computed - 1 - newest, state.computed);
   viewer.cursor.show(recording, state.index);
   showLayers(viewer, id);
+}
+
+// The viewer takes in a little of the stream with each picture that it draws, and where graphics are software a picture
+// takes long: far behind, it draws a tiny one under a cover. That is fifteen times as fast.
+function catchUp(viewer, behind, all) {
+  const box = at("viewer");
+  if (behind > (viewer.caughtUp ? FAR : LATE)) box.className = "catching-up";
+  else if (behind <= 2) {
+    if (box.className) at("cover").hidden = true;
+    box.className = "";
+    viewer.caughtUp = true;
+  }
+  if (!box.className) return;
+  at("loaded").hidden = false;
+  at("loaded").value = 1 - behind / all;
+  say(`The Rerun viewer catches up with the run: ${all - behind} of ${all} exposures`);
 }
 
 // The page shows one run; what the viewer holds of earlier ones is memory for nothing.

@@ -1,5 +1,5 @@
 // The border between the controls and the Rerun viewer. Remembered by the browser, where it allows that.
-const NARROW = 380;
+const NARROW = 380; // the width of viser's panel: less would cut its controls
 const SCENE = 620; // pixels from which viser's scene shows beside its panel
 const KEEP = 420; // pixels that the right side always has
 
@@ -10,7 +10,7 @@ export function makeSplitter(onWide) {
   let wanted = width; // kept while a small window allows less
   const place = (asked) => {
     wanted = asked;
-    width = Math.round(Math.min(Math.max(wanted, 260), Math.max(innerWidth - KEEP, 260)));
+    width = Math.round(Math.min(Math.max(wanted, NARROW), Math.max(innerWidth - KEEP, NARROW)));
     panes.style.setProperty("--left", `${width}px`);
     onWide(width > SCENE);
   };

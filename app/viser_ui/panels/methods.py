@@ -22,8 +22,8 @@ PENDING = "**Changed, not applied yet.** Applying restarts the run from the firs
 
 class MethodsPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._run = session, -1
-        config, running = session.state.config, session.state.methods
+        self._session, self._state, self._run = session, session.state, -1
+        config, running = self._state.config, self._state.methods
         self._on = {m: gui.add_checkbox(colours.label(m), m in running, hint=method(m).source) for m in names()}
         for box in self._on.values():
             box.on_update(lambda _: self._hint())
@@ -69,13 +69,14 @@ class MethodsPanel:
         self._hint()
 
     def _hint(self) -> None:
-        state = self._session.state
+        state = self._state
         for name, folder in self._folders.items():
             folder.visible = bool(self._on[name].value)
         applied = all(state.config.of(name) == form.value for name, form in self._forms.items())
         self._text.content = APPLIED if applied and self._chosen == state.methods else PENDING
 
     def show(self, state: State) -> None:
+        self._state = state
         if state.run == self._run:
             return
         self._run = state.run

@@ -1,4 +1,4 @@
-"""Run: play, step, seek, speed, and what is open."""
+"""Run: play, step, seek and speed."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import viser
 
 from ...session import commands as do
 from ...session.state import State
+from ..markup import render
 
 if TYPE_CHECKING:
     from ...session.session import Session
 
 SPEEDS: dict[str, float | None] = {"max": None, "4 x": 4.0, "2 x": 2.0, "1 x": 1.0, "0.5 x": 0.5, "0.2 x": 0.2}
-BACK, PLAY, FORWARD = "◀ step", "play / pause", "step ▶"
+BACK, PLAY, PAUSE, FORWARD = "◀ Step", "▶ Play", "⏸ Pause", "Step ▶"
 HAND_S = 0.4
 """How long after a person moved the slider the program leaves it alone."""
 
@@ -24,56 +25,60 @@ class RunPanel:
         self._session, self._shown, self._touched_s = session, -1, 0.0
         self._buttons = gui.add_button_group("", (BACK, PLAY, FORWARD), hint="keys: ← space →")
         self._buttons.on_click(self._clicked)
-        self._slider = gui.add_slider("exposure", 0, 1, 1, 0, hint="what is not computed yet is computed up to there")
+        hint = "Counted from 0. Beyond the computed part, computes up to this exposure."
+        self._slider = gui.add_slider("exposure", 0, 1, 1, 0, hint=hint)
         self._slider.on_update(self._moved)
-        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x", hint="times the recorded time")
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x", hint="multiple of recorded time")
         self._speed.on_update(lambda _: session.post(do.Speed(SPEEDS[self._speed.value])))
         self._progress = gui.add_progress_bar(0)
-        self._text = gui.add_markdown("opening…")
-        with gui.add_folder("Source", expand_by_default=False):
-            self._source = gui.add_text(
-                "open",
-                session.state.source,
-                hint="sim:city, sim:city#3 (another seed), or the path of a recording (KITTI, folder of images …)",
-            )
-            gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN).on_click(self._open)
-        self._commands = [
-            gui.add_command("Play / pause", hotkey="space", icon=viser.Icon.PLAYER_PLAY),
-            gui.add_command("Step forward", hotkey="arrowright", icon=viser.Icon.PLAYER_TRACK_NEXT),
-            gui.add_command("Step back", hotkey="arrowleft", icon=viser.Icon.PLAYER_TRACK_PREV),
-        ]
-        for command, wanted in zip(self._commands, (do.Play(), do.StepBy(1), do.StepBy(-1)), strict=True):
-            command.on_trigger(lambda _, wanted=wanted: session.post(wanted))
+        self._text = gui.add_html(_text(session.state))
+        # Their keys are the page's (keyboard.js): two that listen would step twice.
+        for label, icon, wanted in (
+            ("Play / pause", viser.Icon.PLAYER_PLAY, do.Play()),
+            ("Step forward", viser.Icon.PLAYER_TRACK_NEXT, do.StepBy(1)),
+            ("Step back", viser.Icon.PLAYER_TRACK_PREV, do.StepBy(-1)),
+        ):
+            gui.add_command(label, icon=icon).on_trigger(lambda _, wanted=wanted: session.post(wanted))
 
     def _clicked(self, _: object) -> None:
-        self._session.post({BACK: do.StepBy(-1), PLAY: do.Play(), FORWARD: do.StepBy(1)}[self._buttons.value])
+        commands = {BACK: do.StepBy(-1), PLAY: do.Play(True), PAUSE: do.Play(False), FORWARD: do.StepBy(1)}
+        self._session.post(commands[self._buttons.value])
 
     def _moved(self, _: object) -> None:
-        if self._slider.value - 1 != self._shown:
+        if self._slider.value != self._shown:
             self._touched_s = time.monotonic()
-            self._session.post(do.Seek(int(self._slider.value) - 1))
-
-    def _open(self, _: object) -> None:
-        self._session.post(do.Open(self._source.value.strip()))
+            self._session.post(do.Seek(int(self._slider.value)))
 
     def show(self, state: State) -> None:
+        buttons = (BACK, PAUSE if state.playing else PLAY, FORWARD)
+        if self._buttons.options != buttons:
+            self._buttons.options = buttons
         self._slider.disabled = state.total < 2
-        if state.total and self._slider.max != state.total:
-            self._shown = 0
-            self._slider.min, self._slider.max, self._slider.value = 1, state.total, 1
-        if state.index >= 0 and time.monotonic() - self._touched_s > HAND_S and self._slider.value != state.index + 1:
-            self._shown = state.index
-            self._slider.value = state.index + 1
+        last = max(state.total - 1, 1)
+        if self._slider.max != last:
+            if self._slider.value > last:  # another, shorter source
+                self._put(0)
+            self._slider.max = last
+        touched = time.monotonic() - self._touched_s < HAND_S
+        if state.index >= 0 and not touched and self._slider.value != state.index:
+            self._put(state.index)
         self._progress.value = round(100 * state.computed / max(state.total, 1), 1)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
 
+    def _put(self, index: int) -> None:
+        self._shown = index
+        self._slider.value = index
+
 
 def _text(state: State) -> str:
+    """What is known of the run, as HTML."""
     if state.phase == "opening" and not state.total:
-        return f"Opening **{state.source}** …"
+        return render("run.html", text=f"Opening {state.source} …", notes=())
     if state.phase == "failed":
-        return "Nothing is open. Type a source below, `sim:city` or a path, and press Open."
-    waiting = f"computing up to {state.target + 1} · " if state.target is not None else ""
-    lines = [f"{waiting}computed {state.computed} of {state.total} exposures" + (" · finished" if state.ended else "")]
-    return "\n\n".join([*lines, *(f"*{note}*" for note in state.notes)])
+        text = "Nothing is open. Choose a source below, sim:city or a path, and press Open."
+        return render("run.html", text=text, notes=())
+    waiting = f"computing up to {state.target} · " if state.target is not None else ""
+    finished = " · finished" if state.ended else ""
+    text = f"{waiting}computed {state.computed} of {state.total} exposures{finished}"
+    return render("run.html", text=text, notes=state.notes)

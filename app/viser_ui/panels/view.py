@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from typing import TYPE_CHECKING
 
 import viser
@@ -14,11 +13,10 @@ from ... import colours
 from ...rerun_log.layers import LAYERS
 from ...session import commands as do
 from ...session.state import State
+from ..markup import render
 
 if TYPE_CHECKING:
     from ...session.session import Session
-
-log = logging.getLogger(__name__)
 
 
 class ViewPanel:
@@ -36,25 +34,18 @@ class ViewPanel:
         return frozenset(name for name, box in self._boxes.items() if not box.value)
 
     def show(self, state: State) -> None:
-        for method in names():
-            if self._boxes[method].disabled != (method not in state.methods):
-                self._boxes[method].disabled = method not in state.methods
+        for name, box in self._boxes.items():
+            absent = name not in LAYERS and name not in state.methods
+            if box.disabled != absent:
+                box.disabled = absent
 
 
 def legend() -> str:
     """What the colours mean, as HTML."""
-    methods = [(colours.of(m), colours.label(m)) for m in names()] + [(colours.TRUTH, "truth")]
-    by_colour: dict[colours.Rgb, list[str]] = {}
+    methods = [(colours.css(colours.of(m)), colours.label(m)) for m in names()]
+    reasons: dict[str, list[str]] = {}
     for status, colour in colours.TRACK.items():
-        by_colour.setdefault(colour, []).append(TrackStatus(status).reason)
-    tracks = [(colour, "; ".join(reasons)) for colour, reasons in by_colour.items()]
-    return f'<div style="padding:4px 14px 10px;font-size:12px">{_list("Paths", methods)}{_list("Tracks", tracks)}</div>'
-
-
-def _list(title: str, items: list[tuple[colours.Rgb, str]]) -> str:
-    rows = "".join(
-        f'<div style="display:flex;gap:8px;align-items:baseline"><i style="width:9px;height:9px;border-radius:50%;'
-        f'flex:none;background:{colours.css(colour)}"></i><span>{text}</span></div>'
-        for colour, text in items
-    )
-    return f'<div style="font-weight:600;margin:8px 0 3px">{title}</div>{rows}'
+        reasons.setdefault(colours.css(colour), []).append(TrackStatus(status).reason)
+    tracks = [(colour, "; ".join(found)) for colour, found in reasons.items()]
+    paths = [*methods, (colours.css(colours.TRUTH), "truth")]
+    return render("legend.html", groups=[("Paths", paths), ("Tracks", tracks)])

@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 from collections import Counter
-from html import escape
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import viser
 
+from ispom.methods import method
 from ispom.types import Decision, Step, TrackStatus
 
 from ... import colours
+from ...decisions import answers, mark, measured, named
 from ...run.record import ExposureRecord
 from ...session.state import State
-from ...uncertainty import told
+from ...uncertainty import describe
+from ..markup import render
 
-ROW = "display:flex;gap:6px;font-variant-numeric:tabular-nums"
-EMPTY = "Nothing is computed yet. Press play, or step forward (→)."
+TINTS = {"✓": colours.css(colours.of("integrated")), "✕": "#e0483e", "●": "#3494d0"}
+HINTS = {
+    "✓": "required, and so it is",
+    "✕": "required, and not so",
+    "●": "a trigger that fired",
+    "○": "a trigger that did not fire",
+    "·": "a measurement: neither good nor bad",
+}
 
 
 class WhyPanel:
     def __init__(self, gui: viser.GuiApi) -> None:
-        self._html = gui.add_html(_page(EMPTY))
+        self._html = gui.add_html(report(None, 0))
         self._record: ExposureRecord | None = None
 
     def show(self, state: State) -> None:
@@ -32,16 +42,8 @@ class WhyPanel:
 
 def report(record: ExposureRecord | None, methods: int) -> str:
     """The exposure's story as HTML."""
-    if record is None:
-        return _page(EMPTY)
-    head = f"<b>{record.kind}</b> exposure {record.index + 1}, {len(record.steps)} of {methods} methods use it"
-    return _page(
-        f'<div style="opacity:.75">{head}</div>' + "".join(_step(step, _unit_m(record, step)) for step in record.steps)
-    )
-
-
-def _page(content: str) -> str:
-    return f'<div style="padding:6px 14px 12px;font-size:12px;line-height:1.45;overflow-wrap:anywhere">{content}</div>'
+    steps = [_step(step, _unit_m(record, step)) for step in record.steps] if record else []
+    return render("why.html", record=record, methods=methods, steps=steps)
 
 
 def _unit_m(record: ExposureRecord, step: Step) -> float:
@@ -49,54 +51,46 @@ def _unit_m(record: ExposureRecord, step: Step) -> float:
     return placed.scale if placed else 1.0
 
 
-def _step(step: Step, unit_m: float) -> str:
-    colour = colours.css(colours.of(step.method))  # type: ignore[index]
-    flags = " · key frame" if step.key_frame else ""
-    title = (
-        f'<div style="margin-top:10px;padding-bottom:2px;border-bottom:2px solid {colour};display:flex">'
-        f'<b style="flex:1">{colours.label(step.method)}</b><span>{step.status}{flags}</span></div>'
-    )
-    rows = [_decision(decision) for decision in step.decisions]
-    return title + "".join(rows) + "".join(_fact(name, text) for name, text in _facts(step, unit_m))
+def _step(step: Step, unit_m: float) -> dict[str, Any]:
+    return {
+        "colour": colours.css(colours.of(step.method)),
+        "label": colours.label(step.method),
+        "status": f"{step.status}{' · key frame' if step.key_frame else ''}",
+        "answers": [
+            {"question": a.question, "text": a.text, "checks": [_check(d) for d in a.checks]}
+            for a in answers(step.decisions)
+        ],
+        "facts": list(_facts(step, unit_m)),
+    }
 
 
-def _decision(decision: Decision) -> str:
-    mark, tint = ("✓", colours.css(colours.of("integrated"))) if decision.passed else ("✕", "#c46a3a")
-    unit = f" {escape(decision.unit)}" if decision.unit else ""
-    because = (
-        f'<div style="opacity:.7;padding-left:18px">{escape(decision.consequence)}</div>'
-        if decision.consequence
-        else ""
-    )
-    return (
-        f'<div style="{ROW}"><span style="color:{tint};width:12px;flex:none">{mark}</span>'
-        f'<span style="flex:1">{escape(decision.name)}</span>'
-        f'<span style="white-space:nowrap">{decision.value:.4g}{unit} <span style="opacity:.7">'
-        f"{escape(decision.relation)} {decision.threshold:.4g}</span></span></div>{because}"
-    )
+def _check(decision: Decision) -> dict[str, str]:
+    sign = mark(decision)
+    return {
+        "mark": sign,
+        "tint": TINTS.get(sign, "inherit"),
+        "hint": HINTS[sign],
+        "name": named(decision),
+        "measured": measured(decision),
+        "consequence": decision.consequence,
+    }
 
 
-def _fact(name: str, text: str) -> str:
-    return f'<div style="{ROW}"><span style="opacity:.7;width:78px;flex:none">{name}</span><span>{text}</span></div>'
-
-
-def _facts(step: Step, unit_m: float) -> list[tuple[str, str]]:
-    facts = []
+def _facts(step: Step, unit_m: float) -> Iterator[tuple[str, str]]:
     for camera, tracks in step.tracks.items():
         counts = Counter(int(s) for s in tracks.status)
         alive, new = counts.pop(TrackStatus.ALIVE, 0), counts.pop(TrackStatus.NEW, 0)
-        facts.append((f"{camera}", f"{alive} tracks alive, {new} new, {sum(counts.values())} dropped"))
-        facts += [("", f"{n} {TrackStatus(status).reason}") for status, n in counts.most_common()]
+        yield camera, f"{alive} tracks alive, {new} new, {sum(counts.values())} dropped"
+        yield from (("", f"{n} {TrackStatus(status).reason}") for status, n in counts.most_common())
     if len(step.residuals_px):
         median, p95 = np.median(step.residuals_px), np.percentile(step.residuals_px, 95)
-        facts.append(("residual", f"median {median:.2f} px, 95 % below {p95:.2f} px, {len(step.residuals_px)} points"))
-    if text := told(step, unit_m):
-        facts.append(("pose", text))
-    if step.scale is not None or step.scale_sigma is not None:
-        carried = [] if step.scale is None else [f"× {step.scale:.4f} carried over"]
-        known = [] if step.scale_sigma is None else [f"± {100 * step.scale_sigma:.2g} % since the start"]
-        facts.append(("scale", ", ".join(carried + known)))
+        yield "residual", f"median {median:.2f} px, 95 % below {p95:.2f} px, {len(step.residuals_px)} points"
+    if text := describe(step, unit_m):
+        yield "pose", text
+    if step.scale is not None:
+        yield "scale", f"{step.scale:.4g} {method(step.method).scale}"
+    if step.scale_sigma is not None:
+        yield "scale drift", f"± {100 * step.scale_sigma:.2g} % since the start (1 sigma)"
     if step.seconds:
-        stages = ", ".join(f"{escape(name)} {1000 * s:.1f}" for name, s in step.seconds.items())
-        facts.append(("time", f"{1000 * sum(step.seconds.values()):.1f} ms ({stages})"))
-    return facts
+        stages = ", ".join(f"{name} {1000 * s:.1f}" for name, s in step.seconds.items())
+        yield "time", f"{1000 * sum(step.seconds.values()):.1f} ms ({stages})"

@@ -101,8 +101,8 @@ class Page:
         self.tab.on("request", lambda r: self.requests.append(r.url))
         if viewer is not None:
             script = {"body": viewer, "content_type": "text/javascript"}
-            self.tab.route("**/viewer/re_viewer.js", lambda route: route.fulfill(**script))
-            self.tab.route("**/viewer/re_viewer_bg.wasm", lambda route: route.fulfill(body=""))
+            self.tab.route("**/rerun/re_viewer.js", lambda route: route.fulfill(**script))
+            self.tab.route("**/rerun/re_viewer_bg.wasm", lambda route: route.fulfill(body=""))
         self.tab.goto(url)
         self.until("state.total > 0", "the first state")
 
@@ -143,8 +143,8 @@ def test_it_plays_by_itself(page: Page):
 
 
 def test_viser_shows_its_panels(page: Page):
-    page.controls.get_by_role("button", name="Pause").wait_for()
-    page.controls.get_by_text("of 3 methods use it").wait_for()
+    page.controls.get_by_role("button", name="Play").wait_for()
+    page.controls.get_by_text("of 3 methods").wait_for()
     for name in ("Methods", "View", "Record", "Why"):
         page.controls.get_by_role("tab", name=name).wait_for()
 
@@ -169,9 +169,9 @@ def test_keys_step_forward_and_back(page: Page):
 
 
 def test_the_buttons_of_the_panel_work(page: Page):
-    page.controls.get_by_role("button", name="◀ step").click()
+    page.controls.get_by_role("button", name="◀ Step").click()
     page.until("state.index === 42", "a step back")
-    page.controls.get_by_role("button", name="step ▶").click()
+    page.controls.get_by_role("button", name="Step ▶").click()
     page.until("state.index === 43", "a step forward")
 
 

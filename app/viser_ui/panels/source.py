@@ -1,0 +1,71 @@
+"""Source: what is open, what was, and what else there is to open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import viser
+
+from ...session import commands as do
+from ...session.folders import Entry
+from ...session.state import State
+from ..controls import ConfigForm
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+FOLDERS = "what the program recognises is marked ▶ and comes into the field above; other folders are looked into"
+HINT = "sim:city, sim:city#3 (another seed), a camera (camera:0), or the path of a recording (KITTI, EuRoC, images …)"
+NOTHING: tuple[str, ...] = ("-",)
+NONE, UP, MARK = "-", ".. (up)", "▶ "
+
+
+class SourcePanel:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session = session
+        self._state: State | None = None
+        with gui.add_folder("Source", expand_by_default=False):
+            self._source = gui.add_text("open", session.state.source, hint=HINT)
+            gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN).on_click(self._open)
+            self._recent = gui.add_dropdown("recent", NOTHING, initial_value=NONE, hint="sources opened before")
+            self._recent.on_update(lambda _: self._choose(self._recent.value))
+            self._browse = gui.add_dropdown("folders", NOTHING, initial_value=NONE, hint=FOLDERS)
+            self._browse.on_update(lambda _: self._enter(self._browse.value))
+            with gui.add_folder("Options of the source", expand_by_default=False):
+                self._options = ConfigForm(gui, session.state.source_options)
+        self._entries: dict[str, Entry] = {}
+        self._look_into(session.folders.home)
+
+    def show(self, state: State) -> None:
+        before, self._state = self._state, state
+        if before is None or state.recent != before.recent:
+            self._recent.options = (*NOTHING, *state.recent)
+            self._recent.value = NONE
+        if before is None or state.run != before.run:
+            self._source.value = state.source
+            self._options.show(state.source_options)
+
+    def _open(self, _: object) -> None:
+        self._session.post(do.Open(self._source.value.strip(), self._options.value))
+
+    def _choose(self, name: str) -> None:
+        if name != NONE:
+            self._source.value = name
+
+    def _enter(self, name: str) -> None:
+        """What can be opened comes into the field above; another folder is looked into."""
+        entry = self._entries.get(name)
+        if name == UP:
+            self._look_into(self._session.folders.above(self._folder) or self._folder)
+        elif entry is not None and entry.source:
+            self._source.value = str(entry.path)
+        elif entry is not None:
+            self._look_into(entry.path)
+
+    def _look_into(self, folder: Path) -> None:
+        folders, self._folder = self._session.folders, folder
+        self._entries = {f"{MARK if e.source else ''}{e.path.name}": e for e in folders.entries(folder)}
+        up = (UP,) if folders.above(folder) else ()
+        self._browse.options = (f"{folder.name or folder}: {len(self._entries)} to choose from", *up, *self._entries)
+        self._browse.value = self._browse.options[0]

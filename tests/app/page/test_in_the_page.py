@@ -1,0 +1,88 @@
+"""What a person meets in the page: keys, notices, labels, hostile names. A stand-in draws in place of Rerun."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.until("state.ended && !state.playing", "the end")
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+def test_arrow_keys_on_the_slider_step_once(page: Page):
+    page.send("{do: 'seek', index: 20}")
+    page.until("state.index === 20", "the seek")
+    page.controls.get_by_role("slider").first.focus()
+    seen = [page.state["index"]]
+    for key in ("ArrowRight", "ArrowRight", "ArrowLeft"):
+        page.tab.keyboard.press(key)
+        page.until(f"state.index !== {seen[-1]}", "a step")
+        seen.append(page.state["index"])
+    assert [b - a for a, b in pairwise(seen)] == [1, 1, -1]
+
+
+def test_the_arrows_in_a_field_move_nothing_else(page: Page):
+    before = page.state["index"]
+    page.controls.get_by_role("tab", name="Record").click()
+    field = page.controls.get_by_role("textbox").last
+    field.fill("two words")
+    field.press("ArrowLeft")
+    field.press("Space")
+    assert field.input_value() == "two word s" and page.state["index"] == before and not page.state["playing"]
+
+
+def test_an_error_is_dismissed_covers_nothing_and_does_not_come_back(page: Page):
+    page.controls.get_by_text("Source", exact=True).first.click()
+    page.controls.locator("input[value='double:40']").fill("double:nonsense")
+    page.controls.get_by_role("button", name="Open", exact=True).click()
+    notice = page.tab.locator(".notice.error")
+    notice.wait_for()
+    below = page.tab.locator("#panes").bounding_box()
+    box = notice.bounding_box()
+    assert box["y"] + box["height"] <= below["y"] + 1, "it lies on the panes"
+    notice.get_by_role("button", name="dismiss").click()
+    assert page.tab.locator(".notice").count() == 0
+    page.tab.reload()
+    page.until("state.total > 0 && state.notices.length > 0", "the state")
+    assert page.tab.locator(".notice").count() == 0
+    page.controls.get_by_role("button", name=re.compile("Play|Pause")).wait_for()
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_labels_of_the_panel_can_be_read(browser, app: App, scheme: str):  # noqa: F811
+    tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme=scheme)
+    tab.goto(app.url)
+    label = tab.frame_locator("#controls").get_by_text("exposure", exact=True).first
+    label.wait_for()
+    colour, ground = label.evaluate(
+        "(e) => [getComputedStyle(e).color, getComputedStyle(e.ownerDocument.body).backgroundColor]"
+    )
+    assert contrast(colour, ground) >= 4.5
+    tab.close()
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two CSS colours, as WCAG 2 defines it."""
+    light = sorted((luminance(one), luminance(other)))
+    return (light[1] + 0.05) / (light[0] + 0.05)
+
+
+def luminance(colour: str) -> float:
+    parts = [int(v) / 255 for v in re.findall(r"\d+", colour)[:3]]
+    linear = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -1,0 +1,140 @@
+"""The panels, on viser without a browser: what they show of a state, and what they ask of the session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import viser
+from ispom_app.run.record import ExposureRecord
+from ispom_app.session import commands as do
+from ispom_app.session.folders import Folders
+from ispom_app.session.state import RecordedFile, Recording, State
+from ispom_app.viser_ui.panels.record import RecordPanel
+from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel
+from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
+from ispom_app.viser_ui.panels.view import ViewPanel, legend
+from ispom_app.viser_ui.panels.why import WhyPanel, report
+
+from ispom.types import Decision, Status, Step
+
+HOSTILE = '<iframe srcdoc="<script>parent.hit = 1</script>"></iframe>'
+STATE = State("double:20", phase="ready", name="double", run=1, total=20, methods=("stereo",))
+
+
+@pytest.fixture(scope="module")
+def gui() -> Iterator[viser.GuiApi]:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield server.gui
+    server.stop()
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Any:
+    asked: list[do.Command] = []
+    return SimpleNamespace(state=STATE, opened=None, post=asked.append, asked=asked, folders=Folders(tmp_path))
+
+
+def record(index: int, *decisions: Decision) -> ExposureRecord:
+    step = Step(0, Status.TRACKING, decisions=decisions, seconds={"track": 0.004}, method="stereo")
+    return ExposureRecord(index, 0, "stereo", (step,), {}, {}, {})
+
+
+def press(handle: Any) -> None:
+    for callback in handle._impl.update_cb:
+        callback(SimpleNamespace())
+
+
+def test_the_slider_shows_the_exposure_and_asks_only_where_a_hand_moved_it(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(7)))
+    assert panel._slider.value == 7 and panel._slider.max == 19 and not session.asked
+    panel._slider.value = 3
+    assert session.asked == [do.Seek(3)]
+
+
+def test_a_live_source_that_grows_does_not_move_the_slider(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(7)))
+    panel.show(replace(STATE, displayed=record(7), total=40))
+    assert panel._slider.value == 7 and panel._slider.max == 39 and not session.asked
+
+
+def test_a_shorter_source_takes_the_slider_back(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(15)))
+    panel.show(replace(STATE, total=5, run=2))
+    assert panel._slider.value == 0 and panel._slider.max == 4 and not session.asked
+
+
+def test_the_play_button_says_what_it_will_do(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(STATE)
+    assert panel._buttons.options == (BACK, PLAY, FORWARD)
+    panel.show(replace(STATE, playing=True))
+    assert panel._buttons.options == (BACK, PAUSE, FORWARD)
+    panel._buttons.value = PAUSE
+    assert session.asked[-1] == do.Play(False)
+
+
+@pytest.mark.parametrize("changes", [{"phase": "opening", "total": 0, "source": HOSTILE}, {"notes": (HOSTILE,)}])
+def test_names_and_notes_of_a_source_are_never_markup(gui, session, changes):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, **changes))
+    assert "&lt;iframe" in panel._text.content and "<iframe" not in panel._text.content
+
+
+def test_names_of_recordings_are_never_markup(gui, session):
+    panel = RecordPanel(gui, session)
+    panel.show(replace(STATE, recordings=(RecordedFile(f"{HOSTILE}.rrd", 1_200_000),)))
+    assert "<iframe" not in panel._text.content and "1.2 MB" in panel._text.content
+    panel.show(replace(STATE, recording=Recording(HOSTILE, 0, 0)))
+    assert "<iframe" not in panel._text.content and panel._name.disabled
+    press(panel._button)
+    assert session.asked == [do.Record("")]
+
+
+def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
+    triggers = [Decision(n, 0.1, 0.5, False, question="New key frame?", kind="trigger") for n in (HOSTILE, "turn")]
+    text = report(record(0, *triggers), 1)
+    assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text
+
+
+def test_why_shows_the_exposure_as_it_is_counted_everywhere(gui):
+    panel = WhyPanel(gui)
+    assert "Nothing is computed yet" in panel._html.content
+    panel.show(replace(STATE, displayed=record(7, Decision("inliers", 8, 12, False, consequence="no pose"))))
+    assert "exposure 7, used by 1 of 1 methods" in panel._html.content
+    assert "✕" in panel._html.content and "no pose" in panel._html.content
+
+
+def test_hiding_a_layer_asks_for_it(gui, session):
+    panel = ViewPanel(gui, session)
+    panel.show(STATE)
+    assert panel._boxes["monocular"].disabled and not panel._boxes["stereo"].disabled
+    panel._boxes["clouds"].value = False
+    assert session.asked == [do.Hide(frozenset({"clouds"}))]
+    assert "Stereo" in legend() and "truth" in legend()
+
+
+def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, tmp_path: Path):
+    (tmp_path / "films").mkdir()
+    (tmp_path / "films" / "roof.mp4").write_bytes(b"")
+    panel = SourcePanel(gui, session)
+    panel.show(replace(STATE, recent=("sim:city",)))
+    assert panel._recent.options == ("-", "sim:city") and UP not in panel._browse.options
+    panel._browse.value = "films"
+    assert UP in panel._browse.options
+    panel._browse.value = f"{MARK}roof.mp4"
+    panel._options._inputs["stereo_every"].value = 5
+    panel._options._inputs["max_exposures"].value = 100
+    panel._open(None)
+    (asked,) = session.asked
+    assert asked.source == str((tmp_path / "films" / "roof.mp4").resolve())
+    assert (asked.options.stereo_every, asked.options.max_exposures, asked.options.camera) == (5, 100, None)
+    panel._recent.value = "sim:city"
+    assert panel._source.value == "sim:city"
