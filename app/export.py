@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from pathlib import Path
-from typing import Any
 
 from ispom.errors import InputError
 from ispom.io.colmap import colmap_model
 from ispom.io.euroc import euroc_text
 from ispom.io.files import exists
 from ispom.io.kitti import poses_text
-from ispom.io.mapping import read_mapping
 from ispom.io.maps import read_maps
 from ispom.io.ply import ply_bytes
 from ispom.io.rig import read_rig
@@ -26,19 +23,19 @@ from ispom.types import Frame, Trajectory
 from . import colours
 from .options import Export
 from .outputs import claim_folder
+from .run.run_file import read_run_file
 from .run.run_folder import MARKER
 
 Files = dict[str, str | bytes]
 MIN_SHARE = 0.8
 """A COLMAP model of less of the observations is not what the run saw."""
-FRAMES: tuple[Frame, ...] = ("rig", "left", "video")
 
 
 def export(options: Export) -> int:
     """Writes one method after the other; InputError where the folder is no run, or, when all others are written, of the
     first method that lacks what the format needs."""
     run = options.run
-    frame = _frame(run)
+    frame = read_run_file(run).frame
     methods = _methods(options)
     if not 0 < options.max_error_px < math.inf:
         raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
@@ -61,19 +58,6 @@ def export(options: Export) -> int:
     if failures:
         raise failures[0]
     return 0
-
-
-def _frame(run: Path) -> Frame:
-    """Whose poses the run's trajectories hold."""
-    if not exists(run / "run.yaml"):
-        raise InputError(f"{run} is no folder of a run (it has no run.yaml): give one that `ispom run` wrote")
-    try:
-        frame: Any = read_mapping(run / "run.yaml")["options"]["frame"]
-    except (TypeError, KeyError):
-        frame = None
-    if frame not in FRAMES:
-        raise InputError(f"{run / 'run.yaml'} does not tell the frame of the poses: run again")
-    return frame
 
 
 def _methods(options: Export) -> list[str]:

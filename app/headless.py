@@ -4,50 +4,34 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 import sys
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from typing import Any, Self
 
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
-from ispom.methods import default_methods, in_order, names, require_cameras, with_asked
-from ispom.methods import method as registered
+from ispom.methods import default_methods, in_order, require_cameras, with_asked
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from .options import Run
 from .run import warmup
-from .run.events import Finished
+from .run.console import ended_by_interrupt, progress, terminable, wait_for_compiler
+from .run.events import Event, Finished
+from .run.journal import PoseJournal
 from .run.map_memory import MapCollectors
 from .run.playback import Builder, Playback
-from .run.results import RunStatistics, in_frame, metrics_text, run_text, summary
-from .run.run_folder import RunFolder
-from .run.step_log import DECISIONS, STEPS, StepLog
-
-TERMINATED = 143
-RECORDING, LANDMARKS = "run.rrd", "landmarks.npz"
-OUTPUTS = [
-    "run.yaml",
-    "rig.yaml",
-    "truth.tum",
-    *(f"{m}.tum" for m in names()),
-    "metrics.json",
-    LANDMARKS,
-    STEPS,
-    DECISIONS,
-    RECORDING,
-]
+from .run.results import Results, in_frame, metrics_text, summary
+from .run.run_file import run_file
+from .run.run_folder import LANDMARKS, METRICS, RECORDING, RIG, RUN, TRUTH, RunFolder, trajectory_file
+from .run.statistics import RunStatistics
+from .run.step_log import StepLog
 
 
 def run(options: Run, builder: Builder = build) -> int:
@@ -56,34 +40,17 @@ def run(options: Run, builder: Builder = build) -> int:
     The exit code is 0, or InputError is raised after what was computed has been written.
     """
     sequence = options.open(options.source)
-    methods = _asked(options, sequence)
-    # An integration is measured between the stereo poses that it asks for; those are computed anyway.
-    playback = Playback(sequence, with_asked(methods), options.config, builder)
-    warmup.start(methods, options.config)
-    folder = RunFolder(options.out or _default_folder(sequence.name))
-    folder.remove(OUTPUTS)
-    told = {"methods": list(methods), "frame": options.frame, "seed": options.seed}
-    told |= {"stereo_every": options.stereo_every, "video_scale": options.video_scale}
-    told |= {"max_exposures": options.max_exposures, "recording": options.recording}
-    told |= {"camera": None if options.camera is None else str(options.camera)}
-    source, statistics = without_secrets(options.source), RunStatistics()
-    folder.write("run.yaml", run_text(source, sequence, told, options.config))
-    folder.write("rig.yaml", rig_text(sequence.rig))
     try:
-        finished = _play(playback, methods, options, folder, statistics)
-        _require_poses(source, finished, methods)
-    except BaseException as error:
-        with suppress(InputError):
-            folder.write("run.yaml", run_text(source, playback.sequence, told, options.config))
-        folder.failed(_reason(error, playback))
-        raise
+        methods = _asked(options, sequence)
+        # An integration is measured between the stereo poses that it asks for; those are computed anyway.
+        playback = Playback(sequence, with_asked(methods), options.config, builder)
+        warmup.start(methods, options.config)
+        with terminable(), _folder(options.out, sequence.name) as folder:
+            _run(playback, methods, options, folder)
+            _print(folder, playback.sequence)
     finally:
         if sequence.stop is not None:
             sequence.stop()
-    seen = statistics.images.hexdigest()
-    folder.write("run.yaml", run_text(source, playback.sequence, told, options.config, seen))
-    folder.complete()
-    _tell(folder, playback.sequence)
     return 0
 
 
@@ -96,47 +63,111 @@ def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:
     return methods
 
 
-def _default_folder(name: str) -> Path:
+def _folder(out: Path | None, name: str) -> RunFolder:
+    if out is not None:
+        return RunFolder(out)
     plain = re.sub(r"[^\w]+", "-", name).strip("-")
-    return Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}"
+    return RunFolder.new(Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}")
+
+
+def _run(playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder) -> None:
+    """Whatever ends it, the folder is complete or says why it is not."""
+    statistics = RunStatistics()
+    _describe(folder, playback, methods, options)
+    folder.write(RIG, rig_text(playback.sequence.rig))
+    if playback.truth is not None:
+        folder.write(TRUTH, tum_text(in_frame(playback.truth, playback.sequence.rig, options.frame)))
+    try:
+        finished, failure = _play(playback, methods, options, folder, statistics)
+        _require_poses(without_secrets(options.source), finished, methods)
+        _describe(folder, playback, methods, options, statistics.images.hexdigest())
+        if problems := "; ".join(filter(None, (failure, folder.problem))):
+            raise InputError(problems)
+    except BaseException as error:
+        _describe(folder, playback, methods, options)
+        problem = "" if isinstance(error, InputError) or folder.problem is None else f" {folder.problem}."
+        folder.failed(f"{_reason(error, playback)}{problem}")
+        raise
+    folder.complete()
+
+
+def _describe(
+    folder: RunFolder, playback: Playback, methods: tuple[str, ...], options: Run, images: str | None = None
+) -> None:
+    """Writes run.yaml; `images` is the hash of all that were seen, where the run came to its end."""
+    used: dict[str, Any] = {"methods": list(methods), "frame": options.frame}
+    used |= {name: getattr(options, name) for name in ("seed", "stereo_every", "video_scale", "max_exposures")}
+    used |= {"recording": options.recording, "camera": None if options.camera is None else str(options.camera)}
+    config = {name: asdict(options.config.of(name)) for name in playback.methods}
+    source = without_secrets(options.source)
+    folder.write(RUN, run_file(source, playback.sequence, used, config, images).text)
 
 
 def _play(
     playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder, statistics: RunStatistics
-) -> Finished:
-    """Steps through the sequence. Whatever ends that, what was computed is written."""
-    memories = MapCollectors()
-    with ExitStack() as stack:
-        record = None
-        if options.recording:
-            from .rerun_log.file_recording import FileRecording  # brings Rerun
+) -> tuple[Finished, str | None]:
+    """Steps through the sequence. Whatever ends that, what was computed is written.
 
-            record = stack.enter_context(FileRecording(folder.path / RECORDING, playback.opened))
-        log = stack.enter_context(StepLog(folder))
+    Gives also why the recording ended early, None where it did not.
+    """
+    collectors = MapCollectors()
+    with ExitStack() as stack:
+        record = stack.enter_context(_Recording(playback, folder) if options.recording else _NoRecording())
+        log, journal = stack.enter_context(StepLog(folder)), PoseJournal(folder, playback.unit_m)
         if playback.sequence.prepare:
             playback.sequence.prepare(0)
+        total = len(playback.sequence) if playback.sequence.grow is None else options.max_exposures
         try:
-            total = len(playback.sequence) if playback.sequence.grow is None else options.max_exposures
-            _compiled()
-            with _terminable(), _ended_by_interrupt(playback.sequence), _progress(total) as advance:
+            wait_for_compiler()
+            with ended_by_interrupt(playback.sequence), progress(total) as advance:
                 while playback.more():
                     event = playback.step()
-                    statistics.add(event)
-                    memories.add(event.steps)
-                    log.add(event)
-                    if record:
-                        record.write(event)
+                    collectors.add(event.steps)
+                    for consumer in (statistics, log, journal, record):
+                        consumer.add(event)
                     advance()
         finally:
             finished = playback.finish()
-            if record:
-                record.write(finished)
+            record.add(finished)
             _write(playback, finished, methods, options, folder, statistics)
-            maps = memories.scenes(finished.trajectories, methods, playback.sequence.rig)
+            maps = collectors.scenes(finished.trajectories, methods, playback.sequence.rig)
             folder.write(LANDMARKS, map_bytes(maps))
-    if record and record.failure:
-        raise InputError(record.failure)
-    return finished
+            journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in methods))
+    return finished, record.failure
+
+
+class _NoRecording:
+    """Where none is asked for."""
+
+    failure: str | None = None
+
+    def add(self, event: Event) -> None: ...
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class _Recording(_NoRecording):
+    """run.rrd, as far as the disk takes it; the run goes on without."""
+
+    def __init__(self, playback: Playback, folder: RunFolder) -> None:
+        from .rerun_log.file_recording import FileRecording  # brings Rerun
+
+        self._file: FileRecording | None = None
+        try:
+            self._file = FileRecording(folder.path / RECORDING, playback.opened)
+        except InputError as error:
+            self.failure = str(error)
+
+    def add(self, event: Event) -> None:
+        if self._file is not None:
+            self._file.write(event)
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            self._file.close()
+            self.failure = self._file.failure
 
 
 def _write(
@@ -147,15 +178,13 @@ def _write(
     folder: RunFolder,
     statistics: RunStatistics,
 ) -> None:
-    rig, frame = playback.sequence.rig, options.frame
+    sequence = playback.sequence
     for method in methods:
-        unit_m = 1.0
-        if registered(method).unit == "own":
-            unit_m = finished.placements[method].scale if method in playback.placed_methods else None
-        folder.write(f"{method}.tum", tum_text(in_frame(finished.trajectories[method], rig, frame, unit_m)))
-    if playback.truth is not None:
-        folder.write("truth.tum", tum_text(in_frame(playback.truth, rig, frame)))
-    folder.write("metrics.json", metrics_text(playback.opened, finished, methods, statistics))
+        found = in_frame(finished.trajectories[method], sequence.rig, options.frame, playback.unit_m(method))
+        folder.write(trajectory_file(method), tum_text(found))
+    end_ns = int(sequence.times_ns[-1])
+    results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)
+    folder.write(METRICS, metrics_text(results, methods, statistics))
 
 
 def _require_poses(source: str, finished: Finished, methods: tuple[str, ...]) -> None:
@@ -172,72 +201,6 @@ def _reason(error: BaseException, playback: Playback) -> str:
     return f"Failed {after}: {error!r}"
 
 
-def _tell(folder: RunFolder, sequence: Sequence) -> None:
-    lines = [*sequence.notes, summary(json.loads((folder.path / "metrics.json").read_text())), f"in {folder.path}"]
+def _print(folder: RunFolder, sequence: Sequence) -> None:
+    lines = [*sequence.notes, summary(json.loads((folder.path / METRICS).read_text())), f"in {folder.path}"]
     sys.stdout.write("\n".join(lines) + "\n")
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """SIGTERM ends the loop as Ctrl-C does, so that what was computed is written."""
-
-    def stop(*_: object) -> None:
-        raise SystemExit(TERMINATED)
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not in the main thread: whoever started it there handles signals
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _ended_by_interrupt(sequence: Sequence) -> Iterator[None]:
-    """The first Ctrl-C ends the recording of a live source; what came so far is still run. A second one ends that."""
-    if sequence.stop is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    stop, before = sequence.stop, signal.getsignal(signal.SIGINT)
-
-    def end(*_: object) -> None:
-        signal.signal(signal.SIGINT, before)
-        stop()
-
-    signal.signal(signal.SIGINT, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _compiled() -> None:
-    """Waits for numba's first compilation, and says so on a terminal."""
-    if not warmup.finished():
-        with Console(stderr=True).status(warmup.message()) as status:
-            while not warmup.finished(0.5):
-                status.update(warmup.message())
-
-
-@contextmanager
-def _progress(total: int | None):
-    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only."""
-    columns = (
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]:.1f} frames/s,"),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, TextColumn("left"), console=console, disable=not console.is_terminal) as bar:
-        task, start, count = bar.add_task("", total=total, rate=0.0), time.monotonic(), 0
-
-        def advance() -> None:
-            nonlocal count
-            count += 1
-            bar.update(task, advance=1, rate=count / max(time.monotonic() - start, 1e-9))
-
-        yield advance

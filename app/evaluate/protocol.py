@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ispom.errors import InputError
-from ispom.io.mapping import read_mapping
 from ispom.io.trajectories import TrajectoryFile
 
 from ..options import Evaluate
+from ..run.run_file import read_run_file
 
 ALIGNMENTS = {
     "none": "none: coordinates are compared as they are",
@@ -22,8 +22,8 @@ def frame_of(file: TrajectoryFile) -> str | None:
     if file.format == "EuRoC":
         return "body"
     try:
-        return str(read_mapping(file.path.parent / "run.yaml")["options"]["frame"])
-    except (InputError, TypeError, KeyError):
+        return read_run_file(file.path.parent).frame
+    except InputError:
         return None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +14,16 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
 from ispom.io.files import names as names_in
-from ispom.io.mapping import read_mapping
 from ispom.io.rig import read_rig
 from ispom.io.rows import read_text
 from ispom.io.tum import read_tum
 from ispom.methods import names
-from ispom.types import Frame, Rig, Trajectory
+from ispom.types import Rig, Trajectory
 
-from ..run.run_folder import MARKER
-from ..run.step_log import DECISIONS, STEPS
+from ..run.run_file import read_run_file
+from ..run.run_folder import DECISIONS, MARKER, STEPS
 from .steps import Said, Steps, read_decisions, read_steps
 
-FRAMES = ("rig", "left", "video")
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
 
 
@@ -66,23 +64,19 @@ class Run:
 
 def read_run(path: Path, label: str) -> Run:
     """InputError where the folder holds no run, one that is not complete, or files that are not as written."""
-    if not exists(path / "run.yaml"):
-        raise InputError(f"{path} holds no run (no run.yaml): give a folder that `ispom run` wrote")
+    found = read_run_file(path)
     if exists(path / MARKER):
         why = read_text(path / MARKER).strip().splitlines()
         raise InputError(
             f"{path} holds a run that is not complete ({why[0] if why else 'no reason given'}): run it again"
         )
-    manifest = _manifest(path / "run.yaml")
     metrics, length = _metrics(path / "metrics.json")
-    frame: Frame = manifest["options"].get("frame", "rig")
-    if frame not in FRAMES:
-        raise InputError(f"{path / 'run.yaml'}: the frame is {str(frame)[:40]!r}, not one of {', '.join(FRAMES)}")
+    frame = found.frame
     truth = read_tum(path / "truth.tum", frame) if exists(path / "truth.tum") else None
     return Run(
         path,
         label,
-        manifest,
+        asdict(found),
         metrics,
         length,
         read_rig(path / "rig.yaml"),
@@ -92,27 +86,6 @@ def read_run(path: Path, label: str) -> Run:
         read_decisions(path / DECISIONS) if exists(path / DECISIONS) else (),
         {name: _sha256(path / name) for name in names_in(path) if name.endswith(HASHED)},
     )
-
-
-def _manifest(path: Path) -> dict[str, Any]:
-    found = read_mapping(path)
-    kinds = {"source": str, "sequence": str, "notes": list, "options": dict, "config": dict, "versions": dict}
-    for name, kind in kinds.items():
-        if not isinstance(found.get(name), kind):
-            raise InputError(f"{path} has no {name} as `ispom run` writes it: restore the file, or run again")
-    _plain(path, found, 0)
-    return found
-
-
-def _plain(path: Path, value: Any, depth: int) -> None:
-    """Refuses nests, for YAML's aliases can make a small file a huge page, and names that are no text."""
-    inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
-    if depth > 4 or len(inner) > 500:
-        raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")
-    if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
-        raise InputError(f"{path} has names that are no text: restore the file, or run again")
-    for item in inner:
-        _plain(path, item, depth + 1)
 
 
 def _metrics(path: Path) -> tuple[dict[str, dict[str, Any]], float | None]:

@@ -22,9 +22,10 @@ from typing import Self
 import rerun as rr
 
 from ispom.errors import InputError
+from ispom.io.whole import part_of
 
 from ..run.events import Event, Opened
-from ..run.parts import locked, part_of
+from ..run.lock import locked
 from . import blueprint
 from .piped_file import PIPES, PipedFile
 from .recorder import Recorder

@@ -73,6 +73,12 @@ class Playback:
         """The methods with a unit of their own whose unit a stereo segment has fixed."""
         return frozenset(self._placements.keys() - self._placing.keys())
 
+    def unit_m(self, method: str) -> float | None:
+        """The unit of a method's own world [m]; None where nothing tells it."""
+        if method in self._placing:
+            return None
+        return self._placements[method].scale if method in self._placements else 1.0
+
     def step(self) -> Stepped:
         """Runs the next exposure. The position does not advance where loading it raises InputError.
 

@@ -1,55 +1,18 @@
-"""What a headless run tells: trajectories in the asked frame, metrics, and how it was made."""
+"""The results of a run: trajectories in the asked frame, and metrics."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-import platform
-from array import array
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from importlib.metadata import version
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import yaml
-
 from ispom.evaluation import metrics
-from ispom.methods import Config, with_asked
 from ispom.methods import method as registered
-from ispom.types import Frame, Rig, Sequence, Status, StereoPair, Trajectory
+from ispom.types import Frame, Rig, Trajectory
 
-from .events import Finished, Opened, Stepped
-
-PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "open3d", "rerun-sdk")
-
-
-@dataclass
-class RunStatistics:
-    """What is counted while a run goes on."""
-
-    ms: dict[str, array[float]] = field(default_factory=dict)
-    lost: dict[str, int] = field(default_factory=dict)
-    skipped: list[str] = field(default_factory=list)
-    """What was wrong with each exposure that was left out."""
-    images: Any = field(default_factory=hashlib.sha256)
-    """SHA-256 of all that the estimators saw: the time, size and pixels of each image."""
-
-    def add(self, event: Stepped) -> None:
-        seen = event.exposure
-        for image in (seen.left, seen.right) if isinstance(seen, StereoPair) else (seen.image,):
-            self.images.update(f"{seen.time_ns} {image.shape}\n".encode())
-            self.images.update(np.ascontiguousarray(image))
-        self.skipped += [event.skipped] if event.skipped else []
-        for step in event.steps:
-            self.ms.setdefault(step.method, array("d")).append(1000 * sum(step.seconds.values()))
-            self.lost[step.method] = self.lost.get(step.method, 0) + (step.status == Status.LOST)
-
-    def of(self, method: str) -> dict[str, Any]:
-        ms = self.ms.get(method, [])
-        median, p95 = np.percentile(ms, [50, 95]).tolist() if ms else (None, None)
-        return {"lost": self.lost.get(method, 0), "ms_per_exposure": {"median": median, "p95": p95}}
+from .statistics import RunStatistics
 
 
 def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | None = 1.0) -> Trajectory:
@@ -62,45 +25,44 @@ def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | Non
     return trajectory.moved(right=own_from_frame.scaled(1 / unit_m if unit_m else 0.0), frame=frame)
 
 
-def metrics_text(opened: Opened, finished: Finished, methods: tuple[str, ...], statistics: RunStatistics) -> str:
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a run found, as far as it came."""
+
+    sequence: str
+    """Its name."""
+    notes: Sequence[str]
+    rig: Rig
+    truth: Trajectory | None
+    """world_from_rig."""
+    end_ns: int
+    """The last exposure's time."""
+    trajectories: Mapping[str, Trajectory]
+    """By method, each in its own world and frame; and those of the methods that they ask."""
+
+
+def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatistics) -> str:
     """metrics.json. Without truth: only what can be said without it."""
-    sequence, truth = opened.sequence, opened.truth
-    report: dict[str, Any] = {"sequence": sequence.name, "notes": list(sequence.notes)}
+    truth = results.truth
+    report: dict[str, Any] = {"sequence": results.sequence, "notes": list(results.notes)}
     report |= {"skipped": statistics.skipped, "methods": {}}
     if truth is not None:
-        report["path_length_m"] = truth.select(truth.times_ns <= sequence.times_ns[-1]).length
+        report["path_length_m"] = truth.select(truth.times_ns <= results.end_ns).length
     for method in methods:
-        trajectory = finished.trajectories[method]
-        entry = {"poses": len(trajectory), **statistics.of(method)}
+        trajectory = results.trajectories[method]
+        entry = {"poses": len(trajectory), **statistics.entry(method)}
         if truth is not None:
-            entry |= metrics.errors(trajectory, truth, sequence.rig, metric=registered(method).unit == "metric")
-        if truth is not None and (stereo := registered(method).asks.get("stereo")):
-            entry |= metrics.between_stereo(trajectory, finished.trajectories[stereo], truth)
+            entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
+        stereo = registered(method).asks.get("stereo")
+        if truth is not None and stereo in results.trajectories:
+            entry |= metrics.between_stereo(trajectory, results.trajectories[stereo], truth)
         report["methods"][method] = entry
     return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
 
 
-def run_text(
-    source: str, sequence: Sequence, options: Mapping[str, Any], config: Config, images_sha256: str | None = None
-) -> str:
-    """run.yaml: what is needed to repeat the run, and to know that it was on the same images (of a run that ended)."""
-    found = {
-        "source": source,
-        "sequence": sequence.name,
-        "notes": list(sequence.notes),
-        "exposures": {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
-        "images_sha256": images_sha256,
-        "options": dict(options),
-        "config": {name: asdict(config.of(name)) for name in with_asked(options["methods"])},
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
-        "platform": platform.platform(),
-    }
-    return yaml.safe_dump(found, sort_keys=False, allow_unicode=True)
-
-
 def summary(report: Mapping[str, Any]) -> str:
     """The metrics as a few lines for the terminal."""
-    lines = [f"left out: {fault}" for fault in report["skipped"]]
+    lines = [f"skipped: {fault}" for fault in report["skipped"]]
     width = max(map(len, report["methods"]), default=0)
     for method, entry in report["methods"].items():
         parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]

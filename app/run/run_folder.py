@@ -1,51 +1,101 @@
-"""A folder that is complete or says that it is not."""
+"""The folder of a run: complete, or it says that it is not. One that holds anything else is never written to."""
 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from itertools import count
 from pathlib import Path
+from typing import Self
 
 from ispom.errors import InputError
+from ispom.io.whole import PART, part_of, replace_whole
+from ispom.methods import names
+
+from .lock import LOCK, locked
 
 MARKER = "INCOMPLETE"
-"""The file that says so, and why."""
+"""The file that says that a run is not complete, and in its first line why."""
+SIGNATURE = "Written by `ispom run`, which removes this file when the run is complete."
+"""By this line a folder is known as ours."""
+RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
+LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
+
+
+def trajectory_file(method: str) -> str:
+    return f"{method}.tum"
 
 
 class RunFolder:
-    """Where a run is written to. Every file appears whole or not at all; the marker goes last."""
+    """Where one run is written to, by one process. Every file appears whole or not at all; the marker goes last."""
 
     def __init__(self, path: Path) -> None:
-        """InputError where the folder cannot be written to, or holds a complete run, which is never overwritten."""
+        """Claims a new or empty folder, or that of an incomplete run, whose files are removed.
+
+        InputError, before anything is touched, where the folder holds a complete run or anything that is not of a
+        run, where another process writes to it, or where it cannot be made.
+        """
         self.path = path
-        if (path / "run.yaml").exists() and not (path / MARKER).exists():
-            raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
+        self._unwritten: dict[str, str] = {}
+        self._claim = ExitStack()
         try:
             path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"{path} cannot be made ({error.strerror}): give another --out") from None
-        self.write(MARKER, "This run has not ended, or was killed.\n")
+            _require_free(path)
+            self._claim.enter_context(locked(path))
+            for entry in _require_free(path):
+                entry.unlink()
+            self._mark("The run has not ended, or was killed.")
+        except (OSError, ValueError) as error:
+            self._claim.close()
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise InputError(f"{path} cannot be made ({reason}): give another --out") from None
+        except InputError:
+            self._claim.close()
+            raise
 
-    def remove(self, names: list[str]) -> None:
-        """Takes away what an earlier, incomplete run left."""
-        for name in names:
-            (self.path / name).unlink(missing_ok=True)
+    @staticmethod
+    def new(path: Path) -> RunFolder:
+        """One of this name that did not exist before, or else with a number at its end; InputError as above."""
+        for number in count(1):
+            candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
+            try:
+                candidate.mkdir(parents=True)
+            except FileExistsError:
+                continue
+            except OSError as error:
+                raise InputError(f"{path} cannot be made ({error.strerror}): give another --out") from None
+            return RunFolder(candidate)
+        raise AssertionError("there are always more numbers")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Lets others write here."""
+        self._claim.close()
 
     def write(self, name: str, content: str | bytes) -> None:
-        """InputError where the disk does not take it; a file of that name stays as it was then."""
-        part = self.part(name)
+        """Where the disk does not take it, `problem` says so."""
         try:
-            part.write_bytes(content.encode() if isinstance(content, str) else content)
-            os.replace(part, self.path / name)
+            replace_whole(self.path / name, content)
         except OSError as error:
-            part.unlink(missing_ok=True)
-            raise InputError(
-                f"{self.path / name} cannot be written ({error.strerror}): make room, or give another --out"
-            ) from None
+            self.missed(name, error)
+
+    def missed(self, name: str, error: OSError) -> None:
+        """Remembers that a file could not be written, or not to its end."""
+        self._unwritten[name] = error.strerror or str(error)
+
+    @property
+    def problem(self) -> str | None:
+        """Which files could not be written, in one sentence; None where all were."""
+        if not self._unwritten:
+            return None
+        names, reasons = ", ".join(self._unwritten), ", ".join(dict.fromkeys(self._unwritten.values()))
+        return f"{self.path / names} cannot be written ({reasons}): make room, or give another --out"
 
     def part(self, name: str) -> Path:
         """Where a file is while it grows; `keep` gives it its name."""
-        return self.path / f".part-{name}"
+        return part_of(self.path / name)
 
     def keep(self, name: str) -> None:
         """Gives a grown file its name, if there is one."""
@@ -54,8 +104,35 @@ class RunFolder:
 
     def failed(self, reason: str) -> None:
         """Says why the run is not complete; where even that cannot be written, the marker stays as it was."""
-        with suppress(InputError):
-            self.write(MARKER, f"{reason}\n")
+        with suppress(OSError):
+            self._mark(reason)
 
     def complete(self) -> None:
         (self.path / MARKER).unlink()
+
+    def _mark(self, reason: str) -> None:
+        replace_whole(self.path / MARKER, f"{reason}\n{SIGNATURE}\n")
+
+
+def is_incomplete(path: Path) -> bool:
+    """Whether `ispom run` wrote to this folder and did not come to its end. OSError where that cannot be read."""
+    marker = path / MARKER
+    return marker.is_file() and SIGNATURE in marker.read_text(encoding="utf-8", errors="replace")
+
+
+def _require_free(path: Path) -> list[Path]:
+    """What an earlier, incomplete run left, the lock aside; InputError where there is anything else."""
+    present = [entry for entry in sorted(path.iterdir()) if entry.name != LOCK]
+    if not present:
+        return []
+    if not is_incomplete(path):
+        if (path / RUN).exists():
+            raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
+        raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
+    own = {MARKER, RUN, RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, *map(trajectory_file, names())}
+    foreign = [e for e in present if (e.name not in own and not e.name.startswith(PART)) or not e.is_file()]
+    if foreign:
+        raise InputError(
+            f"{path} holds more than an incomplete run ({foreign[0].name}): give a new or empty folder as --out"
+        )
+    return present

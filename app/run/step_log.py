@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterator
-from contextlib import ExitStack
-from typing import Any, Self, TextIO
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from typing import Any, Self
 
 import numpy as np
 
-from ispom.errors import InputError
-from ispom.types import Step, TrackStatus
+from ispom.types import Status, Step, TrackStatus
 
 from .events import Stepped
-from .run_folder import RunFolder
+from .run_folder import DECISIONS, STEPS, RunFolder
+from .statistics import RunStatistics
+from .table import GrowingTable
 
-STEPS, DECISIONS = "steps.csv", "decisions.csv"
 DROPPED = {f"dropped_{status.name.lower()}": status for status in TrackStatus if status.dropped}
 """By column: why a track ended."""
 STEP_COLUMNS = (
@@ -42,47 +41,31 @@ class StepLog:
     """The two files of one run, growing row by row; nothing is kept in memory. They get their names at the end."""
 
     def __init__(self, folder: RunFolder) -> None:
-        """InputError where the folder cannot be written to."""
-        self._folder, self._stack = folder, ExitStack()
-        try:
-            self._steps, self._decisions = (self._open(name) for name in (STEPS, DECISIONS))
-            self._write([STEP_COLUMNS], [DECISION_COLUMNS])
-        except OSError as error:
-            raise self._refusal(error) from None
+        self._steps = GrowingTable(folder, STEPS, STEP_COLUMNS)
+        self._decisions = GrowingTable(folder, DECISIONS, DECISION_COLUMNS)
 
     def add(self, event: Stepped) -> None:
-        """The rows of one exposure. InputError where the disk does not take them."""
+        """The rows of one exposure."""
         steps = list(_by_method(event.steps).values())
-        try:
-            self._write(
-                (_step_row(event, step) for step in steps),
-                (row for step in steps for row in _decision_rows(event, step)),
-            )
-        except OSError as error:
-            raise self._refusal(error) from None
+        self._steps.add(_step_row(event, step) for step in steps)
+        self._decisions.add(row for step in steps for row in _decision_rows(event, step))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         """Closes both files, whole as far as they go, and gives them their names."""
-        try:
-            self._stack.close()
-        except OSError as error:
-            raise self._refusal(error) from None
-        for name in (STEPS, DECISIONS):
-            self._folder.keep(name)
+        self._steps.close()
+        self._decisions.close()
 
-    def _open(self, name: str) -> TextIO:
-        return self._stack.enter_context(self._folder.part(name).open("w", encoding="utf-8", newline=""))
 
-    def _write(self, steps: Any, decisions: Any) -> None:
-        csv.writer(self._steps, lineterminator="\n").writerows(steps)
-        csv.writer(self._decisions, lineterminator="\n").writerows(decisions)
-
-    def _refusal(self, error: OSError) -> InputError:
-        place = self._folder.path / STEPS
-        return InputError(f"{place} cannot be written ({error.strerror}): make room, or give another --out")
+def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
+    """The times and losses that the rows of steps.csv tell."""
+    statistics = RunStatistics()
+    for row in rows:
+        with suppress(ValueError):
+            statistics.count(row["method"], 1000 * float(row["seconds"]), row["status"] == Status.LOST)
+    return statistics
 
 
 def _by_method(steps: tuple[Step, ...]) -> dict[str, Step]:

@@ -7,8 +7,8 @@ import stat
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.io.whole import part_of
 
-from ..run.parts import part_of
 from .state import RecordedFile
 
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")

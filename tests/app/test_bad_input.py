@@ -253,7 +253,7 @@ def test_unwritable_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_disk_full_while_writing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The file that no longer fits is not there in part, those before it are whole, the marker stays."""
+    """The file that no longer fits is not there in part, its poses are in the journal, the others are whole."""
     write_bytes = Path.write_bytes
 
     def full(self: Path, content: bytes) -> int:
@@ -267,7 +267,10 @@ def test_disk_full_while_writing(
     told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
     assert "integrated.tum cannot be written (No space left on device): make room" in told
     logs = {"steps.csv", "decisions.csv"}
-    assert {p.name for p in out.iterdir()} == {"run.yaml", "rig.yaml", "monocular.tum", "stereo.tum", MARKER} | logs
+    assert {p.name for p in out.iterdir()} == logs | {
+        *("run.yaml", "rig.yaml", "truth.tum", "monocular.tum", "stereo.tum", "poses.csv", "metrics.json"),
+        *("landmarks.npz", MARKER),
+    }
     assert len(read_tum(out / "stereo.tum")) == 6 and "No space" in (out / MARKER).read_text()
 
 

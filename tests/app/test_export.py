@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from ispom_app.cli import main
+from ispom_app.run.run_file import RunFile
 from ispom_app.run.run_folder import MARKER
 
 from ispom.errors import InputError
@@ -33,7 +33,7 @@ def run(tmp_path: Path) -> Path:
     folder = tmp_path / "run"
     folder.mkdir()
     found = scene(noise_px=0.4, outliers=25)
-    (folder / "run.yaml").write_text(yaml.safe_dump({"options": {"frame": "video"}}))
+    (folder / "run.yaml").write_text(RunFile("sim:city", "city", {"frame": "video"}, {}).text)
     (folder / "rig.yaml").write_text(rig_text(doubles.rig()))
     (folder / "monocular.tum").write_text(tum_text(found.key_frames))
     (folder / "landmarks.npz").write_bytes(map_bytes({"monocular": found}))
@@ -171,8 +171,8 @@ def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("damage", "form", "message"),
     [
-        (("run.yaml", None), "tum", "is no folder of a run"),
-        (("run.yaml", "options: [1"), "tum", "run.yaml line 1 is not valid YAML"),
+        (("run.yaml", None), "tum", "holds no run"),
+        (("run.yaml", "options: [1"), "tum", "is not valid YAML"),
         (("monocular.tum", None), "tum", "no trajectory of any method"),
         (("monocular.tum", "0 0 0\n"), "tum", "line 1 has 3 columns"),
         (("landmarks.npz", None), "ply", "landmarks.npz is missing"),

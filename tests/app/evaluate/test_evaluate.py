@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from ispom_app.cli import main
 from ispom_app.evaluate.evaluated import distinct_names
+from ispom_app.run.run_file import RunFile
 
 from ispom.geometry import Pose
 from ispom.io.euroc import euroc_text
@@ -90,7 +90,7 @@ def test_the_protocol_is_always_stated(
 def test_the_frame_of_a_run_is_told_and_different_frames_are_a_warning(
     files: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "run.yaml").write_text(yaml.safe_dump({"options": {"frame": "left"}}))
+    (tmp_path / "run.yaml").write_text(RunFile("sim:city", "city", {"frame": "left"}, {}).text)
     assert main(["evaluate", str(files["truth.tum"]), str(files["half.csv"])]) == 0
     out = capsys.readouterr().out
     assert "truth.tum: left" in out and "the lever arm between them counts as error" in out

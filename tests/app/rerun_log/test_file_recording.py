@@ -17,11 +17,11 @@ from ispom_app.rerun_log import file_recording, piped_file
 from ispom_app.rerun_log.piped_file import PipedFile
 from ispom_app.rerun_log.rrd import is_finished, whole_bytes
 from ispom_app.run.events import without_images
-from ispom_app.run.parts import part_of
 from ispom_app.run.playback import Playback
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
+from ispom.io.whole import part_of
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers

@@ -34,7 +34,7 @@ def test_the_run_goes_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyP
     sequence = spoilt(40)
     monkeypatch.setattr(Run, "open", lambda *_: sequence)
     assert main(["run", "made", "--out", str(tmp_path / "out"), "--recording"], helpers.build) == 0
-    assert "left out: image 40 is not a whole image" in capsys.readouterr().out
+    assert "skipped: image 40 is not a whole image" in capsys.readouterr().out
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["skipped"] == [
         "image 40 is not a whole image: restore it"
     ]

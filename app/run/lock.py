@@ -1,4 +1,4 @@
-"""Files and folders that are still being written: hidden names while they grow, and one writer at a time."""
+"""One writer at a time."""
 
 from __future__ import annotations
 
@@ -10,17 +10,7 @@ from filelock import FileLock, Timeout
 
 from ispom.errors import InputError
 
-PART, LOCK = ".part-", ".lock"
-
-
-def part_of(path: Path) -> Path:
-    """Where a file is while it grows."""
-    return path.with_name(f"{PART}{path.name}")
-
-
-def whole_of(part: Path) -> Path:
-    """The name that a growing file gets when it is whole; other paths stay."""
-    return part.with_name(part.name.removeprefix(PART))
+LOCK = ".lock"
 
 
 @contextmanager
@@ -38,6 +28,6 @@ def locked(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # a lock file that stays is nobody's
+        with suppress(OSError):  # a lock file that stays behind is nobody's
             place.unlink(missing_ok=True)
         lock.release()
