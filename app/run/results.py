@@ -54,7 +54,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         if truth is not None:
             entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
         stereo = registered(method).asks.get("stereo")
-        if truth is not None and stereo in results.trajectories:
+        if truth is not None and stereo is not None and stereo in results.trajectories:
             entry |= metrics.between_stereo(trajectory, results.trajectories[stereo], truth)
         report["methods"][method] = entry
     return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
