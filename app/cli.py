@@ -17,7 +17,7 @@ from ispom.errors import InputError, printable
 from ispom.methods import faults, in_order
 
 from .bench.options import Bench
-from .options import App, Demo, Evaluate, Export, Report, Run, Serve, Sources
+from .options import App, Demo, Evaluate, Export, Repair, Report, Run, Serve, Sources
 from .run.playback import Builder
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Repair, tyro.conf.subcommand("repair")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
 MISUSE, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
@@ -77,7 +78,7 @@ def _discard_output() -> None:
         os.close(nowhere)
 
 
-def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench, builder: Builder) -> int:
+def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Repair | Bench, builder: Builder) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
@@ -95,6 +96,10 @@ def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Bench
         from .export import export
 
         return export(command)
+    if isinstance(command, Repair):
+        from .repair import repair
+
+        return repair(command)
     if isinstance(command, Report):
         from .report.command import report
 

@@ -223,3 +223,11 @@ class Export:
     """Folder to write to; without it, export/FORMAT in the run's."""
     max_error_px: float = 3.0
     """COLMAP: largest reprojection error of an observation that a model keeps [px]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Repair:
+    """Finishes what a killed run left: recordings, and trajectories and metrics as far as the run came."""
+
+    folder: tyro.conf.Positional[Path]
+    """Folder of an incomplete run, or one with recordings and such folders in it."""

@@ -33,7 +33,7 @@ APP_LAYERS = (
     {"session"},
     {"viser_ui"},
     {"page"},
-    {"bench", "evaluate", "export", "headless", "report", "sources"},
+    {"bench", "evaluate", "export", "headless", "repair", "report", "sources"},
     {"cli"},
     {"__main__"},
 )

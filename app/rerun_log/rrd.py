@@ -14,7 +14,7 @@ import rerun as rr
 
 _HEADER_BYTES = 12
 _HEAD = struct.Struct("<QQ")
-_END = 0
+_END, _DATA = 0, 2
 _LAST = b"RRF2FOOT\x01\0\0\0"
 """The last bytes of an index; a stream that was not closed has none."""
 
@@ -67,3 +67,20 @@ def is_finished(path: Path) -> bool:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - len(_LAST)))
         return file.read() == _LAST
+
+
+def count_messages(path: Path) -> int:
+    """How many chunks of data a file holds. OSError where it cannot be read."""
+    count, at, size = 0, _HEADER_BYTES, path.stat().st_size
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            head = file.read(_HEAD.size)
+            if len(head) < _HEAD.size:
+                break
+            kind, content = _HEAD.unpack(head)
+            if kind == _END:
+                break
+            count += kind == _DATA
+            at += _HEAD.size + content
+    return count

@@ -15,6 +15,7 @@ import yaml
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.mapping import read_mapping
+from ispom.methods import names
 from ispom.types import Frame, Sequence
 
 from .run_folder import RUN
@@ -48,6 +49,12 @@ class RunFile:
     def frame(self) -> Frame:
         """Whose poses the run's trajectories hold."""
         return self.options["frame"]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Those of the run that this installation knows."""
+        asked = self.options.get("methods")
+        return tuple(name for name in names() if isinstance(asked, list) and name in asked)
 
     @property
     def text(self) -> str:

@@ -29,7 +29,7 @@ def trajectory_file(method: str) -> str:
 class RunFolder:
     """Where one run is written to, by one process. Every file appears whole or not at all; the marker goes last."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, fresh: bool = True) -> None:
         """Claims a new or empty folder, or that of an incomplete run, whose files are removed.
 
         InputError, before anything is touched, where the folder holds a complete run or anything that is not of a
@@ -39,12 +39,14 @@ class RunFolder:
         self._unwritten: dict[str, str] = {}
         self._claim = ExitStack()
         try:
-            path.mkdir(parents=True, exist_ok=True)
-            _require_free(path)
+            if fresh:
+                path.mkdir(parents=True, exist_ok=True)
+                _require_free(path)
             self._claim.enter_context(locked(path))
-            for entry in _require_free(path):
-                entry.unlink()
-            self._mark("The run has not ended, or was killed.")
+            if fresh:
+                for entry in _require_free(path):
+                    entry.unlink()
+                self._mark("The run has not ended, or was killed.")
         except (OSError, ValueError) as error:
             self._claim.close()
             reason = error.strerror if isinstance(error, OSError) else error
@@ -66,6 +68,16 @@ class RunFolder:
                 raise InputError(f"{path} cannot be made ({error.strerror}): give another --out") from None
             return RunFolder(candidate)
         raise AssertionError("there are always more numbers")
+
+    @staticmethod
+    def reopened(path: Path) -> RunFolder:
+        """That of an incomplete run, as it is. InputError where another process writes to it."""
+        return RunFolder(path, fresh=False)
+
+    @property
+    def reason(self) -> str:
+        """Why the run is not complete. OSError where that cannot be read."""
+        return (self.path / MARKER).read_text(encoding="utf-8", errors="replace").splitlines()[0]
 
     def __enter__(self) -> Self:
         return self

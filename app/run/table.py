@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from io import StringIO
@@ -64,3 +65,9 @@ def read_table(path: Path) -> list[dict[str, str]]:
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
     rows = csv.DictReader(line for line in lines if line.endswith("\n"))
     return [row for row in rows if None not in row.values()]
+
+
+def cut_to_rows(path: Path) -> None:
+    """Takes away a last row that was not written to its end. OSError where that cannot be."""
+    content = path.read_bytes()
+    os.truncate(path, content.rfind(b"\n") + 1)

@@ -1,0 +1,78 @@
+"""Recordings whose writer was killed, or whose disk was full: they get their index, and their name."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from ispom.errors import InputError
+from ispom.io.whole import part_of, whole_of
+
+from ..run.lock import locked
+from .piped_file import PipedFile
+from .rrd import count_messages, is_finished, whole_bytes
+
+PATIENCE_S = 3600.0
+"""Longest wait for the copy of a recording."""
+
+
+def unfinished(folder: Path) -> list[Path]:
+    """The recordings in a folder that were not closed, those that are being written among them. OSError as of it."""
+    files = sorted(path for path in folder.iterdir() if path.suffix == ".rrd" and path.is_file())
+    return [path for path in files if path != whole_of(path) or not is_finished(path)]
+
+
+def finish(path: Path) -> Path:
+    """Gives a recording its index, and a hidden one its name; where it is then.
+
+    InputError where it is still being written, holds nothing, or the disk does not take it; the file stays then.
+    """
+    final = whole_of(path)
+    try:
+        with locked(final):
+            return _finish(path, final)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputError(f"{path} cannot be repaired ({error}): make room, or see to its folder") from None
+
+
+def _finish(path: Path, final: Path) -> Path:
+    if final != path and final.exists():
+        raise InputError(f"{final} exists already: move it away, and repair again")
+    if not is_finished(path):
+        os.truncate(path, whole_bytes(path))
+        copy = part_of(final.with_name(f"repaired-{final.name}"))
+        try:
+            _copy(path, copy)
+            os.replace(copy, path)
+        finally:
+            with suppress(OSError):
+                copy.unlink(missing_ok=True)
+    os.replace(path, final)
+    return final
+
+
+def _copy(source: Path, copy: Path) -> None:
+    """Every message of one file into another, which is closed properly."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)  # that there is no index is why we are here
+        entry = next(iter(RrdReader(source).recordings()), None)
+    if entry is None:
+        raise InputError(f"{source} holds no exposure: delete it")
+    file = PipedFile(copy)
+    stream = rr.RecordingStream(entry.application_id, recording_id=entry.recording_id, send_properties=False)
+    try:
+        stream.save(file.target)
+    finally:
+        file.opened()
+    stream.log_file_from_path(source)
+    stream.flush(timeout_sec=PATIENCE_S)
+    stream.disconnect()
+    if not file.ended(PATIENCE_S) or file.failure is not None:
+        raise file.failure or TimeoutError("the disk does not answer")
+    if count_messages(copy) != count_messages(source):
+        raise InputError(f"{source} cannot be read to its end: it stays as it is")

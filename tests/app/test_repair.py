@@ -1,0 +1,96 @@
+"""`ispom repair`: what a killed run left is finished as far as it goes."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from ispom_app.cli import main
+from ispom_app.rerun_log.rrd import is_finished
+from ispom_app.run.run_folder import MARKER
+from rerun.chunk import RrdReader
+
+from ispom.ensemble import Ensemble
+from ispom.io.tum import read_tum
+from ispom.io.whole import part_of
+from tests import doubles
+from tests.app import helpers
+from tests.sequences.kitti_folder import make_drive
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no SIGKILL")
+
+
+class Killed(doubles.FakeEstimator):
+    def step(self, state, exposure, *asked):
+        if exposure.time_ns == 400_000_000:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().step(state, exposure, *asked)
+
+
+def _build_killed(config, methods, rig) -> Ensemble:
+    return doubles.ensemble(methods, Killed)
+
+
+def _run(drive: str, out: str) -> None:
+    from ispom_app.rerun_log import file_recording
+
+    file_recording.FLUSH_EVERY = 1
+    main(["run", drive, "--out", out], _build_killed)
+
+
+@pytest.fixture
+def killed(tmp_path: Path) -> Path:
+    """The folder of a run that was killed at its fifth pair, the ninth of twelve exposures."""
+    arguments = str(make_drive(tmp_path / "kitti")), str(tmp_path / "recordings" / "out")
+    process = multiprocessing.get_context("spawn").Process(target=_run, args=arguments)
+    process.start()
+    process.join(120)
+    assert process.exitcode == -signal.SIGKILL
+    return Path(arguments[1])
+
+
+def exposures(recording: Path) -> set[int]:
+    batches = [chunk.to_record_batch() for chunk in RrdReader(recording).stream().to_chunks()]
+    return {i for batch in batches if "exposure" in batch.schema.names for i in batch.column("exposure").to_pylist()}
+
+
+@pytest.mark.parametrize("place", [".", ".."])
+def test_a_killed_run_keeps_its_recording_trajectories_and_metrics(
+    place: str, killed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert part_of(killed / "run.rrd").exists() and not (killed / "stereo.tum").exists()
+    assert main(["repair", str(killed / place)]) == 0
+    said = capsys.readouterr().out
+    assert is_finished(killed / "run.rrd") and exposures(killed / "run.rrd") == set(range(8))
+    for method in ("monocular", "stereo"):
+        trajectory = read_tum(killed / f"{method}.tum")
+        assert len(trajectory) == 4 and f"{method}.tum: 4 poses" in said
+    methods = json.loads((killed / "metrics.json").read_text())["methods"]
+    assert methods["stereo"]["poses"] == 4 and methods["stereo"]["ms_per_exposure"]["median"] == pytest.approx(5)
+    assert (killed / MARKER).read_text().startswith("Repaired: 8 of 12 exposures. The run has not ended")
+    assert not [path for path in killed.iterdir() if path.name.startswith(".part-")]
+    assert main(["repair", str(killed)]) == 0 and "nothing to repair" in capsys.readouterr().out
+
+
+def test_a_recording_cut_within_a_message_is_finished(killed: Path) -> None:
+    part = part_of(killed / "run.rrd")
+    os.truncate(part, part.stat().st_size - 7)
+    assert main(["repair", str(killed)]) == 0
+    assert is_finished(killed / "run.rrd") and exposures(killed / "run.rrd") >= set(range(7))
+
+
+def test_a_complete_run_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["run", str(make_drive(tmp_path / "kitti")), "--no-recording", "--out", str(out)], helpers.build) == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert main(["repair", str(out)]) == 0 and "holds a complete run" in capsys.readouterr().out
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_folder_that_is_none_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["repair", str(tmp_path / "nowhere")]) == 2
+    assert "is no folder: give that of a run" in capsys.readouterr().err
