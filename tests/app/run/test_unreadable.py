@@ -45,7 +45,7 @@ def test_the_run_goes_on_without_one(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_a_second_in_less_than_two_hundred_ends_it() -> None:
     run = Playback(spoilt(40, 41), METHODS, builder=helpers.build)
-    with pytest.raises(InputError, match=r"image 41 is not a whole image: restore it \(left out before it: 1\)"):
+    with pytest.raises(InputError, match=r"image 41 is not a whole image: restore it \(skipped before it: 1\)"):
         while not run.done:
             run.step()
     assert run.position == 41
