@@ -55,8 +55,8 @@ def moving(i: int) -> int:
     return i
 
 
-def still(i: int) -> int:
-    return 0 * i
+def still(_: int) -> int:
+    return 0
 
 
 def stopping(i: int) -> int:
