@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ispom.estimators.frame_interval import FrameInterval
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_report import report
-from ispom.estimators.modern.integrated.joint_window import USUAL_KNOT_FRAMES, JointWindow, Noise, View
+from ispom.estimators.modern.integrated.joint_window import USUAL_KNOT_FRAMES, JointWindow
+from ispom.estimators.modern.integrated.view import Noise, View
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range

@@ -1,0 +1,121 @@
+"""What the joint window holds: views of exposures, their points, and what poses are told relative to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
+from ispom.solvers.continuous import (
+    Points,
+    Spread,
+)
+from ispom.solvers.late_shutter import drift
+from ispom.solvers.window import offset_at
+
+LEAST_DISPARITY = 1 / 2000
+"""Normalised; a smaller one says no more than that the point is far."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What was seen at one exposure."""
+
+    time_ns: int
+    video: bool
+    ids: NDArray[np.int64]
+    """(N,) ascending; even in the video, odd in stereo pairs."""
+    seen: Array
+    """(N, 2) normalised coordinates in the video or the left camera."""
+    disparity: Array
+    """(N,) x in the left camera minus that in the right one, as matched; NaN where unknown, and for the video."""
+    rate: Array = field(default_factory=lambda: np.zeros(6))
+    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) that a late right shutter is held to see."""
+    world_from_rig: Pose = field(default_factory=Pose)
+    placed: bool = True
+    """Whether the pose is from what was seen; else it is that of the view before."""
+    information: Array | None = None
+    """(6, 6) of the pose as first located."""
+    best: Pose | None = None
+    """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
+
+    carried: tuple[tuple[int, Pose], ...] = ()
+    """Time and rig_from_later_rig of video frames after it that were thinned out: they move along with this view."""
+
+    def poses(self) -> list[tuple[int, Pose, bool]]:
+        """Time, world_from_rig, whether of the video: its own, and those of the frames that it carries."""
+        pose = self.best or self.world_from_rig
+        return [(self.time_ns, pose, self.video), *((t, pose @ way, True) for t, way in self.carried)]
+
+    def carrying(self, later: View) -> View:
+        """With a later view that is none any more: it and what it carried move along with this one."""
+        way = self.world_from_rig.inverse() @ later.world_from_rig
+        carried = ((later.time_ns, way), *((t, way @ further) for t, further in later.carried))
+        return replace(self, carried=(*self.carried, *carried))
+
+    def rectified(self, extra: Array, baseline_m: float) -> Array:
+        """(N,) disparities without what is wrong with the pair, `extra` (4,) of window.Window."""
+        right, lag = self.seen[:, 0] - self.disparity, extra[1]
+        parallel = self.disparity + offset_at(right, extra)
+        depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
+        near = np.column_stack([self.seen, np.ones(len(self.seen))]) * depth[:, None]
+        late = drift(near, np.broadcast_to(self.rate, (len(near), 6)), lag, baseline_m)
+        return parallel + (1 + right**2) * lag * late
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The points known by now."""
+
+    ids: NDArray[np.int64]
+    """(M,) ascending."""
+    points: Points
+
+    @staticmethod
+    def empty() -> Table:
+        return Table(np.zeros(0, np.int64), Points(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))))
+
+    def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N,) index of each id, -1 where unknown."""
+        return places(self.ids, ids)
+
+    def select(self, index: NDArray) -> Table:
+        p = self.points
+        return Table(self.ids[index], Points(p.anchors_r[index], p.anchors_t[index], p.values[index]))
+
+    def with_new(self, ids: NDArray[np.int64], anchor: Pose, values: Array) -> Table:
+        """With points that are anchored in a camera's pose."""
+        n, p = len(ids), self.points
+        all_ids = np.concatenate([self.ids, ids])
+        rotations = np.concatenate([p.anchors_r, np.repeat(anchor.rotation[None], n, 0)])
+        positions = np.concatenate([p.anchors_t, np.repeat(anchor.translation[None], n, 0)])
+        found = Table(all_ids, Points(rotations, positions, np.concatenate([p.values, values])))
+        return found.select(np.argsort(all_ids, kind="stable"))
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviations of what is seen, in normalised units, and the loss beyond them."""
+
+    video: float
+    stereo: float
+    disparity: float
+    loss: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The exposure that what is known of the points, and of later poses, is relative to: its own error is no part."""
+
+    time_ns: int
+    world_from_rig: Pose
+    ids: NDArray[np.int64]
+    """(K,) of the points whose errors are known, ascending."""
+    spread: Spread
+    newest: Array
+    """(6, 6) covariance of the newest pose that was adjusted."""
+    drift: Array
+    """(6, 6) covariance of the exposure's own pose in the window's world."""
