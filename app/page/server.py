@@ -97,8 +97,9 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         server.close()
     finally:
         _say("closing …")
-        if not await asyncio.to_thread(backends.session.close, CLOSE_S):
-            _say("The worker was still busy: a recording that was going on ends with what was written so far.")
+        recording = backends.session.state.recording
+        if not await asyncio.to_thread(backends.session.close, CLOSE_S) and recording is not None:
+            _say(f"The worker was still busy: {recording.name} ends with what was written so far.")
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(runner.cleanup(), 0.7)
     return 0
