@@ -105,7 +105,7 @@ def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def mattered(run: Run) -> list[Said]:
-    """Failed checks that state a consequence, or that nearly always pass."""
+    """Failed requirements that state a consequence, or that nearly always pass."""
     outcomes: dict[tuple[str, str], list[bool]] = {}
     for said in run.decisions:
         outcomes.setdefault((said.method, said.decision.name), []).append(said.decision.passed)
@@ -113,7 +113,7 @@ def mattered(run: Run) -> list[Said]:
     return [
         said
         for said in run.decisions
-        if not said.decision.passed and (said.decision.consequence or (said.method, said.decision.name) not in routine)
+        if said.decision.failed and (said.decision.consequence or (said.method, said.decision.name) not in routine)
     ]
 
 

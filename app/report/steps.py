@@ -65,6 +65,8 @@ def read_decisions(path: Path) -> tuple[Said, ...]:
     for line, row in _rows(path, DECISION_COLUMNS):
         if row["relation"] not in (">=", "<=", ">", "<", "="):
             raise _wrong(path, line, "relation", row)
+        if row["kind"] not in ("requirement", "trigger", "finding"):
+            raise _wrong(path, line, "kind", row)
         decision = Decision(
             row["name"],
             _number(path, line, row, "value"),
@@ -73,6 +75,10 @@ def read_decisions(path: Path) -> tuple[Said, ...]:
             row["unit"],
             row["relation"],  # type: ignore[arg-type]
             row["consequence"],
+            row["key"],
+            row["question"],
+            row["kind"],  # type: ignore[arg-type]
+            row["about"],
         )
         exposure, time_ns = _whole(path, line, row, "exposure"), _whole(path, line, row, "time_ns")
         found.append(Said(exposure, time_ns, row["method"], decision))

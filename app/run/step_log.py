@@ -27,6 +27,10 @@ DECISION_COLUMNS = (
     "exposure",
     "time_ns",
     "method",
+    "key",
+    "about",
+    "question",
+    "kind",
     "name",
     "value",
     "relation",
@@ -95,7 +99,7 @@ def _decision_rows(event: Stepped, step: Step) -> Iterator[list[Any]]:
     for d in step.decisions:
         value, threshold = _number(d.value), _number(d.threshold)
         yield [
-            *(event.index, step.time_ns, step.method, d.name),
+            *(event.index, step.time_ns, step.method, d.key, d.about, d.question, d.kind, d.name),
             *(value, d.relation, threshold, d.unit, int(d.passed), d.consequence),
         ]
 

@@ -53,16 +53,16 @@ def test_triggers_answer_whether_there_is_a_key_frame(steps: list[Step]) -> None
 
 
 @pytest.mark.parametrize("method", CHECKS)
-def test_keys_are_slugs_and_triggers_have_a_question(method: str) -> None:
+def test_keys_are_plain_names_and_triggers_have_a_question(method: str) -> None:
     for key, check in CHECKS[method].items():
-        assert re.fullmatch(r"[a-z]+(-[a-z]+)*", key)
+        assert re.fullmatch(r"[a-z]+(_[a-z]+)*", key)
         assert check.question.endswith("?") or (not check.question and check.kind != "trigger")
 
 
 @pytest.mark.parametrize(("relation", "passes"), [(">=", True), ("<=", True), (">", False), ("<", False)])
 def test_a_check_compares_as_its_relation_says(relation: str, passes: bool) -> None:
-    found = Check("a-key", "a name", "finding", relation=relation, unit="px").of(2, 2, "so")  # type: ignore[arg-type]
-    assert found == Decision("a name", 2.0, 2.0, passes, "px", relation, "so", "a-key", "", "finding")  # type: ignore
+    found = Check("a_key", "a name", "finding", relation=relation, unit="px").of(2, 2, "so")  # type: ignore[arg-type]
+    assert found == Decision("a name", 2.0, 2.0, passes, "px", relation, "so", "a_key", "", "finding")  # type: ignore
 
 
 def test_two_checks_of_one_key_are_refused() -> None:

@@ -45,7 +45,7 @@ def test_pairs_farther_apart_than_the_window_has_views_are_adjusted_together(
     pairs = [e.time_ns for e in given if isinstance(e, StereoPair)]
     inside = [e.time_ns for e in given if isinstance(e, VideoFrame) and pairs[0] <= e.time_ns <= pairs[1]]
     assert len(inside) > 40 >= len(state.window.views)
-    assert {"views", "joint-cost"} <= {d.key for s in steps for d in s.decisions}
+    assert {"views", "joint_cost"} <= {d.key for s in steps for d in s.decisions}
     assert found.times_ns.tolist() == inside
     _, _, whole = walked(flight, given, ModernIntegratedConfig())
     assert errors_m(found, flight).max() < max(0.02, 1.5 * errors_m(whole, flight).max())
@@ -73,6 +73,6 @@ def test_one_bad_time_stamp_makes_no_thousand_knots(flight: Sequence, exposures:
     assert isinstance(late, VideoFrame)
     given[frames[25]] = VideoFrame(before.time_ns + 100_000, late.image)
     _, steps, _ = walked(flight, given, ModernIntegratedConfig())
-    told = [d.consequence for s in steps for d in s.decisions if d.key == "joint-cost"]
+    told = [d.consequence for s in steps for d in s.decisions if d.key == "joint_cost"]
     knots = [int(re.search(r"(\d+) knots", text)[1]) for text in told]  # type: ignore[index]
     assert knots and max(knots) < 100

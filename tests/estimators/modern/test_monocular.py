@@ -148,7 +148,7 @@ def test_a_plane_starts_a_map(flight: Sequence) -> None:
         if begun.map is not None:
             break
     assert begun is not None and begun.map is not None
-    assert any(d.key == "plane-share" and d.passed for d in begun.decisions)
+    assert any(d.key == "plane_share" and d.passed for d in begun.decisions)
     found = Trajectory.of(begun.map.trajectory())
     assert len(found) == i + 1
     target = np.array([truth[int(t)].translation for t in found.times_ns])

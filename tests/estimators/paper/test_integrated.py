@@ -59,5 +59,5 @@ def test_where_pairs_stop_the_newest_frames_stay_and_live_poses_go_on() -> None:
     state, steps = walked([i * every_ns for i in range(3 * MOST_FRAMES)], [i * SECOND_NS // 3 for i in range(1, 8)])
     assert len(state.frames_ns) < 1.2 * MOST_FRAMES and len(state.video) < 1.2 * MOST_FRAMES
     last = steps[-1]
-    assert last.world_from_frame is not None and [d.key for d in last.decisions] == ["open-frames"]
+    assert last.world_from_frame is not None and [d.key for d in last.decisions] == ["open_frames"]
     assert np.linalg.norm(last.world_from_frame.translation - pose_at(last.time_ns).translation) < 0.05
