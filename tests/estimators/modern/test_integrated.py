@@ -49,7 +49,7 @@ def test_every_video_frame_between_the_pairs_is_placed_far_better_than_by_interp
     estimator: Alone, walked: tuple[list, list[Step]], flight: Sequence
 ) -> None:
     states, _ = walked
-    found, stereo = estimator.finish(states[-1]), estimator.finish_parts(states[-1])["stereo"]
+    found, stereo = estimator.finish(states[-1]), estimator.finish_asked(states[-1], "stereo")
     assert found.times_ns.tolist() == video_times(flight)
     assert flight.truth is not None
     between = between_stereo_rmse_m(found, stereo, flight.truth)
@@ -87,7 +87,7 @@ def test_covariances_are_stereos_at_the_pairs_and_grow_from_there(walked: tuple[
 def test_knots_are_chosen_from_the_motion_and_told(walked: tuple[list, list[Step]]) -> None:
     told = [d for s in walked[1] for d in s.decisions if d.name.startswith("misfit")]
     assert told and all("knots every" in d.consequence for d in told)
-    assert min(walked[0][-1].window.knots) <= 2.5  # a hand shakes
+    assert min(walked[0][-1]["integrated"].window.knots) <= 2.5  # a hand shakes
 
 
 def same(a: Trajectory, b: Trajectory) -> bool:
@@ -152,7 +152,7 @@ def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight
     faulty = replace(faulty, rig=replace(faulty.rig, rig_from_video=Pose(video.rotation, video.translation + shift)))
     estimator = estimator_of(faulty, estimate_clock=True, estimate_rig=True)
     states, steps = walk(estimator, [faulty[i] for i in range(len(faulty))])
-    found = states[-1].window.rig
+    found = states[-1]["integrated"].window.rig
     turned = so3_log(flight.rig.rig_from_video.rotation.T @ found.rig_from_video.rotation)
     assert found.clock_offset_s == pytest.approx(0.02, abs=1e-3)
     assert np.degrees(np.linalg.norm(turned)) < 0.25  # half the resolution and an eighth of the time of sim:city
