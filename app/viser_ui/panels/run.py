@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 SPEEDS: dict[str, float | None] = {"max": None, "4 x": 4.0, "2 x": 2.0, "1 x": 1.0, "0.5 x": 0.5, "0.2 x": 0.2}
-BACK, PLAY, PAUSE, FORWARD = "◀ Step", "▶ Play", "⏸ Pause", "Step ▶"
+BACK, PLAY, PAUSE, FORWARD = "◀ Step", "▶ Play", "‖ Pause", "Step ▶"
 HAND_S = 0.4
 """How long after a person moved the slider the program leaves it alone."""
 

@@ -63,6 +63,13 @@ def test_an_error_is_dismissed_covers_nothing_and_does_not_come_back(page: Page)
     page.controls.get_by_role("button", name=re.compile("Play|Pause")).wait_for()
 
 
+def test_a_long_message_never_pushes_the_exposure_out_of_the_bar(page: Page):
+    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.tab.evaluate("document.getElementById('compiling').textContent = 'compiling the estimators '.repeat(20)")
+    box = page.tab.locator("#time").bounding_box()
+    assert box["x"] + box["width"] <= 1280
+
+
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_labels_of_the_panel_can_be_read(browser, app: App, scheme: str):  # noqa: F811
     tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme=scheme)
