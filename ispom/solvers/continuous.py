@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp, so3_log
 from ispom.solvers.cholesky import factor, inverse_factored, solve_factored
-from ispom.solvers.normal_equations import RIG, point_rows, point_steps, reduce, squared_errors
+from ispom.solvers.normal_equations import RIG, point_sensitivity, point_steps, reduce, squared_errors
 from ispom.solvers.spline import Sampled, Spline, add_smoothness
 
 VIDEO, LEFT = 0, 1
@@ -26,7 +26,7 @@ WIDER = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class AnchoredPoints:
     """Points of the scene, each in its anchor: a frame at rest in the world."""
 
     anchors_r: Array
@@ -48,7 +48,7 @@ class Points:
 
 
 @dataclass(frozen=True, eq=False)
-class Observations:
+class RigObservations:
     """Where the cameras saw the points; sorted by point."""
 
     exposure: NDArray[np.int64]
@@ -107,7 +107,7 @@ class PosePrior:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class SplineProblem:
     """All that is known; `solve` gives the same with better values."""
 
     spline: Spline
@@ -115,10 +115,10 @@ class Problem:
     """(E,) of the exposures, as stamped."""
     video: NDArray[np.bool_]
     """(E,) which of them are the video camera's."""
-    points: Points
-    observations: Observations
+    points: AnchoredPoints
+    observations: RigObservations
     rig: RigModel
-    belief: RigModel
+    rig_prior: RigModel
     """What was known about the rig before these observations."""
     prior: PosePrior
     depth_prior: Array
@@ -134,20 +134,26 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
-    """How unsure points are, and what they share: errors of points (K, 3) are rows @ z + own, z and own independent."""
+class PointUncertainty:
+    """Covariance of points, correlated through what they were triangulated from.
 
-    rows: Array
+    The error of a point (3,) is sensitivity @ z + e: z the error of spline and rig, e its own; all independent.
+    """
+
+    sensitivity: Array
     """(K, 3, n)."""
-    own: Array
-    """(K, 3, 3) covariances."""
-    unknowns: Array
-    """(n, n) covariance of z, the unknowns of spline and rig."""
+    conditional: Array
+    """(K, 3, 3) covariances of e: those of the points where spline and rig are given."""
+    parameters: Array
+    """(n, n) covariance of z."""
+
+    def select(self, index: NDArray) -> PointUncertainty:
+        return PointUncertainty(self.sensitivity[index], self.conditional[index], self.parameters)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    problem: Problem
+    problem: SplineProblem
     sampled: Sampled
     hessian: Array
     """(n, n) of knots and rig at the end, points and undamped, with nothing that holds the world in its place."""
@@ -159,7 +165,7 @@ class Solution:
     cost_after: float
     iterations: int
 
-    def unknowns(self, held: PosePrior) -> Array:
+    def parameter_covariance(self, held: PosePrior) -> Array:
         """(n, n) covariance of knots and rig where a pose is known as `held` says; zero for what is not free."""
         knots = 6 * len(self.problem.spline)
         j = self.sampled.jacobian(held.exposure, len(self.problem.spline))
@@ -169,31 +175,31 @@ class Solution:
         full[np.ix_(free, free)] = inverse_factored(factor(hessian[np.ix_(free, free)]))
         return full
 
-    def covariance(self, e: int, unknowns: Array) -> Array:
-        """(6, 6) of the pose at exposure e as a twist (rho, phi) on its right, from that of the unknowns."""
+    def pose_covariance(self, e: int, parameters: Array) -> Array:
+        """(6, 6) of the pose at exposure e, a twist (rho, phi) on its right; `parameters` as `parameter_covariance`."""
         s, k = self.sampled, 6 * int(self.sampled.first[e])
         j = s.jacobian(e, len(self.problem.spline))[:, k : k + 24]
         turn = np.vstack([s.rotations[e].T @ j[3:], j[:3]])
-        return turn @ unknowns[k : k + 24, k : k + 24] @ turn.T
+        return turn @ parameters[k : k + 24, k : k + 24] @ turn.T
 
-    def spread(self, chosen: NDArray[np.int64], unknowns: Array) -> Spread:
+    def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array) -> PointUncertainty:
         """Of the chosen points (K,), in their values."""
         inverses, _, cross, cross_rig = self.eliminated
         o, s, knots = self.problem.observations, self.sampled, len(self.problem.spline)
-        rows = point_rows(
+        sensitivity = point_sensitivity(
             chosen, s.first, s.rotation_jacobians, s.weights, knots, o.exposure, o.owner, inverses, cross, cross_rig
         )
-        return Spread(rows, inverses[chosen], unknowns)
+        return PointUncertainty(sensitivity, inverses[chosen], parameters)
 
-    def believed(self, unknowns: Array) -> RigModel:
-        """The rig, with what is left to doubt about it as its information."""
+    def refined_rig(self, parameters: Array) -> RigModel:
+        """The rig as estimated, with the information that its covariance leaves."""
         free, rig = np.flatnonzero(self.problem.rig.free), self.problem.rig
         information = rig.information.copy()
-        information[np.ix_(free, free)] = np.linalg.inv(unknowns[-RIG:, -RIG:][np.ix_(free, free)])
+        information[np.ix_(free, free)] = np.linalg.inv(parameters[-RIG:, -RIG:][np.ix_(free, free)])
         return replace(rig, information=information)
 
 
-def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
+def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
     """Minimises the robust reprojection errors.
 
     Ends early when a step lowers the cost by less than the share `tolerance`. Where the errors are much wider than the
@@ -214,13 +220,13 @@ def solve(problem: Problem, iterations: int = 8, tolerance: float = 1e-3) -> Sol
     return Solution(problem, sampled, hessian, points, np.sqrt(_squares(problem, sampled)), before, cost, done)
 
 
-def _typical(problem: Problem) -> float:
+def _typical(problem: SplineProblem) -> float:
     """Median error [standard deviations] of the camera that fits worst."""
     errors, camera = np.sqrt(_squares(problem, problem.sampled())), problem.observations.camera
     return max((float(np.median(errors[camera == c])) for c in np.unique(camera)), default=0.0)
 
 
-def _descended(problem: Problem, iterations: int, tolerance: float) -> tuple[Problem, Sampled, float, int]:
+def _descended(problem: SplineProblem, iterations: int, tolerance: float) -> tuple[SplineProblem, Sampled, float, int]:
     """With better values, sampled, the cost, and the steps that it took."""
     damping, done = 1e-4, 0
     sampled = problem.sampled()
@@ -247,29 +253,29 @@ def _descended(problem: Problem, iterations: int, tolerance: float) -> tuple[Pro
     return problem, sampled, cost, done
 
 
-def _free(problem: Problem) -> NDArray[np.int64]:
+def _free(problem: SplineProblem) -> NDArray[np.int64]:
     """Unknowns that may change."""
     return np.flatnonzero(np.concatenate([np.ones(6 * len(problem.spline), bool), problem.rig.free]))
 
 
-def _observed(problem: Problem) -> tuple:
+def _observed(problem: SplineProblem) -> tuple:
     o, p = problem.observations, problem.points
     return o.exposure, o.camera, o.owner, o.seen, o.inverse_sigma, p.anchors_r, p.anchors_t, p.values
 
 
-def _squares(problem: Problem, sampled: Sampled) -> Array:
+def _squares(problem: SplineProblem, sampled: Sampled) -> Array:
     rig = problem.rig
     return squared_errors(sampled.rotations, sampled.positions, *rig.arrays(), rig.baseline_m, *_observed(problem))
 
 
-def _prior_residual(problem: Problem, sampled: Sampled) -> Array:
+def _prior_residual(problem: SplineProblem, sampled: Sampled) -> Array:
     """(6,) of the pose that holds the world: rotation in the rig, position."""
     e, pose = problem.prior.exposure, problem.prior.world_from_rig
     turn = so3_log(pose.rotation.T @ sampled.rotations[e])
     return np.concatenate([turn, sampled.positions[e] - pose.translation])
 
 
-def _cost(problem: Problem, sampled: Sampled) -> float:
+def _cost(problem: SplineProblem, sampled: Sampled) -> float:
     squares, c2 = _squares(problem, sampled), problem.loss**2
     cost = 0.5 * c2 * float(np.log1p(squares / c2).sum())
     depth = problem.points.values[:, 2] - problem.depth_prior[:, 0]
@@ -279,11 +285,11 @@ def _cost(problem: Problem, sampled: Sampled) -> float:
     cost += add_smoothness(
         spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, np.zeros((n, n)), np.zeros(n)
     )
-    r, g = _prior_residual(problem, sampled), problem.rig.minus(problem.belief)
-    return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ problem.belief.information @ g)
+    r, g = _prior_residual(problem, sampled), problem.rig.minus(problem.rig_prior)
+    return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ problem.rig_prior.information @ g)
 
 
-def _normal_equations(problem: Problem, sampled: Sampled, damping: float) -> tuple[Array, Array, tuple]:
+def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array, tuple]:
     """Reduced Hessian and right side, with all priors; and what finds the points' step."""
     s, spline = sampled, problem.spline
     arguments: tuple[Any, ...] = (s.rotations, s.positions, s.first, s.rotation_jacobians, s.weights, s.rates)
@@ -296,12 +302,12 @@ def _normal_equations(problem: Problem, sampled: Sampled, damping: float) -> tup
     knots = slice(0, 6 * len(spline))
     hessian[knots, knots] += j.T @ problem.prior.information @ j
     right[knots] -= j.T @ (problem.prior.information @ r)
-    hessian[-RIG:, -RIG:] += problem.belief.information
-    right[-RIG:] -= problem.belief.information @ problem.rig.minus(problem.belief)
+    hessian[-RIG:, -RIG:] += problem.rig_prior.information
+    right[-RIG:] -= problem.rig_prior.information @ problem.rig.minus(problem.rig_prior)
     return hessian, right, tuple(points)
 
 
-def _step(problem: Problem, sampled: Sampled, damping: float) -> tuple[Array, Array]:
+def _step(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array]:
     """One damped step: (n,) of knots and rig, (M, 3) of the points."""
     hessian, right, points = _normal_equations(problem, sampled, damping)
     free, step = _free(problem), np.zeros(len(right))

@@ -19,7 +19,7 @@ LEAST = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Located:
+class PoseFit:
     camera_from_world: Pose
     distances: Array
     """(N,) reprojection errors over all images, normalised; 1e9 behind the camera."""
@@ -29,7 +29,7 @@ class Located:
     """(6, 6) of the left twist (rho, phi), the loss's scale taken as the standard deviation."""
 
 
-def locate(
+def fit_pose(
     xyz: Array,
     seen: Array,
     guess: Pose,
@@ -38,7 +38,7 @@ def locate(
     baseline: float = 0.0,
     prior: Array | None = None,
     widest: float = np.inf,
-) -> Located | None:
+) -> PoseFit | None:
     """camera_from_world from points (N, 3) seen at normalised x, y (N, 2), or by a pair at x, y, right x (N, 3).
 
     The right x is NaN where unknown, else that of a perfect pair. Gauss-Newton with Cauchy weights of `scale`, wider at
@@ -81,7 +81,7 @@ def locate(
     inliers = distances <= threshold
     if inliers.sum() < LEAST:
         return None
-    return Located(Pose(rotation[0], translation[0]), distances, inliers, information + held)
+    return PoseFit(Pose(rotation[0], translation[0]), distances, inliers, information + held)
 
 
 def _median(values: Array) -> float:

@@ -271,7 +271,7 @@ def point_steps(step, first, turns, weights, knots, exposure, owner, inverses, s
 
 
 @kernel()
-def point_rows(chosen, first, turns, weights, knots, exposure, owner, inverses, cross, cross_rig):
+def point_sensitivity(chosen, first, turns, weights, knots, exposure, owner, inverses, cross, cross_rig):
     """(K, 3, n): how each of the chosen points (K,) follows the unknowns of spline and rig."""
     n = 6 * knots + RIG
     number = np.full(len(inverses), -1)

@@ -9,7 +9,7 @@ import numpy as np
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.path import Path
-from ispom.solvers.continuous import LEFT, VIDEO, Observations, Points, PosePrior, Problem, RigModel
+from ispom.solvers.continuous import LEFT, VIDEO, AnchoredPoints, PosePrior, RigModel, RigObservations, SplineProblem
 from ispom.solvers.spline import Spline
 
 RIG = simulated_rig()
@@ -57,7 +57,7 @@ def problem_of(
     turn_rig: Array | None = None,
     estimate_clock: bool = False,
     seed: int = 1,
-) -> Problem:
+) -> SplineProblem:
     """The problem with a poor start: the spline interpolates the stereo poses, and all points are at one depth.
 
     Even point numbers are seen by the video camera, odd ones by the pair: they share no points, only the spline.
@@ -87,10 +87,10 @@ def problem_of(
                 priors.append([0.1, 1.0])
             rows.append((e, number, first, *seen, disparity, 1 / sigma, 1 / sigma, known / sigma))
     table = np.array(rows)
-    points = Points(
+    points = AnchoredPoints(
         np.stack([a.rotation for a in anchors]), np.stack([a.translation for a in anchors]), np.array(values)
     )
-    observations = Observations(
+    observations = RigObservations(
         table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].astype(int), table[:, 3:6], table[:, 6:9]
     )
     video = RIG.rig_from_video
@@ -107,7 +107,7 @@ def problem_of(
     guess = [_between(flight.times_s[stereo], ends, t) for t in at]
     spline = Spline(start, spacing_s, np.stack([g.rotation for g in guess]), np.stack([g.translation for g in guess]))
     prior = PosePrior(0, Pose(), np.eye(6) * 1e8)
-    return Problem(spline, flight.times_s, flight.video, points, observations, rig, rig, prior, np.array(priors))
+    return SplineProblem(spline, flight.times_s, flight.video, points, observations, rig, rig, prior, np.array(priors))
 
 
 def _between(times_s: Array, poses: list[Pose], time_s: float) -> Pose:

@@ -9,7 +9,7 @@ import pytest
 
 from ispom.geometry import so3_log
 from ispom.solvers import continuous
-from ispom.solvers.continuous import Problem, solve
+from ispom.solvers.continuous import SplineProblem, solve
 from ispom.solvers.normal_equations import RIG
 from ispom.solvers.spline import Spline
 from tests.solvers.made_flight import Flight, made_flight, problem_of
@@ -42,7 +42,7 @@ def test_spline_jacobians_and_rates_are_those_of_finite_differences() -> None:
     np.testing.assert_allclose(np.hstack([turn, (high.positions - low.positions) / (2 * eps)]), at.rates, atol=1e-6)
 
 
-def cost(problem: Problem) -> float:
+def cost(problem: SplineProblem) -> float:
     return continuous._cost(problem, problem.sampled())
 
 
@@ -51,7 +51,7 @@ def test_gradient_is_that_of_finite_differences() -> None:
         made_flight(0.5, 30), noise_px=0.5, turn_rig=np.array([0.01, -0.02, 0.01]), estimate_clock=True
     )
     problem = replace(problem, rig=replace(problem.rig, clock_offset_s=0.003), loss=50.0)
-    problem = replace(problem, belief=problem.rig.moved(np.array([0.01, 0.02, -0.01, 0.02, 0.01, 0.03, 0.002])))
+    problem = replace(problem, rig_prior=problem.rig.moved(np.array([0.01, 0.02, -0.01, 0.02, 0.01, 0.03, 0.002])))
     n, eps = 6 * len(problem.spline) + RIG, 1e-6
     # With so much damping the points are held, and the right side is the gradient itself.
     _, right, points = continuous._normal_equations(problem, problem.sampled(), 1e16)
@@ -74,7 +74,7 @@ def test_gradient_is_that_of_finite_differences() -> None:
         np.testing.assert_allclose(difference, side[m, k], rtol=1e-3, atol=1e-4 * np.abs(side[:, k]).max())
 
 
-def position_errors(flight: Flight, problem: Problem) -> np.ndarray:
+def position_errors(flight: Flight, problem: SplineProblem) -> np.ndarray:
     truth = np.stack([flight.truth(e).translation for e in range(len(flight.times_s))])
     return np.linalg.norm(problem.sampled().positions - truth, axis=1)
 

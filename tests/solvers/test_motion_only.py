@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Pose
-from ispom.solvers.motion_only import locate
+from ispom.solvers.motion_only import fit_pose
 
 BASELINE, SCALE = 0.5, 0.5 / 700
 TRUTH = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, -1.1]))
@@ -26,13 +26,13 @@ def error(found: Pose) -> float:
 
 def test_exact_points_give_the_pose_of_a_pair() -> None:
     xyz, seen = scene()
-    found = locate(xyz, seen, Pose(), SCALE, 5 * SCALE, BASELINE)
+    found = fit_pose(xyz, seen, Pose(), SCALE, 5 * SCALE, BASELINE)
     assert found is not None and found.inliers.all() and error(found.camera_from_world) < 1e-7
 
 
 def test_exact_points_give_the_pose_of_one_camera() -> None:
     xyz, seen = scene()
-    found = locate(xyz, seen[:, :2], Pose(), SCALE, 5 * SCALE)
+    found = fit_pose(xyz, seen[:, :2], Pose(), SCALE, 5 * SCALE)
     assert found is not None and found.distances.max() < 1e-9 and error(found.camera_from_world) < 1e-7
 
 
@@ -40,7 +40,7 @@ def test_a_pair_without_right_places_is_one_camera() -> None:
     xyz, seen = scene()
     seen[:, 2] = np.nan
     seen += 0.1 * SCALE * np.random.default_rng(1).standard_normal(seen.shape)
-    pair, one = locate(xyz, seen, TRUTH, SCALE, 1.0, BASELINE), locate(xyz, seen[:, :2], TRUTH, SCALE, 1.0)
+    pair, one = fit_pose(xyz, seen, TRUTH, SCALE, 1.0, BASELINE), fit_pose(xyz, seen[:, :2], TRUTH, SCALE, 1.0)
     assert pair is not None and one is not None
     assert np.array_equal(pair.camera_from_world.matrix, one.camera_from_world.matrix)
 
@@ -50,7 +50,7 @@ def test_gross_errors_and_missing_right_places_are_survived() -> None:
     seen[::5] += 0.05
     seen[::3, 2] = np.nan
     guess = Pose.exp(np.array([0.05, 0.02, 0.1, 0.002, 0.005, -0.003])) @ TRUTH
-    found = locate(xyz, seen, guess, SCALE, 5 * SCALE, BASELINE)
+    found = fit_pose(xyz, seen, guess, SCALE, 5 * SCALE, BASELINE)
     assert found is not None and found.inliers.tolist() == [i % 5 != 0 for i in range(len(xyz))]
     assert error(found.camera_from_world) < 1e-4
 
@@ -59,7 +59,7 @@ def test_gross_errors_of_one_camera_lose_their_weight() -> None:
     xyz, seen = scene()
     seen[::4] += 0.2
     guess = Pose.exp(np.array([0.05, 0.02, 0.1, 0.002, 0.02, -0.003])) @ TRUTH
-    found = locate(xyz, seen[:, :2], guess, SCALE, 3 * SCALE)
+    found = fit_pose(xyz, seen[:, :2], guess, SCALE, 3 * SCALE)
     assert found is not None and found.inliers.tolist() == [i % 4 != 0 for i in range(len(xyz))]
     assert error(found.camera_from_world) < 1e-3
 
@@ -69,7 +69,7 @@ def test_a_poor_guess_ends_where_the_points_agree() -> None:
     xyz, seen = scene()
     seen = seen + 0.1 * SCALE * np.random.default_rng(1).standard_normal(seen.shape)
     guess = Pose.exp(np.array([0.02, 0.03, -0.5, 0.002, 0.001, 0.002])) @ TRUTH
-    found = locate(xyz, seen, guess, SCALE, 5 * SCALE, BASELINE)
+    found = fit_pose(xyz, seen, guess, SCALE, 5 * SCALE, BASELINE)
     assert found is not None and found.inliers.all() and error(found.camera_from_world) < 0.003
 
 
@@ -78,14 +78,14 @@ def test_from_a_good_guess_the_lesser_part_of_the_points_suffices() -> None:
     xyz, seen = scene()
     seen[40:] += np.random.default_rng(2).uniform(-0.3, 0.3, (80, 3))
     guess = Pose.exp(np.array([0.01, 0.0, 0.02, 0.0, 0.001, 0.0])) @ TRUTH
-    found = locate(xyz, seen[:, :2], guess, SCALE, 3 * SCALE, widest=3 * SCALE)
+    found = fit_pose(xyz, seen[:, :2], guess, SCALE, 3 * SCALE, widest=3 * SCALE)
     assert found is not None and found.inliers[:40].all() and error(found.camera_from_world) < 1e-3
 
 
 def test_a_prior_holds_what_few_points_leave_open() -> None:
     xyz, seen = scene()
     guess = Pose(translation=np.array([0.1, -0.05, -1.1]))
-    held = locate(xyz[:6], seen[:6], guess, SCALE, 1.0, BASELINE, prior=np.eye(6) * 1e12)
+    held = fit_pose(xyz[:6], seen[:6], guess, SCALE, 1.0, BASELINE, prior=np.eye(6) * 1e12)
     assert held is not None
     np.testing.assert_allclose(held.camera_from_world.matrix, guess.matrix, atol=1e-4)
 
@@ -97,7 +97,7 @@ def test_the_information_predicts_the_scatter(images: int) -> None:
     rng, sigma, nees = np.random.default_rng(1), 1e-4, []
     for _ in range(60):
         noisy = (seen + rng.normal(0, sigma, seen.shape))[:, :images]
-        found = locate(xyz, noisy, TRUTH, 10 * sigma, 20 * sigma, BASELINE)
+        found = fit_pose(xyz, noisy, TRUTH, 10 * sigma, 20 * sigma, BASELINE)
         assert found is not None
         twist = (found.camera_from_world @ TRUTH.inverse()).log()
         nees.append(twist @ found.information @ twist * 10**2)
@@ -106,5 +106,5 @@ def test_the_information_predicts_the_scatter(images: int) -> None:
 
 def test_too_few_points_are_no_pose() -> None:
     xyz, seen = scene()
-    assert locate(xyz[:5], seen[:5], TRUTH, SCALE, SCALE, BASELINE) is None
-    assert locate(xyz, seen + 1, TRUTH, SCALE, SCALE, BASELINE) is None
+    assert fit_pose(xyz[:5], seen[:5], TRUTH, SCALE, SCALE, BASELINE) is None
+    assert fit_pose(xyz, seen + 1, TRUTH, SCALE, SCALE, BASELINE) is None

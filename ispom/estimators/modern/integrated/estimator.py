@@ -23,7 +23,7 @@ from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.solvers.anchoring import anchored
 from ispom.solvers.continuous import RigModel
-from ispom.solvers.located import located_covariance, located_information
+from ispom.solvers.pose_covariance import pose_covariance, pose_information
 from ispom.solvers.resection import Resection, refine_pose, resect
 from ispom.stopwatch import Stopwatch
 from ispom.types import (
@@ -268,7 +268,7 @@ class ModernIntegrated:
     def _information(self, window: JointWindow, view: View) -> Array:
         """(6, 6) of a pose by resection, relative to the points."""
         place = window.table.places(view.ids)
-        return located_information(
+        return pose_information(
             view.world_from_rig,
             window.rig.rig_from_video if view.video else window.rig.rig_from_left,
             window.table.select(place[place >= 0]).points,
@@ -280,11 +280,10 @@ class ModernIntegrated:
     def _located_covariance(self, window: JointWindow, view: View) -> Array | None:
         """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
         assert window.reference is not None
-        spread = window.reference.spread
         _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
         if len(mine) < MIN_POINTS:
             return None
-        return located_covariance(
+        return pose_covariance(
             view.world_from_rig,
             window.rig.rig_from_video if view.video else window.rig.rig_from_left,
             view.video,
@@ -292,7 +291,7 @@ class ModernIntegrated:
             window.seen(view)[mine],
             self._sigma(view.video),
             self.config.loss,
-            replace(spread, rows=spread.rows[its], own=spread.own[its]),
+            window.reference.uncertainty.select(its),
         )
 
     def _adjust(

@@ -16,11 +16,11 @@ from ispom.geometry import Array, Pose
 from ispom.solvers.continuous import (
     LEFT,
     VIDEO,
-    Observations,
     PosePrior,
-    Problem,
     RigModel,
+    RigObservations,
     Solution,
+    SplineProblem,
     solve,
 )
 from ispom.solvers.prior import LENS, PAIR
@@ -143,8 +143,8 @@ class JointWindow:
         values[used] = solution.problem.points.values
         table = replace(self.table, points=replace(self.table.points, values=values))
         after = replace(self, rig=solution.problem.rig, views=views, table=table)
-        reference, unknowns = after._seen_from(reference_ns, solution, used)
-        beliefs = (*self.beliefs, solution.believed(unknowns))[-len(self.pairs) :]
+        reference, parameters = after._seen_from(reference_ns, solution, used)
+        beliefs = (*self.beliefs, solution.refined_rig(parameters))[-len(self.pairs) :]
         return replace(after, reference=reference, beliefs=beliefs), solution
 
     def _seen_from(self, time_ns: int, solution: Solution, used: NDArray[np.int64]) -> tuple[Reference, Array]:
@@ -152,7 +152,7 @@ class JointWindow:
         place = {v.time_ns: i for i, v in enumerate(self.views) if not v.video}
         here = place[time_ns]
         pose = self.views[here].world_from_rig
-        unknowns = solution.unknowns(PosePrior(here, pose, np.eye(6) * HELD))
+        parameters = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
         recent = [next((v.ids for v in reversed(self.views) if v.video == video), used[:0]) for video in (True, False)]
         chosen = np.flatnonzero(np.isin(self.table.ids[used], np.concatenate(recent)))
         drift, before = np.zeros((6, 6)), self.reference
@@ -160,9 +160,10 @@ class JointWindow:
             # How unsure the way from the last such pair is, and how unsure that one was.
             there = place.get(before.time_ns, 0)
             carry = (pose.inverse() @ self.views[there].world_from_rig).adjoint
-            drift = carry @ (before.drift + solution.covariance(there, unknowns)) @ carry.T
-        spread, newest = solution.spread(chosen, unknowns), solution.covariance(len(self.views) - 1, unknowns)
-        return Reference(time_ns, pose, self.table.ids[used[chosen]], spread, newest, drift), unknowns
+            drift = carry @ (before.drift + solution.pose_covariance(there, parameters)) @ carry.T
+        points = solution.point_uncertainty(chosen, parameters)
+        newest = solution.pose_covariance(len(self.views) - 1, parameters)
+        return Reference(time_ns, pose, self.table.ids[used[chosen]], points, newest, drift), parameters
 
     def misfit(self, spacing_s: float) -> float | None:
         """How far the poses located since the last adjustment lie from a spline with such knots.
@@ -246,7 +247,7 @@ class JointWindow:
         """What was known of the rig from observations that are no longer in the window: none counts twice."""
         return self.beliefs[0] if self.slid and len(self.beliefs) >= len(self.pairs) - 1 else self.initial
 
-    def _problem(self, noise: Noise, spacing_s: float, most: int) -> tuple[Problem | None, NDArray[np.int64]]:
+    def _problem(self, noise: Noise, spacing_s: float, most: int) -> tuple[SplineProblem | None, NDArray[np.int64]]:
         """The problem, and which points of the table take part."""
         views = self.views
         place = np.concatenate([self.table.places(v.ids) for v in views])
@@ -271,13 +272,13 @@ class JointWindow:
         )[index]
         inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
         inverse[np.isnan(seen[:, 2]), 2] = 0.0
-        observations = Observations(exposure[index], camera, owner[index], np.nan_to_num(seen), inverse)
+        observations = RigObservations(exposure[index], camera, owner[index], np.nan_to_num(seen), inverse)
         points = self.table.select(used).points
         prior = PosePrior(0, views[0].world_from_rig, np.eye(6) * HELD)
         depth_prior = np.column_stack([points.values[:, 2], np.full(len(points), 1.0)])
         times_s = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
         spline = fitted(*_ways(views, _times_s(views, self.rig))[1:], spacing_s)
-        return Problem(
+        return SplineProblem(
             spline, times_s, video, points, observations, self.rig, self._belief(), prior, depth_prior, loss=noise.loss
         ), used
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.solvers.continuous import (
-    Points,
-    Spread,
+    AnchoredPoints,
+    PointUncertainty,
 )
 from ispom.solvers.late_shutter import drift
 from ispom.solvers.window import offset_at
@@ -72,11 +72,11 @@ class Table:
 
     ids: NDArray[np.int64]
     """(M,) ascending."""
-    points: Points
+    points: AnchoredPoints
 
     @staticmethod
     def empty() -> Table:
-        return Table(np.zeros(0, np.int64), Points(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))))
+        return Table(np.zeros(0, np.int64), AnchoredPoints(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))))
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id, -1 where unknown."""
@@ -84,7 +84,7 @@ class Table:
 
     def select(self, index: NDArray) -> Table:
         p = self.points
-        return Table(self.ids[index], Points(p.anchors_r[index], p.anchors_t[index], p.values[index]))
+        return Table(self.ids[index], AnchoredPoints(p.anchors_r[index], p.anchors_t[index], p.values[index]))
 
     def with_new(self, ids: NDArray[np.int64], anchor: Pose, values: Array) -> Table:
         """With points that are anchored in a camera's pose."""
@@ -92,7 +92,7 @@ class Table:
         all_ids = np.concatenate([self.ids, ids])
         rotations = np.concatenate([p.anchors_r, np.repeat(anchor.rotation[None], n, 0)])
         positions = np.concatenate([p.anchors_t, np.repeat(anchor.translation[None], n, 0)])
-        found = Table(all_ids, Points(rotations, positions, np.concatenate([p.values, values])))
+        found = Table(all_ids, AnchoredPoints(rotations, positions, np.concatenate([p.values, values])))
         return found.select(np.argsort(all_ids, kind="stable"))
 
 
@@ -114,7 +114,8 @@ class Reference:
     world_from_rig: Pose
     ids: NDArray[np.int64]
     """(K,) of the points whose errors are known, ascending."""
-    spread: Spread
+    uncertainty: PointUncertainty
+    """Of these points."""
     newest: Array
     """(6, 6) covariance of the newest pose that was adjusted."""
     drift: Array

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.solvers.motion_only import Located
+from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.prior import LENS, POSE
 from ispom.solvers.window import Window, covariance
 
@@ -70,7 +70,7 @@ class Spread:
         told = (root[-LENS:], all_poses[last, last], *_of_steps(window, all_poses))
         return Spread(ids[young], alone / LOSS**2, along, *told)
 
-    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: Located, sigma: float) -> Array:
+    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: PoseFit, sigma: float) -> Array:
         """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right."""
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         use = motion.inliers & (self.ids[place] == ids)

@@ -243,7 +243,7 @@ class ModernMonocular:
             followed, compared = self._realign(state, world, grey, followed, scene, first)
         ids, xyz, x = self._seen(state, world, followed)
         if motion is not None:
-            motion = motion_only.locate(xyz, x, motion.camera_from_world, 2 * self._sigma, 4 * self._sigma)
+            motion = motion_only.fit_pose(xyz, x, motion.camera_from_world, 2 * self._sigma, 4 * self._sigma)
         return Sight(followed, compared, motion, ids, xyz)
 
     def _seen(

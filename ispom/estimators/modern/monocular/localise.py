@@ -15,7 +15,7 @@ from ispom.estimators.modern.monocular.tracks import Followed
 from ispom.estimators.paper.keyframes import Frame
 from ispom.geometry import Array, Pose, skew
 from ispom.solvers import motion_only
-from ispom.solvers.motion_only import Located
+from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.resection import resect
 from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
 from ispom.types import Decision
@@ -35,7 +35,7 @@ class Sight:
     followed: Followed
     compared: NDArray[np.bool_]
     """Which tracks were found by the patch of their origin."""
-    motion: Located | None
+    motion: PoseFit | None
     ids: NDArray[np.int64]
     """(N,) ascending, of the points seen."""
     xyz: Array
@@ -56,15 +56,15 @@ def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
     return last @ Pose.exp((before.inverse() @ last).log() * share)
 
 
-def locate(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> Located | None:
+def locate(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:
     """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC. `limit` in normalised units."""
-    found = motion_only.locate(xyz, x, world_from_guess.inverse(), limit / 2, limit)
+    found = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), limit / 2, limit)
     if found is None or found.inliers.mean() < 0.6:
         again = resect(xyz, x, limit)
         other = (
             None
             if again is None
-            else motion_only.locate(xyz, x, again.camera_from_world, limit / 2, limit, widest=limit)
+            else motion_only.fit_pose(xyz, x, again.camera_from_world, limit / 2, limit, widest=limit)
         )
         if other is not None and (found is None or other.inliers.sum() > found.inliers.sum()):
             found = other

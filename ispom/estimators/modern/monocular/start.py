@@ -14,7 +14,7 @@ from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.map import Between, Map, adjusted, anchored_prior, intersected
 from ispom.estimators.paper.keyframes import Frame, Points
 from ispom.geometry import Array, Pose
-from ispom.solvers.motion_only import locate
+from ispom.solvers.motion_only import fit_pose
 from ispom.solvers.prior import LENS, Prior
 from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
 from ispom.solvers.two_view import hypotheses
@@ -270,7 +270,7 @@ def _located(state: Map, frame: Frame, guess: Pose, threshold: float) -> Pose | 
     place = state.points.places(frame.ids)
     known = place >= 0
     x = corrected(frame.x[known], state.extra)
-    found = locate(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
+    found = fit_pose(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
     return None if found is None or found.inliers.mean() < 0.6 else found.camera_from_world.inverse()
 
 

@@ -16,7 +16,7 @@ from ispom.frontends.patches import align, warps_of
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.late_shutter import drift
-from ispom.solvers.motion_only import Located, locate
+from ispom.solvers.motion_only import PoseFit, fit_pose
 from ispom.solvers.resection import resect
 from ispom.solvers.window import offset_at
 from ispom.types import Camera, Decision, Image, TrackStatus
@@ -126,7 +126,7 @@ class Sighting:
     status: NDArray[np.uint8]
     place: NDArray[np.int64]
     """(N,) in the map, or -1."""
-    located: Located | None
+    located: PoseFit | None
     took_part: NDArray[np.int64]
     """(K,) which of the points `located` is about."""
     lower: NDArray[np.float32]
@@ -247,7 +247,7 @@ class PairTracker:
 
     def _locate(
         self, last: Last, world: StereoMap, place: NDArray[np.int64], seen: Array, guess: Pose, time_ns: int
-    ) -> Located | None:
+    ) -> PoseFit | None:
         """left_from_world by reprojection in both images; from three-point samples where the guess is poor."""
         xyz, baseline = world.xyz[place], self.baseline_m
         moved = guess @ last.left_from_world.inverse()
@@ -257,11 +257,11 @@ class PairTracker:
             prior = np.diag(unforeseen(moved, baseline) ** -2)
         seen = self._freed(world, guess.apply(xyz), seen, rate)
         arguments = self.loss, self.limit, baseline
-        found = locate(xyz, seen, guess, *arguments, prior)
+        found = fit_pose(xyz, seen, guess, *arguments, prior)
         if found is None or found.inliers.mean() < 0.6:
             sampled = resect(xyz, seen[:, :2], self.limit)
             if sampled is not None:
-                again = locate(xyz, seen, sampled.camera_from_world, *arguments, prior, widest=self.limit)
+                again = fit_pose(xyz, seen, sampled.camera_from_world, *arguments, prior, widest=self.limit)
                 if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
                     found = again
         return found

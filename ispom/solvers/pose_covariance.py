@@ -1,4 +1,4 @@
-"""How well the pose is known of a camera that was located by points which are unsure themselves, and share errors."""
+"""Covariance of a camera's pose found by resection from points that are uncertain, and correlated, themselves."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel
-from ispom.solvers.continuous import Points, Spread
+from ispom.solvers.continuous import AnchoredPoints, PointUncertainty
 from ispom.solvers.normal_equations import MIN_DEPTH, RIG, into_camera
 
 
-def located_covariance(
+def pose_covariance(
     world_from_rig: Pose,
     rig_from_camera: Pose,
     of_video: bool,
-    points: Points,
+    points: AnchoredPoints,
     seen: Array,
     sigma: float,
     loss: float,
-    spread: Spread,
+    uncertainty: PointUncertainty,
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of a pose found from points (K,) that were taken to be exact.
 
@@ -36,8 +36,8 @@ def located_covariance(
         np.ascontiguousarray(seen),
         sigma,
         loss,
-        spread.rows,
-        spread.own,
+        uncertainty.sensitivity,
+        uncertainty.conditional,
     )
     inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(6))
     turn, of_rig = inverse @ pull, np.zeros((6, RIG))
@@ -46,11 +46,11 @@ def located_covariance(
         r, t = rig_from_camera.rotation, rig_from_camera.translation
         of_rig[3:, :3], of_rig[:3, :3], of_rig[:3, 3:6] = r, np.cross(t, r.T).T, np.eye(3)
         turn[:, -RIG:] -= of_rig
-    return inverse @ noise @ inverse + turn @ spread.unknowns @ turn.T
+    return inverse @ noise @ inverse + turn @ uncertainty.parameters @ turn.T
 
 
-def located_information(
-    world_from_rig: Pose, rig_from_camera: Pose, points: Points, seen: Array, sigma: float, loss: float
+def pose_information(
+    world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, sigma: float, loss: float
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
     none = np.zeros((len(seen), 3, 3))

@@ -9,25 +9,27 @@ import pytest
 
 from ispom.geometry import Array, Pose
 from ispom.solvers import continuous
-from ispom.solvers.continuous import Points, PosePrior, RigModel, Solution, Spread, solve
-from ispom.solvers.located import located_covariance
+from ispom.solvers.continuous import AnchoredPoints, PointUncertainty, PosePrior, RigModel, Solution, solve
+from ispom.solvers.pose_covariance import pose_covariance
 from ispom.solvers.resection import refine_pose
 from tests.solvers.made_flight import RIG, made_flight, problem_of
 
 HELD = np.eye(6) * 1e10
 
 
-def scene(count: int = 12) -> tuple[Pose, Points, Array]:
+def scene(count: int = 12) -> tuple[Pose, AnchoredPoints, Array]:
     """A pose of the rig, points anchored elsewhere, and where the video camera sees them."""
     rng, pose = np.random.default_rng(4), Pose.exp(np.array([0.3, -0.2, 0.5, 0.1, -0.2, 0.05]))
     values = np.column_stack([rng.uniform(-0.5, 0.5, (count, 2)), rng.uniform(0.05, 0.3, count)])
     anchor = Pose.exp(np.array([0.1, 0.1, -0.3, 0.02, 0.03, -0.04])) @ RIG.rig_from_video
-    points = Points(np.repeat(anchor.rotation[None], count, 0), np.repeat(anchor.translation[None], count, 0), values)
+    points = AnchoredPoints(
+        np.repeat(anchor.rotation[None], count, 0), np.repeat(anchor.translation[None], count, 0), values
+    )
     x = (pose @ RIG.rig_from_video).inverse().apply(points.xyz_in_world)
     return pose, points, x[:, :2] / x[:, 2:]
 
 
-def relocated(points: Points, seen: Array, rig_from_video: Pose, pose: Pose) -> Array:
+def relocated(points: AnchoredPoints, seen: Array, rig_from_video: Pose, pose: Pose) -> Array:
     """(6,) twist on the right of `pose` that leads to where other points, or another rig, put it."""
     found = refine_pose(points.xyz_in_world, seen, (pose @ rig_from_video).inverse(), 1.0, 30)
     assert found is not None
@@ -46,8 +48,8 @@ def test_what_points_and_rig_do_to_a_pose_is_that_of_finite_differences() -> Non
         pulls.append(relocated(points, seen, model.moved(eps * np.eye(7)[k]).rig_from_video, pose) / eps)
     rows = np.zeros((len(points), 3, 3 + 7))
     rows[2, :, :3] = np.eye(3)
-    spread = Spread(rows, np.zeros((len(points), 3, 3)), np.eye(10))
-    covariance = located_covariance(pose, RIG.rig_from_video, True, points, seen, 1e-9, 1e9, spread)
+    uncertainty = PointUncertainty(rows, np.zeros((len(points), 3, 3)), np.eye(10))
+    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, 1e-9, 1e9, uncertainty)
     np.testing.assert_allclose(covariance, np.array(pulls).T @ np.array(pulls), rtol=1e-3, atol=1e-5)
 
 
@@ -55,7 +57,7 @@ def test_points_follow_the_spline_as_finite_differences_say() -> None:
     problem = problem_of(made_flight(0.5, 30))
     found = solve(replace(problem, loss=100.0), 20, 1e-12)
     chosen, held = np.arange(0, len(problem.points), 3), PosePrior(0, Pose(), HELD)
-    rows, eps = found.spread(chosen, found.unknowns(held)).rows, 1e-5
+    rows, eps = found.point_uncertainty(chosen, found.parameter_covariance(held)).sensitivity, 1e-5
 
     def wanted(knot: int, sign: int) -> Array:
         step = np.zeros(6 * len(problem.spline))
@@ -81,9 +83,9 @@ def held_out(seed: int) -> float:
     found: Solution = solve(replace(problem, observations=observations, loss=50.0), 15, 1e-6)
     pair = int(np.flatnonzero(~flight.video)[-1])
     chosen, points = o.owner[mine], found.problem.points
-    points = Points(points.anchors_r[chosen], points.anchors_t[chosen], points.values[chosen])
+    points = AnchoredPoints(points.anchors_r[chosen], points.anchors_t[chosen], points.values[chosen])
     reference = Pose(found.sampled.rotations[pair], found.sampled.positions[pair])
-    spread = found.spread(chosen, found.unknowns(PosePrior(pair, reference, HELD)))
+    uncertainty = found.point_uncertainty(chosen, found.parameter_covariance(PosePrior(pair, reference, HELD)))
     seen, sigma = o.seen[mine][:, :2], 0.3 / RIG.camera("video").fx
     guess = Pose(found.sampled.rotations[last], found.sampled.positions[last])
     located = refine_pose(
@@ -91,7 +93,7 @@ def held_out(seed: int) -> float:
     )
     assert located is not None
     pose = located.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
-    covariance = located_covariance(pose, RIG.rig_from_video, True, points, seen, sigma, 50.0, spread)
+    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, sigma, 50.0, uncertainty)
     true = flight.truth(pair).inverse() @ flight.truth(last)
     error = ((reference.inverse() @ pose).inverse() @ true).log()
     return float(error @ np.linalg.solve(covariance, error))
