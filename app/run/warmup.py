@@ -106,6 +106,9 @@ def failure() -> str | None:
 
 def _failed(how: str, words: str = "") -> None:
     """Once: one that failed is not tried again in this process."""
-    sentence = f"the estimators could not be compiled ahead ({how}): they are compiled as they run, which stalls them"
+    sentence = (
+        f"the estimators could not be compiled in advance ({how}): each compiles at its first use, "
+        "which delays its first exposures"
+    )
     _failures.append(sentence)
     log.warning("\n".join(filter(None, [sentence, words])))

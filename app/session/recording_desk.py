@@ -17,7 +17,7 @@ class RecordingDesk:
     """Each writer holds its own run: another run may begin while its file is being closed."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        self.folder = folder
         self._open: RecordingWriter | None = None
         self._closing: list[RecordingWriter] = []
 
@@ -31,11 +31,11 @@ class RecordingDesk:
         if self._open is not None:
             raise InputError(f"{self._open.path.name} is being recorded: stop it before the next one")
         try:
-            path = recording_path(self._folder, name, run.opened.sequence.name)
+            path = recording_path(self.folder, name, run.opened.sequence.name)
             self._open = RecordingWriter(path, run.opened, run.history)
         except OSError as fault:
             raise InputError(
-                f"{self._folder} cannot be written ({fault.strerror}): free it or choose another"
+                f"{self.folder} cannot be written ({fault.strerror}): free it or choose another"
             ) from fault
 
     def offer(self, event: Stepped) -> None:

@@ -125,6 +125,13 @@ class OpeningFailed:
 
 
 @dataclass(frozen=True, eq=False)
+class Restored:
+    """What was begun is given up: all is as it was before."""
+
+    before: State
+
+
+@dataclass(frozen=True, eq=False)
 class Computed:
     """One more exposure is in the history."""
 
@@ -153,7 +160,7 @@ class Changed:
     values: Mapping[str, object]
 
 
-Event = Opening | OpeningFailed | Opened | Computed | Displayed | Finished | NoticeAdded | Changed
+Event = Opening | OpeningFailed | Restored | Opened | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"source_options", "total", "notes"}
 
@@ -181,6 +188,8 @@ def reduce(state: State, event: Event) -> State:
             )
         case OpeningFailed(reason):
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
+        case Restored(before):
+            return before
         case Opened(sequence, methods, config, _, recording_id):
             return replace(
                 state,

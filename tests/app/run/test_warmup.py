@@ -129,3 +129,16 @@ def test_the_page_tells_of_it_and_does_not_wait_where_nothing_needs_it(
         helpers.wait_for(lambda: warmup.READY in [n.text for n in session.state.notices], "the news")
     finally:
         session.close(20.0)
+
+
+@pytest.mark.usefixtures("started")
+def test_the_page_tells_of_one_that_failed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.exit('no room for LLVM')"))
+    session = helpers.started(tmp_path, compiling=warmup.start)
+    try:
+        helpers.wait_for(lambda: session.state.notices, "the failure")
+        helpers.wait_for(lambda: session.state.computed == session.state.total, "the end")
+        assert [n.text for n in session.state.notices] == [warmup.failure()] and not session.state.compiling
+        assert "could not be compiled in advance" in (warmup.failure() or "")
+    finally:
+        session.close(20.0)

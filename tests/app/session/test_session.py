@@ -130,15 +130,23 @@ def test_a_fault_of_the_program_is_told_and_survived(paused: Session, monkeypatc
     go(paused, do.StepBy(1), 0)
 
 
-def test_a_source_that_does_not_open_leaves_the_one_before(paused: Session, monkeypatch: pytest.MonkeyPatch):
-    def missing(source: str) -> Sequence:
-        raise InputError(f"{source} does not exist: correct the path")
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [(InputError("nowhere does not exist: correct the path"), "does not exist"), (KeyError("x"), "internal fault")],
+)
+def test_a_source_that_does_not_open_leaves_the_one_before(tmp_path: Path, fault: Exception, said: str):
+    def choosy(source: str) -> Sequence:
+        if source == "nowhere":
+            raise fault
+        return opener(source)
 
-    go(paused, do.StepBy(1), 0)
-    monkeypatch.setattr(paused, "_opener", missing)
-    paused.post(do.Open("nowhere"))
-    wait_for(lambda: paused.state.notices, "a notice")
-    assert paused.state.phase == "ready" and paused.state.index == 0 and paused.state.source == "double:20"
+    session = started(tmp_path, opener=choosy, autoplay=False)
+    go(session, do.StepBy(1), 0)
+    session.post(do.Open("nowhere"))
+    wait_for(lambda: session.state.notices, "a notice")
+    assert said in session.state.notices[-1].text and session.state.activity is None
+    assert session.state.phase == "ready" and session.state.index == 0 and session.state.source == "double:20"
+    assert session.close(5.0)
 
 
 def test_a_source_that_never_opened_can_be_replaced(tmp_path: Path):

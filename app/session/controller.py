@@ -1,0 +1,190 @@
+"""What the worker does with each command, and between them. Used in the worker's thread alone."""
+
+from __future__ import annotations
+
+import logging
+
+from ispom.errors import InputError
+from ispom.methods import Config
+from ispom.sequences.address import without_secrets
+
+from ..options import SourceOptions
+from ..run.playback import Playback
+from . import commands as do
+from . import moves
+from .compiling import Compiling
+from .current_run import CurrentRun
+from .opening import SourceOpener
+from .player import Player
+from .recent import RecentSources
+from .recording_desk import RecordingDesk
+from .recordings import list_recordings
+from .state import NoticeAdded, Opening, OpeningFailed, Restored, changed
+from .store import Store
+from .viewers import Viewers
+
+log = logging.getLogger(__name__)
+IDLE_S = 0.5
+RECORDING_S = 0.05
+"""How often recordings and viewers are looked at while nothing else happens: without, and with a recording."""
+CLOSE_S = 1.0
+"""For a recording to be closed at the end."""
+
+
+class Controller:
+    """The worker's job: one run on the screen, and what is recorded of it and of those before."""
+
+    def __init__(
+        self,
+        store: Store,
+        player: Player,
+        recordings: RecordingDesk,
+        viewers: Viewers,
+        compiling: Compiling,
+        *,
+        opener: SourceOpener,
+        first: do.Open,
+        autoplay: bool,
+        methods: tuple[str, ...] | None,
+        history_bytes: int,
+        recent: RecentSources,
+    ) -> None:
+        """`first` is opened at the start; `methods` None means the usual ones of each source."""
+        self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
+        self._compiling, self._opener, self._recent = compiling, opener, recent
+        self._first, self._autoplay = first, autoplay
+        self._wanted, self._history_bytes = methods, history_bytes
+
+    def begin(self) -> None:
+        try:
+            self._list_recordings()
+        finally:
+            self._open(self._first.source, self._first.options)
+        if self._autoplay and self._player.run is not None:
+            self._store.set(playing=True)
+
+    def obey(self, command: do.Command) -> None:
+        """InputError where it cannot be done."""
+        store, player = self._store, self._player
+        match command:
+            case do.Play(on):
+                player.move(*moves.play(store.state, player.run, on))
+            case do.StepBy(count):
+                player.move(*moves.step(store.state, player.run, count))
+            case do.Seek(index):
+                player.move(*moves.seek(player.run, index))
+            case do.Speed(factor):
+                player.move(changed(speed=factor))
+            case do.Restart(methods, config):
+                self._restart(methods, config)
+            case do.Open(source, options):
+                if self._open(source, options):
+                    store.set(playing=True)
+            case do.Record(name):
+                self._record(name)
+            case do.StopRecording():
+                self._stop_recording()
+            case do.Hide(names):
+                store.set(hidden=names)
+            case do.Notify(text):
+                store.emit(NoticeAdded(text))
+
+    def turn(self) -> None:
+        """Advances the run, whatever becomes of what goes on beside it."""
+        try:
+            self._player.advance()
+        finally:
+            self._viewers.check()
+            self._compiling.watch()
+            self._watch_recordings()
+
+    def patience_s(self) -> float:
+        return self._player.patience_s(RECORDING_S if self._recordings.busy else IDLE_S)
+
+    def failed(self, fault: Exception) -> None:
+        """Pauses and says why: a user's mistake in its own sentence, anything else as what it is, a fault of ours."""
+        if not isinstance(fault, InputError):
+            log.error("the session worker failed", exc_info=fault)
+        self._pause(str(fault) if isinstance(fault, InputError) else _internal(fault))
+
+    def end(self) -> None:
+        if self._player.run is not None:
+            self._player.run.stop()
+        self._stop_recording()
+        self._recordings.close(CLOSE_S)
+
+    def _pause(self, reason: str) -> None:
+        self._store.emit(changed(playing=False, target=None, activity=None), NoticeAdded(reason))
+
+    def _open(self, source: str, options: SourceOptions | None) -> bool:
+        """Opens another source, and says whether it did; where that fails, the one before stays as it was."""
+        before, run, shown = self._store.state, self._player.run, without_secrets(source)
+        if run is not None and run.live and shown == before.source:
+            run.stop()  # a camera has to be let go before it can be opened again
+        self._store.emit(Opening(shown))
+        self._store.busy(f"opening {shown}")
+        try:
+            playback = self._opener.playback(source, options, self._wanted, before.config, strict=run is None)
+        except Exception as fault:
+            if before.phase == "ready":
+                self._store.emit(Restored(before))
+                raise
+            if not isinstance(fault, InputError):
+                log.exception("opening %s failed", shown)
+            self._store.emit(OpeningFailed(str(fault) if isinstance(fault, InputError) else _internal(fault)))
+            return False
+        if run is not None:
+            run.stop()
+        self._begin(playback)
+        recent = self._recent.add(source)
+        self._store.set(source_options=options or before.source_options, recent=recent)
+        return True
+
+    def _restart(self, methods: tuple[str, ...], config: Config) -> None:
+        if self._player.run is None:
+            raise InputError("there is nothing to run yet: open a source first")
+        playback = self._opener.again(self._player.run.playback, methods, config)
+        self._wanted = playback.methods
+        self._store.emit(Opening(self._store.state.source))
+        self._begin(playback)
+        self._store.set(playing=True)
+
+    def _begin(self, playback: Playback) -> None:
+        """The run that is on the screen from now on."""
+        self._stop_recording()
+        self._compiling.begin(playback)
+        run = self._player.run = CurrentRun(playback, self._history_bytes)
+        if playback.sequence.prepare is not None:
+            playback.sequence.prepare(0)
+        self._viewers.open(run.opened, run.history)
+        self._player.move(run.opened)
+        self._compiling.explain()
+
+    def _record(self, name: str) -> None:
+        if self._player.run is None:
+            raise InputError("there is nothing to record yet: open a source first")
+        self._recordings.start(name, self._player.run)
+        self._store.set(recording=self._recordings.info())
+
+    def _stop_recording(self) -> None:
+        """The file is closed when all of the run so far is written, which may take a while."""
+        run = self._player.run
+        if self._recordings.recording and run is not None:
+            self._recordings.stop(run.playback.finish() if run.history else None)
+
+    def _watch_recordings(self) -> None:
+        """Shows how a recording goes, and what became of it."""
+        ended = self._recordings.ended()
+        self._store.set(recording=self._recordings.info())
+        for writer in ended:
+            if writer.failure:
+                self._store.emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
+        if ended:
+            self._list_recordings()
+
+    def _list_recordings(self) -> None:
+        self._store.set(recordings=list_recordings(self._recordings.folder))
+
+
+def _internal(fault: Exception) -> str:
+    return f"internal fault, please report it: {type(fault).__name__}: {fault}"

@@ -1,0 +1,85 @@
+"""Shows a run exposure by exposure, at the chosen speed or towards a target, and computes what is not known yet."""
+
+from __future__ import annotations
+
+import time
+
+from ..run.events import Finished
+from . import moves
+from .compiling import Compiling
+from .current_run import CurrentRun
+from .recording_desk import RecordingDesk
+from .state import Computed, Displayed, Event, NoticeAdded, changed
+from .store import Store
+from .viewers import Viewers
+
+LIVE_WAIT_S = 0.05
+"""For an image of a live source at a time."""
+
+
+class Player:
+    """`run` is the one that is on the screen: another object for each start, None before the first."""
+
+    def __init__(self, store: Store, viewers: Viewers, recordings: RecordingDesk, compiling: Compiling) -> None:
+        self.run: CurrentRun | None = None
+        self._store, self._viewers, self._recordings, self._compiling = store, viewers, recordings, compiling
+        self._due_s = 0.0
+
+    def move(self, *events: Event) -> None:
+        """From now on as these events say, without waiting for the exposure that was due."""
+        self._due_s = 0.0
+        self._store.emit(*events)
+
+    def patience_s(self, idle_s: float) -> float:
+        """How long nothing is due, at most `idle_s`."""
+        state = self._store.state
+        if state.target is not None:
+            return 0.0
+        return min(idle_s, max(0.0, self._due_s - time.monotonic())) if state.playing else idle_s
+
+    def advance(self) -> None:
+        """One exposure on, where it is time for that."""
+        run, state = self.run, self._store.state
+        if run is None:
+            self._store.set(playing=False, target=None)
+        elif state.target is not None:
+            self._compute(run)
+            if self._store.state.computed > state.target:
+                self._store.set(target=None)
+        elif state.playing and time.monotonic() >= self._due_s:
+            if state.index + 1 < len(run.history):
+                self._store.emit(Displayed(run.history[state.index + 1]))
+            elif self._more(run):
+                self._compute(run)
+            elif run.playback.done:
+                self._store.set(playing=False)
+            self._due_s = moves.due_s(self._store.state, run, self._due_s, time.monotonic())
+
+    def _more(self, run: CurrentRun) -> bool:
+        """Whether there is an exposure to compute; a live source is waited for a while."""
+        live = run.live
+        found = run.playback.more(LIVE_WAIT_S)
+        if live:
+            sequence = run.playback.sequence
+            self._store.emit(changed(total=len(sequence), notes=sequence.notes))
+            if run.playback.done:
+                self._finish(run.playback.finish())
+        return found
+
+    def _compute(self, run: CurrentRun) -> None:
+        if not self._compiling.ready(run.playback):
+            return
+        self._store.busy(f"{run.doing(self._store.state.source)} exposure {run.playback.position}")
+        event, record = run.step()
+        self._store.emit(Computed(record))
+        if event.skipped:
+            self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
+        self._viewers.write(event)
+        self._recordings.offer(event)
+        if run.playback.done:
+            self._finish(run.playback.finish())
+        self._store.set(activity=None)
+
+    def _finish(self, finished: Finished) -> None:
+        self._viewers.write(finished)
+        self._store.emit(finished)
