@@ -58,12 +58,12 @@ class App:
 
 
 def start(folder: Path, port: int = 0) -> App:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.app.page.serve_double", str(folder), str(port)],
-        cwd=ROOT,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    return launched([sys.executable, "-m", "tests.app.page.serve_double", str(folder), str(port)], folder)
+
+
+def launched(command: list[str], folder: Path) -> App:
+    """The app that a command serves, when it says where it is."""
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     for line in process.stderr:
         if found := re.search(r"ISPOM is at (\S+)", line):

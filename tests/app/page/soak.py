@@ -1,0 +1,132 @@
+"""The page after a long drive: what browser and app hold of memory, and how fast it steps back.
+
+`python -m tests.app.page.soak FOLDER_OF_A_DRIVE [COUNT]` goes to and fro over the drive until there are COUNT exposures
+(5,000), plays them as fast as they are computed with the page open in Chromium, and prints a line every 15 s; at the
+end it steps back 50 times, from exposures all over the run. It takes some ten minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from ispom_app.options import SourceOptions
+from ispom_app.page.server import Serving, serve
+from ispom_app.session import commands as do
+from ispom_app.session.session import Session
+from playwright.sync_api import sync_playwright
+
+from ispom.sequences import open_sequence
+from ispom.types import Sequence, Trajectory
+from tests.app.page import memory
+from tests.app.page.test_browser import CHROMIUM, FLAGS, App, Page, launched
+
+COUNT = 5000
+EVERY_S = 15.0
+STEPS = 50
+STEP_BACK = """async (from) => {
+  const shown = (index) => new Promise((done) => {
+    let now = window.ispom;
+    const look = (value) => value.state.index === index && done(performance.now());
+    Object.defineProperty(window, "ispom", { configurable: true, get: () => now, set: (value) => look((now = value)) });
+    look(now);
+  });
+  const { send } = window.ispom;
+  send({ do: "seek", index: from });
+  await shown(from);
+  await new Promise((done) => setTimeout(done, 1500));
+  const began = performance.now();
+  send({ do: "step", by: -1 });
+  return (await shown(from - 1)) - began;
+}"""
+"""The time from the command to the new state in the page [ms], when nothing is drawn meanwhile."""
+
+
+def to_and_fro(drive: Sequence, count: int) -> Sequence:
+    """The drive forwards, backwards, forwards ..., its images read again each time."""
+    stamps, first = np.unique(drive.times_ns, return_index=True)
+    together = np.split(np.arange(len(drive)), first[1:])  # a pair and the video frame of the same time
+    there = np.arange(len(stamps))
+    turns = np.resize(np.concatenate([there, there[-2:0:-1]]), count)
+    way = np.concatenate([together[i] for i in turns])[:count]
+    new_ns = np.arange(count) * int(np.median(np.diff(stamps)))
+    times_ns = np.concatenate([np.full(len(together[i]), t) for i, t in zip(turns, new_ns, strict=True)])[:count]
+    truth = drive.truth
+    if truth is not None:
+        poses = [truth.at(int(stamps[i])) for i in turns]
+        truth = Trajectory.of([(int(t), pose) for t, pose in zip(new_ns, poses, strict=True) if pose is not None])
+    return replace(
+        drive,
+        name=f"{drive.name} to and fro",
+        times_ns=times_ns,
+        kinds=tuple(drive.kinds[i] for i in way),
+        load=lambda i: replace(drive[int(way[i])], time_ns=int(times_ns[i])),
+        truth=truth,
+    )
+
+
+def serve_soak(folder: Path, source: str, count: int) -> int:
+    """The app, as a process of its own."""
+
+    def opener(source: str, options: SourceOptions | None = None) -> Sequence:
+        return to_and_fro(open_sequence(source), count)
+
+    def session(live) -> Session:
+        found = Session(opener, source, folder, live=live)
+        found.post(do.Speed(None))
+        return found
+
+    return serve(session, Serving(port=0, open_browser=False))
+
+
+def sampled(page: Page, app: App, say: Callable[[str], object]) -> None:
+    """Prints until the run has ended and is drawn."""
+    began, due = time.monotonic(), 0.0
+    while not page.state["notices"]:
+        state, behind = page.state, page.tab.locator("#behind").inner_text()
+        if time.monotonic() >= due or (state["ended"] and not behind):
+            due = time.monotonic() + EVERY_S
+            browser, own = memory.of_browser(), memory.of_app(app.process.pid)
+            kinds = ", ".join(f"{kind} {size / 1e6:.0f}" for kind, size in browser.most_common())
+            say(
+                f"{time.monotonic() - began:6.0f} s  exposure {state['computed']:5d}  {behind or 'drawn':32}"
+                f"browser {browser.total() / 1e6:5.0f} MB ({kinds})  app {own.total() / 1e6:5.0f} MB"
+                f"  both {(browser + own).total() / 1e6:5.0f} MB"
+            )
+            if state["ended"] and not behind:
+                return
+        page.tab.wait_for_timeout(1000)
+
+
+def main(source: str, count: int = COUNT) -> int:
+    def say(text: str) -> None:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as p:
+        command = [sys.executable, "-m", "tests.app.page.soak", "serve", folder, source, str(count)]
+        app = launched(command, Path(folder))
+        try:
+            browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+            page = Page(browser, app.url)
+            sampled(page, app, say)
+            places = np.linspace(count - 1, 5, STEPS).astype(int)
+            ms = np.array([page.tab.evaluate(STEP_BACK, int(i)) for i in np.random.default_rng(0).permutation(places)])
+            say(f"step back: median {np.median(ms):.1f} ms, 95 % below {np.percentile(ms, 95):.1f} ms, of {len(ms)}")
+            say(f"console: {page.faults}")
+            browser.close()
+        finally:
+            app.process.terminate()
+            app.process.wait(10)
+    return 0
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "serve":
+        sys.exit(serve_soak(Path(sys.argv[2]), sys.argv[3], int(sys.argv[4])))
+    sys.exit(main(sys.argv[1], *map(int, sys.argv[2:])))
