@@ -15,11 +15,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ispom.geometry import Array
+from ispom.methods import method
 from ispom.types import Trajectory
 
 from ..run.events import Opened
 from . import entities
 from .layers import IMAGE_LAYERS
+from .plots import NO_ERROR, why_no_error
 
 PLOTS = {
     "error": "position error [m]",
@@ -105,9 +107,16 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     position, target = looking_at(opened.truth)
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, -1, 0))
     view = rrb.Spatial3DView(
-        origin="/world", name="world [m]", overrides=_hide(hidden), eye_controls=eye, line_grid=False
+        origin="/world", name=_world_name(opened), overrides=_hide(hidden), eye_controls=eye, line_grid=False
     )
     return _lasting(view)
+
+
+def _world_name(opened: Opened) -> str:
+    """With the unit in which it is drawn."""
+    if any(method(name).unit == "metric" for name in opened.methods):
+        return "world [m]"
+    return "world [own unit, not metres]" if opened.truth is None else "world [own unit; true path in m]"
 
 
 def _image(opened: Opened, name: str, title: str, hidden: list[str]) -> rrb.View:
@@ -117,6 +126,8 @@ def _image(opened: Opened, name: str, title: str, hidden: list[str]) -> rrb.View
 
 
 def _plot(opened: Opened, kind: str, title: str, hidden: list[str]) -> rrb.View:
+    if kind == "error" and why_no_error(opened):
+        return rrb.TextDocumentView(origin=NO_ERROR, name=title)
     explained = kind in LEGENDS
     return rrb.TimeSeriesView(
         origin=f"/plots/{kind}",

@@ -16,6 +16,8 @@ from ..run.events import Opened, Stepped
 from ..run.model import RunModel
 from .batch import Entry
 
+NO_ERROR = "plots/error/none"
+"""Where it stands why there is no position error."""
 LEAST_STEP_M = 0.05
 """Shorter true steps have no ratio: it would be noise."""
 
@@ -31,6 +33,8 @@ class Plots:
 
     def opening(self) -> Iterator[Entry]:
         """Names and colours (all static)."""
+        if reason := why_no_error(self._opened):
+            yield Entry(NO_ERROR, rr.TextDocument(reason), static=True)
         for method in self._opened.methods:
             colour = colours.of(method)
             for kind in ("error", "inliers", "residual"):
@@ -94,6 +98,18 @@ class Plots:
         true = float(np.linalg.norm(after.apply(lever) - before.apply(lever)))
         estimated = placement.scale * float(np.linalg.norm(step.world_from_frame.translation - earlier[1]))
         return estimated / true if true > LEAST_STEP_M else None
+
+
+def why_no_error(opened: Opened) -> str:
+    """Why a run has no position error to plot; empty where it has."""
+    if opened.truth is None:
+        return "No position error: this source has no ground truth."
+    if all(registered(method).unit == "own" for method in opened.methods):
+        return (
+            "No position error: a single camera's trajectory has no metric unit. To compare it with the ground truth, "
+            "run `ispom run`, then `ispom evaluate` with --alignment sim3, which estimates the scale."
+        )
+    return ""
 
 
 def _name(method: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 import rerun as rr
@@ -13,6 +13,7 @@ from ispom.methods import method as registered
 from ispom.types import Frame, Step
 
 from .. import colours, uncertainty
+from ..run.drawn_size import DrawnSize, drawn_size, true_size
 from ..run.events import Finished, Opened, Stepped
 from ..run.model import RunModel
 from ..run.placing import same_place
@@ -31,6 +32,7 @@ class World:
         self._opened, self._first_ns = opened, first_ns
         self.model = RunModel.start(opened.methods)
         self.placements: dict[str, Similarity] = {}
+        self._sizes: dict[str, DrawnSize] = {}
         self._drawn_frames: dict[str, Frame] = {}
         """Of the cameras that are drawn now."""
         self._drawn_points = {m: PointMap() for m in opened.methods}
@@ -43,7 +45,7 @@ class World:
         truth = self._opened.truth
         if truth is not None:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
-            rig = self._frusta("rig", self._size, colours.TRUTH, main_camera=True)
+            rig = self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
             yield Entry("world/truth/rig", rig, static=True)
 
     def stepped(self, event: Stepped) -> Iterator[Entry]:
@@ -53,8 +55,11 @@ class World:
         yield from self._truth_now(event.exposure.time_ns)
         self.model = before.after(event.index, event.exposure.time_ns, event.steps)
         for step in event.steps:
-            yield from self._path_blocks(step.method, self._changed(step.method, before))
-            yield from self._pose(step)
+            resized = step.key_frame and self._resized(step.method)
+            poses = self.model.methods[step.method].poses
+            changed = poses.drawn_blocks() if resized else self._changed(step.method, before)
+            yield from self._path_blocks(step.method, changed)
+            yield from self._pose(step, resized)
             yield from self._spread(step)
             if step.key_frame:
                 yield from self._cloud(step.method)
@@ -79,6 +84,7 @@ class World:
         for method, new in placements.items():
             if method in self.model.methods and not same_place(self.placements.get(method), new):
                 self.placements[method] = new
+                self._resized(method, anew=True)
                 yield Entry(f"world/{method}", entities.placement(new))
                 if method in self._drawn_frames:
                     yield self._camera(method)
@@ -89,11 +95,11 @@ class World:
         if pose is not None:
             yield Entry("world/truth/rig", entities.transform(pose))
 
-    def _pose(self, step: Step) -> Iterator[Entry]:
+    def _pose(self, step: Step, resized: bool) -> Iterator[Entry]:
         method, frame = step.method, self.model.methods[step.method].poses.frame
         if step.world_from_frame is not None:
             yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
-            if self._drawn_frames.get(method) != frame:
+            if resized or self._drawn_frames.get(method) != frame:
                 self._drawn_frames[method] = frame
                 yield self._camera(method)
         elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
@@ -110,11 +116,11 @@ class World:
     def _camera(self, method: str) -> Entry:
         frame, colour = self.model.methods[method].poses.frame, colours.of(method)
         main = "video" in registered(method).needs
-        return Entry(f"world/{method}/camera", self._frusta(frame, self._own_size(method), colour, main))
+        return Entry(f"world/{method}/camera", self._frusta(frame, self._size(method).camera, colour, main))
 
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         poses, colour = self.model.methods[method].poses, colours.of(method)
-        outlines = self._outlines(poses.frame, 0.5 * self._own_size(method), main_camera=True)
+        outlines = self._outlines(poses.frame, self._size(method).key_frame, main_camera=True)
         for block in sorted(blocks):
             yield Entry(f"world/{method}/path/{block}", entities.lines([poses.line(block)], colour, 1.5))
             keys = poses.key_frames(block, outlines)
@@ -132,15 +138,18 @@ class World:
             drawn = rr.Points3D(xyz, colors=tinted.astype(np.uint8), radii=[-1.5])
             yield Entry(f"world/{method}/cloud/{block}", drawn)
 
-    @cached_property
-    def _size(self) -> float:
-        """Depth of the current camera's frustum [m]: to the path's measure, where there is a true one."""
-        truth = self._opened.truth
-        return float(np.clip(0.012 * truth.length, 0.3, 6.0)) if truth is not None else 0.5
+    def _size(self, method: str) -> DrawnSize:
+        if method not in self._sizes:
+            self._resized(method, anew=True)
+        return self._sizes[method]
 
-    def _own_size(self, method: str) -> float:
-        """The same in the method's own unit."""
-        return self._size / self.placements.get(method, Similarity()).scale
+    def _resized(self, method: str, *, anew: bool = False) -> bool:
+        """Whether the method is to be drawn in another size, and so from now on."""
+        before, unit_m = self._sizes.get(method), self.placements.get(method, Similarity()).scale
+        rig, poses = self._opened.sequence.rig, self.model.methods[method].poses
+        size = drawn_size(method, rig, self._opened.truth, poses, unit_m, None if anew else before)
+        self._sizes[method] = size
+        return size is not before
 
     @cache  # noqa: B019 - this lives as long as its run, and asks for a handful
     def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:

@@ -9,9 +9,11 @@ import numpy as np
 import viser
 
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, Rig
+from ispom.types import Camera
 
 from .. import colours
+from ..run.drawn_size import DrawnSize, drawn_size
+from ..run.events import Opened
 from ..run.model import MethodModel
 from ..run.placing import same_place
 from ..run.points import PointMap
@@ -24,6 +26,8 @@ OCTAHEDRON = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], 
 OCTAHEDRON_FACES = np.array(
     [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]], np.uint32
 )
+CAMERA, KEY_FRAME, POINT = 2.0, 0.6, 0.08
+"""Sizes of frustum, marker and point, relative to what is drawn in Rerun: this scene is smaller on the page."""
 SHADOWLESS: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
 
 
@@ -34,15 +38,15 @@ class MethodScene:
         self,
         api: viser.SceneApi,
         method: str,
-        colour: colours.Rgb,
-        rig: Rig,
-        size_m: float,
+        opened: Opened,
         seek: Callable[[int], None],
     ) -> None:
-        self._api, self._root, self._colour, self._seek, self._size = api, f"/{method}", colour, seek, size_m
+        self._api, self._method, self._root, self._seek = api, method, f"/{method}", seek
+        self._colour, self._rig, self._truth = colours.of(method), opened.sequence.rig, opened.truth
         self._frame = api.add_frame(self._root, show_axes=False)
-        self._view = next(c for c in (rig.video, rig.left, Camera(4, 3, 4, 4, 2, 1.5)) if c is not None)
+        self._view = next(c for c in (self._rig.video, self._rig.left, Camera(4, 3, 4, 4, 2, 1.5)) if c is not None)
         self._placement = Similarity()
+        self._size = DrawnSize(1.0, 1.0, 0.0)
         self._drawn: dict[str, tuple[Any, ...]] = {}
         """By node: the values that it was drawn from."""
         self._camera: viser.CameraFrustumHandle | None = None
@@ -52,8 +56,13 @@ class MethodScene:
         """What is known at exposure `index`, placed in the shared world."""
         self._index = index
         self._frame.visible = self._root[1:] not in hidden
-        if not same_place(placement, self._placement):
-            self._placement = placement
+        moved = not same_place(placement, self._placement)
+        before = self._size
+        self._placement = placement
+        self._size = drawn_size(
+            self._method, self._rig, self._truth, known.poses, placement.scale, None if moved else before
+        )
+        if moved or self._size is not before:
             self._drawn = dict.fromkeys(self._drawn, ())
         nodes = self._path(known.poses)
         if "key_frames" not in hidden:
@@ -99,7 +108,7 @@ class MethodScene:
     def _draw_key_frames(self, name: str, places: Array, indices: list[int]) -> None:
         handle = self._api.add_batched_meshes_simple(
             name,
-            OCTAHEDRON * (0.35 * self._size),
+            OCTAHEDRON * (KEY_FRAME * self._placement.scale * self._size.key_frame),
             OCTAHEDRON_FACES,
             batched_wxyzs=np.tile(np.array([1, 0, 0, 0], np.float32), (len(places), 1)),
             batched_positions=places.astype(np.float32),
@@ -121,7 +130,11 @@ class MethodScene:
 
             def draw(name: str, block=block) -> None:
                 places = self._placement.apply(block.xyz[::every].astype(float)).astype(np.float32)
-                style = {"point_size": 0.06 * self._size, "point_shape": "circle", "precision": "float32"}
+                style = {
+                    "point_size": POINT * self._placement.scale * self._size.camera,
+                    "point_shape": "circle",
+                    "precision": "float32",
+                }
                 self._api.add_point_cloud(name, places, block.rgb[::every], **style)  # type: ignore[arg-type]
 
             nodes |= self._once(f"{self._root}/cloud/{every}/{b}", draw, block)
@@ -145,13 +158,13 @@ class MethodScene:
                 f"{self._root}/camera",
                 2 * float(np.arctan(self._view.height / 2 / self._view.fy)),
                 self._view.width / self._view.height,
-                scale=2 * self._size,
                 thickness=2.0,
                 thickness_units="screen",
                 color=self._colour,
             )
             self._camera.on_click(lambda _: self._seek(self._index))
         self._camera.wxyz, self._camera.position = pose.xyzw[[3, 0, 1, 2]], pose.translation
+        self._camera.scale = CAMERA * self._placement.scale * self._size.camera
         self._camera.visible = visible
 
     def _draw_spread(self, pose: Pose | None, covariance: Array | None) -> None:

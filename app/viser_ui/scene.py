@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import viser
 
 from ispom.geometry import Similarity
-from ispom.types import Rig, Trajectory
 
 from .. import colours
 from ..run.events import Opened
@@ -30,8 +28,9 @@ class Scene:
         self._api.reset()
         self._api.set_up_direction("-y")
         self._truth = self._api.add_frame("/truth", show_axes=False)
-        size = self._draw_truth(opened.truth)
-        self._methods = {m: self._method(m, opened.sequence.rig, size) for m in opened.methods}
+        if opened.truth is not None and len(opened.truth) > 1:
+            add_line(self._api, "/truth/line", opened.truth.translations, colours.TRUTH)
+        self._methods = {m: MethodScene(self._api, m, opened, self._seek) for m in opened.methods}
 
     def show(self, model: RunModel, record: ExposureRecord, hidden: frozenset[str]) -> None:
         """The run as of an exposure: what was known then, without the hidden layers and methods."""
@@ -40,13 +39,3 @@ class Scene:
         for name, method in self._methods.items():
             placement = record.placements.get(name, Similarity())
             method.show(model.times, model.methods[name], placement, record.index, hidden)
-
-    def _method(self, name: str, rig: Rig, size: float) -> MethodScene:
-        return MethodScene(self._api, name, colours.of(name), rig, size, self._seek)
-
-    def _draw_truth(self, truth: Trajectory | None) -> float:
-        """Depth of frusta [m], to the path's measure, where there is a true one."""
-        if truth is None or len(truth) < 2:
-            return 0.3
-        add_line(self._api, "/truth/line", truth.translations, colours.TRUTH)
-        return float(np.clip(np.linalg.norm(np.ptp(truth.translations, axis=0)) / 60, 0.05, 2.0))

@@ -9,6 +9,7 @@ const WATCH_MS = 250;
 const APPLICATION = "ispom";
 const LATE = 20; // exposures behind, from which on a viewer that comes late first catches up ...
 const FAR = 100; // ... and one that fell behind
+const MEMORY = "600MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
 const at = (id) => document.getElementById(id);
 
 // `seek` is told where a hand went on Rerun's side, `drawn` how many of the exposures up to the one shown are not drawn yet.
@@ -46,6 +47,7 @@ async function start(canvas, dark, onEvent) {
   const handle = new wasm_bindgen.WebHandle({
     hide_welcome_screen: true,
     persist: false,
+    memory_limit: MEMORY,
     theme: dark ? "dark" : "light",
     // The page has the time, and the only controls of it: two that disagree are worse than one.
     panel_state_overrides: { top: "Hidden", blueprint: "Hidden", selection: "Hidden", time: "Hidden" },

@@ -14,6 +14,7 @@ import rerun as rr
 from ispom_app import colours
 from ispom_app.rerun_log import entities
 from ispom_app.rerun_log.batch import Entry
+from ispom_app.rerun_log.blueprint import blueprint
 from ispom_app.rerun_log.file_recording import FileRecording
 from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.run.encoding import decode, encode
@@ -21,10 +22,11 @@ from ispom_app.run.events import Finished, Stepped
 from ispom_app.run.playback import Playback
 from ispom_app.run.record import ExposureRecord
 from numpy.testing import assert_allclose, assert_array_equal
+from rerun.blueprint.api import View
 from rerun.chunk import RrdReader
 
 from ispom.geometry import Pose, Similarity
-from ispom.types import Camera, StereoPair, Tracks, TrackStatus, VideoFrame
+from ispom.types import Camera, Rig, StereoPair, Tracks, TrackStatus, VideoFrame
 from tests import doubles
 from tests.alone import ALL, METHODS
 from tests.app import helpers
@@ -199,3 +201,57 @@ def _contrast(a, b) -> float:
     linear = [[c / 3294.6 if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4 for c in colour] for colour in (a, b)]
     dark, light = sorted(float(np.dot([0.2126, 0.7152, 0.0722], rgb)) for rgb in linear)
     return (light + 0.05) / (dark + 0.05)
+
+
+def single_camera(truth: bool = True) -> Playback:
+    pair = doubles.sequence()
+    assert pair.rig.video is not None
+    video = [i for i, kind in enumerate(pair.kinds) if kind == "video"]
+    alone = replace(
+        pair,
+        rig=Rig.single(pair.rig.video),
+        times_ns=pair.times_ns[video],
+        kinds=("video",) * len(video),
+        load=lambda i: pair.load(video[i]),
+        truth=pair.truth if truth else None,
+    )
+    return Playback(alone, ("monocular",), builder=helpers.build)
+
+
+@pytest.mark.parametrize(
+    ("truth", "unit", "reason"),
+    [(True, "own unit; true path in m", "has no metric unit"), (False, "own unit, not metres", "has no ground truth")],
+)
+def test_a_single_camera_is_shown_in_its_own_unit_and_says_why_it_has_no_error(tmp_path, truth, unit, reason):
+    run = single_camera(truth)
+    layout = blueprint(run.opened)
+    names = {view.name for view in views(layout.root_container)}
+    assert f"world [{unit}]" in names and "position error [m]" in names
+    with FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        for event in events(run):
+            file.write(event)
+    (text,) = column(read(tmp_path / "run.rrd")["plots/error/none"], "text")
+    assert reason in text[0]
+
+
+def views(part):
+    for each in part.contents:
+        yield from views(each) if hasattr(each, "contents") and not isinstance(each, View) else (each,)
+
+
+def test_metric_runs_are_shown_in_metres_and_have_no_excuse(recorded, run: Playback):
+    assert "world [m]" in {view.name for view in views(blueprint(run.opened).root_container)}
+    assert "plots/error/none" not in recorded[0]
+
+
+def test_key_frames_of_a_single_camera_do_not_overlap(tmp_path):
+    run = single_camera()
+    with FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        stepped = events(run)
+        for event in stepped:
+            file.write(event)
+    strips = column(read(tmp_path / "run.rrd")["world/monocular/key_frames/0"], "strips")[-1]
+    keys = np.array([s.world_from_frame.translation for e in stepped for s in e.steps if s.key_frame])
+    spacing = np.median(np.linalg.norm(np.diff(keys, axis=0), axis=1))
+    depth = max(np.linalg.norm(np.ptp(np.array(strip), axis=0)) for strip in strips)
+    assert depth < 1.5 * spacing
