@@ -1,4 +1,4 @@
-"""How sure the monocular estimator is: of its key frames, of frames found against the map, and of its unit.
+"""Uncertainty of the monocular estimator: of its key frames, of frames located in the map, and of its unit.
 
 All to first order, from the normal equations of the window, in the gauge that the map holds: the pose of its first
 frame is the world, the distance to the last frame of its start the unit.
@@ -21,26 +21,26 @@ LOSS = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class MapUncertainty:
     """The uncertainty of a map, as long as it stays as it is."""
 
     ids: NDArray[np.int64]
     """(M,) ascending, of the points that the last key frame sees."""
-    alone: Array
+    own: Array
     """(M, 3, 3) covariance of each point where poses and camera are given."""
-    along: Array
+    shared: Array
     """(M, 3, D) how each point moves with D independent unit errors of poses and camera."""
     extra: Array
     """(2, D) how the camera's correction does."""
     pose: Array
     """(6, 6) covariance of the last key frame's pose, twist on the right of world_from_camera."""
-    unit: float
+    scale_sigma: float
     """Deviation of the logarithm of the last step's length, between key frames, in the unit that the map holds."""
-    step: float
-    """The same against the step before; `unit` where there is none."""
+    step_scale_sigma: float
+    """The same against the step before; `scale_sigma` where there is none."""
 
     @staticmethod
-    def of(window: Window, ids: NDArray[np.int64], sigma: float) -> Spread:
+    def of(window: Window, ids: NDArray[np.int64], sigma: float) -> MapUncertainty:
         """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised units."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
@@ -58,17 +58,22 @@ class Spread:
         weight = 1 / (sigma**2 + ((stretch * x - seen) ** 2).sum(axis=1))
         weighted = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
         first = np.searchsorted(owners, np.arange(len(points)))
-        alone = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
+        own = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
         mixed = np.zeros((len(points), 3, POSE * c + LENS))
         for i in range(c):
             mine = k == i
             mixed[owners[mine], :, POSE * i : POSE * (i + 1)] = weighted[mine] @ by_pose[mine]
         mixed[:, :, -LENS:] = np.add.reduceat(weighted @ by_extra, first)
-        along = -(alone @ mixed).reshape(-1, mixed.shape[2]) @ root
-        along = along.reshape(mixed.shape)
+        shared = -(own @ mixed).reshape(-1, mixed.shape[2]) @ root
         last = slice(POSE * (c - 1), POSE * c)
-        told = (root[-LENS:], all_poses[last, last], *_of_steps(window, all_poses))
-        return Spread(ids[young], alone / LOSS**2, along, *told)
+        return MapUncertainty(
+            ids[young],
+            own / LOSS**2,
+            shared.reshape(mixed.shape),
+            root[-LENS:],
+            all_poses[last, last],
+            *_of_steps(window, all_poses),
+        )
 
     def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: PoseFit, sigma: float) -> Array:
         """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right."""
@@ -79,9 +84,9 @@ class Spread:
         n = len(place)
         own = np.linalg.pinv(np.tensordot(by_pose, by_pose, ((0, 1), (0, 1))), hermitian=True)
         gain = np.swapaxes(by_pose, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
-        shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.along[place].reshape(3 * n, -1)
+        shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.shared[place].reshape(3 * n, -1)
         shared += np.tensordot(by_pose, by_extra, ((0, 1), (0, 1))) @ self.extra
-        alone = (gain @ self.alone[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
+        alone = (gain @ self.own[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
         return own * (sigma / LOSS) ** 2 + own @ (alone + shared @ shared.T) @ own
 
 

@@ -1,4 +1,4 @@
-"""What makes a frame a key frame of the monocular estimator, and what a key frame does to the map."""
+"""What makes a frame a key frame of the monocular estimator, and how the map is extended by one and adjusted."""
 
 from __future__ import annotations
 
@@ -9,48 +9,39 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import FOCAL_SIGMA
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.monocular.covariance import Spread
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
-from ispom.estimators.paper.keyframes import Frame, Points, parallax_deg
+from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.geometry import rotation_angle_rad
 from ispom.types import Decision
 
 ITERATIONS = 5
-"""Of each bundle adjustment: the next key frame goes on from there."""
+"""Of each bundle adjustment, at most: the next key frame's continues from there."""
 MIN_SIGNIFICANCE = 5.0
-"""A point has a place once its inverse depth is so many times its deviation."""
+"""A point enters the map once its inverse depth exceeds so many standard deviations of it: its depth is then known
+to about 20 %, within which the adjustment is close to linear."""
 MAX_DRIFT = 10.0
-"""A unit that may have drifted by more [%] is to be noticed."""
+"""Scale drift since the start [%, 1 sigma] beyond which the report marks it; it steers nothing."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Thresholds of the key-frame tests, as the config has them; `sigma` in normalised units."""
-
-    parallax_deg: float
-    share: float
-    view_angle_deg: float
-    interval_s: float
-    sigma: float
-
-
-def key_frame_tests(world: Map, frame: Frame, limits: Limits) -> tuple[Decision, ...]:
+def key_frame_tests(setup: Setup, world: Map, frame: TrackedFrame) -> tuple[Decision, ...]:
     """Each of them, when passed, makes `frame` the next key frame of the map; it has a pose."""
     key = world.keys[-1]
     assert key.world_from_camera is not None and frame.world_from_camera is not None
-    parallax = parallax_deg(key, frame, limits.sigma)
+    parallax = parallax_deg(key, frame, setup.sigma)
     placed = key.ids[np.isfinite(world.known(key.ids)[:, 0])]
     # Tracks without a place may be on what moves by itself, and outlast the scene.
     share = min(_share_left(key.ids, frame.ids), _share_left(placed, frame.ids))
     turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
     angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
-    late = interval >= limits.interval_s and parallax >= limits.parallax_deg / 4
-    why = "too little parallax for a key frame" if interval >= limits.interval_s and not late else ""
+    late = interval >= setup.max_interval_s and parallax >= setup.min_parallax_deg / 4
+    why = "too little parallax for a key frame" if interval >= setup.max_interval_s and not late else ""
     return (
-        checks.PARALLAX.of(parallax, limits.parallax_deg),
-        checks.POINTS_LEFT.of(share, limits.share),
-        checks.VIEW_ANGLE.of(angle, limits.view_angle_deg),
-        checks.INTERVAL.of(interval, limits.interval_s, why, late),
+        checks.PARALLAX.of(parallax, setup.min_parallax_deg),
+        checks.POINTS_LEFT.of(share, setup.min_share),
+        checks.VIEW_ANGLE.of(angle, setup.max_view_angle_deg),
+        checks.INTERVAL.of(interval, setup.max_interval_s, why, late),
     )
 
 
@@ -65,33 +56,33 @@ class Extended:
     map: Map
     dropped: NDArray[np.int64]
     """Tracks that are no images of one still point."""
-    spread: Spread
+    uncertainty: MapUncertainty
     """Of the map."""
     scale: float | None
     decisions: tuple[Decision, ...]
 
 
-def extended(world: Map, frame: Frame, min_parallax_rad: float, sigma: float) -> Extended:
+def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     """New points where the parallax suffices, and windowed bundle adjustment."""
-    known = world.points.ids
+    known, sigma = world.points.ids, setup.sigma
     world = replace(world, keys=(*world.keys, frame))
     open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
     new = intersected(world, open_ids, sigma)
-    wide = (new.parallax_rad > min_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
-    good = wide & (new.depth > 0) & (new.worst < 4 * sigma)
-    points = world.points.merged(Points(open_ids[good], new.xyz_in_world[good]))
+    wide = (new.parallax_rad > setup.point_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
+    good = wide & (new.depth > 0) & (new.worst < INLIER * sigma)
+    points = world.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
     world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
-    moving = (wide | (new.depth <= 0)) & (new.worst > 8 * sigma)
+    moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * sigma)
     dropped = np.concatenate([open_ids[moving], np.setdiff1d(before.ids, world.points.ids)])
     size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
-    spread = Spread.of(bundle.window, before.ids, sigma)
-    scale, drift = _scale(world, known, sigma, spread)
-    return Extended(world, dropped, spread, scale, (cost, *drift, *_correction(world)))
+    uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma)
+    scale, drift = _scale(world, known, sigma, uncertainty)
+    return Extended(world, dropped, uncertainty, scale, (cost, *drift, *_correction(world)))
 
 
 def _correction(world: Map) -> tuple[Decision, ...]:
-    """What the camera's images say against its calibration."""
+    """The correction of the camera's calibration that its images suggest."""
     if not world.extra_sigma.any():
         return ()
     focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
@@ -101,12 +92,12 @@ def _correction(world: Map) -> tuple[Decision, ...]:
 
 
 def _scale(
-    world: Map, known: NDArray[np.int64], sigma: float, spread: Spread
+    world: Map, known: NDArray[np.int64], sigma: float, uncertainty: MapUncertainty
 ) -> tuple[float | None, tuple[Decision, ...]]:
     """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
-    last two key frames alone give. How sure that and the unit since the start are, say the normal equations."""
-    against = f"of this step against the one before {100 * spread.step:.2g} %"
-    since = checks.SCALE_DRIFT.of(100 * spread.unit, MAX_DRIFT, against)
+    last two key frames alone give. The uncertainty of both comes from the normal equations."""
+    against = f"of this step against the one before {100 * uncertainty.step_scale_sigma:.2g} %"
+    since = checks.SCALE_DRIFT.of(100 * uncertainty.scale_sigma, MAX_DRIFT, against)
     pair = replace(world, keys=world.keys[-2:])
     ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
     found = intersected(pair, ids, sigma)
@@ -115,7 +106,7 @@ def _scale(
         return None, (since,)
     depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
     scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))
-    limit = max(3 * spread.step, 0.005)
-    because = f"depth ratio {scale:.4f} +- {spread.step:.4f} of {int(sure.sum())} points"
+    limit = max(3 * uncertainty.step_scale_sigma, 0.005)
+    because = f"depth ratio {scale:.4f} +- {uncertainty.step_scale_sigma:.4f} of {int(sure.sum())} points"
     step = checks.STEP_SCALE.of(abs(scale - 1), limit, because)
     return scale, (step, since)

@@ -1,36 +1,34 @@
-"""Where a frame is: against the map, beside a pure turn, and how sure that is."""
+"""Locating a frame in the map: pose from the points seen, tracks set right by it, then the pose again."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.start import MIN_POINTS
-from ispom.estimators.modern.monocular.tracks import Followed
-from ispom.estimators.paper.keyframes import Frame
-from ispom.geometry import Array, Pose, skew
+from ispom.estimators.modern.monocular.realign import realigned
+from ispom.estimators.modern.monocular.setup import INLIER, MIN_INLIER_SHARE, Setup
+from ispom.estimators.modern.monocular.state import NewImage
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, displaced_by_features, follow, projected
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
 from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.resection import resect
-from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
-from ispom.types import Decision
+from ispom.solvers.rotation import rotate
+from ispom.types import TrackStatus
 
-SPOT_DEG = 0.5
-"""Tracks that a turn alone explains to within this (median) show no travel."""
 MIN_LOCATED = 15
-"""Fewer points that agree with a pose are a loss."""
-COASTING_S = 2.0
-"""Out of sight motion goes on as before, and fades within this time."""
+"""Fewer points that agree with a pose are a loss: a pose has 6 unknowns, and with two equations a point so many leave
+it determined four times over where a third of them is wrong alike."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What a frame sees of the map."""
+class Localisation:
+    """A frame located in the map."""
 
     followed: Followed
     compared: NDArray[np.bool_]
@@ -47,44 +45,64 @@ class Sight:
         return self.motion is not None and int(self.motion.inliers.sum()) >= MIN_LOCATED
 
 
-def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
-    """world_from_camera at the velocity of the last two poses, which fades."""
-    (before_ns, before), (last_ns, last) = recent[0], recent[-1]
-    if before_ns == last_ns:
-        return last
-    share = COASTING_S * -np.expm1(-(time_ns - last_ns) * 1e-9 / COASTING_S) / ((last_ns - before_ns) * 1e-9)
-    return last @ Pose.exp((before.inverse() @ last).log() * share)
-
-
-def locate(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:
-    """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC. `limit` in normalised units."""
-    found = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), limit / 2, limit)
-    if found is None or found.inliers.mean() < 0.6:
-        again = resect(xyz, x, limit)
-        other = (
-            None
-            if again is None
-            else motion_only.fit_pose(xyz, x, again.camera_from_world, limit / 2, limit, widest=limit)
-        )
-        if other is not None and (found is None or other.inliers.sum() > found.inliers.sum()):
-            found = other
+def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Localisation:
+    """From the tracks as followed; where that fails, from tracks displaced as the image's features are."""
+    found = _located(setup, live, world, new, new.followed)
+    if not found.agreeing and (jumped := displaced_by_features(live, new.grey)) is not None:
+        found = _located(setup, live, world, new, follow(live, new.grey, jumped))
     return found
 
 
-def turned(before: Frame, frame: Frame, sigma: float) -> tuple[Decision, Pose] | None:
-    """Where enough tracks moved as a pure turn moves them: that test, and the last place with the new orientation."""
-    ids = np.intersect1d(before.ids, frame.ids, assume_unique=True)
-    if len(ids) < MIN_POINTS or before.world_from_camera is None:
-        return None
-    last, x1, x2 = before.world_from_camera, before.at(ids), frame.at(ids)
-    turn = dominant_rotation(x1, x2, 3 * sigma)
-    shift = float(np.degrees(median_displacement(turn, x1, x2)))
-    if shift >= SPOT_DEG:
-        return None
-    return checks.TURN_ONLY.of(shift, SPOT_DEG), Pose(last.rotation @ turn.T, last.translation)
+def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed) -> Localisation:
+    """The pose that the tracks give once their patches of origin are found again."""
+    assert new.predicted is not None
+    _, xyz, x = _seen(setup, live, world, followed)
+    motion, compared = pose_of(xyz, x, new.predicted, INLIER * setup.sigma), np.zeros(len(followed.status), bool)
+    if motion is not None:
+        followed, compared = _realigned(setup, live, world, new, followed, motion.camera_from_world.inverse())
+    ids, xyz, x = _seen(setup, live, world, followed)
+    if motion is not None:
+        limit = INLIER * setup.sigma
+        motion = motion_only.fit_pose(xyz, x, motion.camera_from_world, limit / 2, limit)
+    return Localisation(followed, compared, motion, ids, xyz)
 
 
-def strays(key: Frame, frame: Frame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:
+def pose_of(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:
+    """From the predicted pose, or, where that leads nowhere, by P3P in RANSAC. `limit` in normalised units."""
+    found = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), limit / 2, limit)
+    if found is None or found.inliers.mean() < MIN_INLIER_SHARE:
+        sampled = resect(xyz, x, limit)
+        if sampled is None:
+            return found
+        again = motion_only.fit_pose(xyz, x, sampled.camera_from_world, limit / 2, limit, widest=limit)
+        if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
+            found = again
+    return found
+
+
+def _seen(setup: Setup, live: LiveTracks, world: Map, followed: Followed) -> tuple[NDArray[np.int64], Array, Array]:
+    """Points of the map (N,), (N, 3), and where they are seen (N, 2), normalised and corrected."""
+    alive = followed.status == TrackStatus.ALIVE
+    xyz = world.known(live.ids[alive])
+    known = np.isfinite(xyz[:, 0])
+    x = corrected(setup.camera.normalise(followed.uv[alive][known]), world.extra)
+    return live.ids[alive][known], xyz[known], x
+
+
+def _realigned(
+    setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed, pose: Pose
+) -> tuple[Followed, NDArray[np.bool_]]:
+    """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""
+    lens = Lens(setup.camera, world.extra)
+    expected = projected(lens, world.known(live.ids), pose, followed.uv)
+    misplaced = np.linalg.norm(expected - followed.uv, axis=1) > INLIER * setup.loss_px
+    lost = followed.status != TrackStatus.ALIVE
+    expected = np.where((misplaced | lost)[:, None], expected, followed.uv)
+    origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
+    return realigned(lens, live, new.grey, followed, expected, new.scene, pose, origins)
+
+
+def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:
     """Those of the tracks `ids` (M,), where both frames have them, that are no images of a still point.
 
     They are farther than `limit` (normalised) from their epipolar line, which begins where an infinitely far point is.
@@ -98,26 +116,3 @@ def strays(key: Frame, frame: Frame, ids: NDArray[np.int64], limit: float) -> ND
     moved = frame.at(ids) - far
     along = np.maximum((moved * line).sum(axis=1, keepdims=True), 0.0)
     return ids[np.linalg.norm(moved - along * line, axis=1) > limit]
-
-
-def speed_of(world: Map) -> float:
-    """Median speed over the map's last frames [units per second], above zero."""
-    poses = sorted(world.trajectory(), key=lambda item: item[0])[-10:]
-    speeds = [
-        float(np.linalg.norm(q.translation - p.translation)) / ((v - u) * 1e-9) for (u, p), (v, q) in pairwise(poses)
-    ]
-    return max(float(np.median(speeds)), 1e-6)
-
-
-def carried(covariance: Array, before_from_now: Pose) -> Array:
-    """A pose's covariance (6, 6) as that of a camera rigidly fixed to it (twists on the right)."""
-    back = before_from_now.inverse()
-    rotation = back.rotation
-    adjoint = np.block([[rotation, skew(back.translation) @ rotation], [np.zeros((3, 3)), rotation]])
-    return adjoint @ covariance @ adjoint.T
-
-
-def coasted_covariance(covariance: Array, before_from_now: Pose) -> Array:
-    """Of a pose reached out of sight, from that of the last one in sight: half of the way may be wrong."""
-    way, turn = np.linalg.norm(before_from_now.translation), np.linalg.norm(before_from_now.rotvec)
-    return carried(covariance, before_from_now) + np.diag([(way / 2) ** 2] * 3 + [(turn / 2) ** 2] * 3)

@@ -1,4 +1,4 @@
-"""What the modern monocular estimator keeps from frame to frame, and what one frame leads to."""
+"""What the modern monocular estimator remembers from frame to frame, and what one frame leads to."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.covariance import Spread
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
-from ispom.estimators.modern.monocular.tracks import Followed, Live
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.types import Decision, Status
+from ispom.types import Decision, Image, Status
 
 
 @dataclass(frozen=True, eq=False)
 class ModernMonocularState:
-    live: Live = Live()
+    live: LiveTracks = LiveTracks()
     start: Start | None = None
     """While there is no map."""
     map: Map | None = None
@@ -26,12 +26,25 @@ class ModernMonocularState:
     """The last two poses, for the motion model."""
     missed: int = 0
     """Frames since the last pose."""
-    spread: Spread | None = None
-    """How sure the map is, since the last key frame."""
+    uncertainty: MapUncertainty | None = None
+    """Of the map, since the last key frame."""
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6) of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Poses that nothing will revise."""
+
+
+@dataclass(frozen=True, eq=False)
+class NewImage:
+    """An image with the tracks followed into it, before it is known where it was taken."""
+
+    time_ns: int
+    grey: Image
+    predicted: Pose | None
+    """world_from_camera by the motion model; None without a map."""
+    followed: Followed
+    scene: Array
+    """(N, 3) scene points of the tracks, those without a place at a guessed depth; NaN without a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +59,12 @@ class Outcome:
     key_frame: bool = False
     decisions: tuple[Decision, ...] = ()
     residual_px: NDArray[np.float32] | None = None
+    """(N,) of the tracks followed; NaN where one took no part."""
     covariance: Array | None = None
-    spread: Spread | None = None
+    uncertainty: MapUncertainty | None = None
+    """Of a map that is new, or was adjusted."""
     scale: float | None = None
     settled: tuple[tuple[int, Pose], ...] = ()
     missed: int = 0
     compared: NDArray[np.bool_] | None = None
-    """Which tracks were found by the patch of their origin."""
+    """(N,) which tracks were found by the patch of their origin; None while there is no map: then origins stay."""

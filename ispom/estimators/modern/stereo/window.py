@@ -15,10 +15,8 @@ from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginali
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
-
-
 LEAST_LAG_S = 0.001
-"""Less is not believed: an unlike focal length or a bent image looks the same in the rows and columns."""
+"""A smaller lag [s] is not believed: an unlike focal length or a bent image looks the same in the rows and columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +46,7 @@ class StereoMap:
     rows: RowFit = RowFit()
     """What the rows say about the right shutter."""
     late: bool = False
-    """They show that it is late: then its place is not that of the pair either. Else only turns are looked at."""
+    """They show that it is late: then its place is not that of the pair either. Else only turns count."""
     covariance: Array | None = None
     """(6 C + 4, 6 C + 4) of the key frames' left twists and the extras; None before a second key frame."""
 
@@ -56,8 +54,8 @@ class StereoMap:
         """(N,) index of each id among the points, -1 where unknown."""
         return places(self.ids, ids)
 
-    def felt(self, rate: Array) -> Array:
-        """(6,) of left_from_world's change (rho, phi; left) [1/s], what a late right shutter is held to see."""
+    def rate_for_lag(self, rate: Array) -> Array:
+        """(6,) of left_from_world's change (rho, phi; left) [1/s], that a late right shutter is held to see."""
         return rate if self.late else np.concatenate([np.zeros(3), rate[3:]])
 
     def with_points(self, ids: NDArray[np.int64], xyz: Array) -> StereoMap:
@@ -72,16 +70,16 @@ class StereoMap:
         return replace(self, ids=self.ids[needed], xyz=self.xyz[needed])
 
 
-def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, spread: Array | None = None) -> StereoMap:
-    """The map with one more key frame; the first one is the world, or has the covariance `spread` (6, 6)."""
+def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, predicted: Array | None = None) -> StereoMap:
+    """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6)."""
     keys, prior, covariance = state.keys, state.prior, state.covariance
     if not keys:
         prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
-        if spread is not None:
+        if predicted is not None:
             whole = np.diag(np.concatenate([np.zeros(POSE), np.where(extra_sigma > 0, extra_sigma, 1.0) ** 2]))
             if covariance is not None:
                 whole[POSE:, POSE:] = covariance[-PAIR:, -PAIR:]
-            whole[:POSE, :POSE] = spread
+            whole[:POSE, :POSE] = predicted
             covariance = whole
             prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(whole))
     elif len(keys) == 1:
@@ -105,7 +103,7 @@ def with_rows(state: StereoMap, rows: RowFit) -> StereoMap:
 def adjusted(
     state: StereoMap, baseline: float, extra_sigma: Array, scale: float, threshold: float, iterations: int
 ) -> tuple[StereoMap, Adjusted | None]:
-    """Bundle adjustment of the window; observations farther than `threshold` from their points are left out then."""
+    """Bundle adjustment of the window; observations farther than `threshold` from their points are dropped then."""
     window, used, origin = _packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):
         return state, None
@@ -122,8 +120,8 @@ def adjusted(
         keys[c] = replace(keys[c], ids=keys[c].ids[keep], seen=keys[c].seen[keep])
     xyz = state.xyz.copy()
     xyz[used] = window.points
-    spread = covariance(window, scale)
-    return replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=spread), result
+    known = covariance(window, scale)
+    return replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=known), result
 
 
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
@@ -161,7 +159,7 @@ def _packed(
     translations = np.stack([k.left_from_world.translation for k in state.keys])
     seen_from = camera[good]
     near = np.einsum("kij,kj->ki", rotations[seen_from], state.xyz[point[good]]) + translations[seen_from]
-    rates = np.stack([state.felt(k.rate) for k in state.keys])[seen_from]
+    rates = np.stack([state.rate_for_lag(k.rate) for k in state.keys])[seen_from]
     window = Window(
         rotations,
         translations,

@@ -1,0 +1,97 @@
+"""No map yet: wait for parallax, hold the place on pure rotation, then take the best map that two views allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.first_map import first_map
+from ispom.estimators.modern.monocular.map import Map, bundle_problem
+from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
+from ispom.estimators.modern.monocular.start import MIN_POINTS, Start, poses_held
+from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.monocular.tracks import tracked_frame
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.geometry import Pose
+from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.types import Decision, Status
+
+LEAVING_SHARE = 0.4
+"""When fewer points of the first frame are left, a map is tried with what parallax there is, before all are gone."""
+LEAVING_PARALLAX = 0.25
+"""Share of the usual parallax that such a map wants."""
+IMPATIENT = 3.0
+"""With so many times the parallax wanted, the best map is taken, clearly the best or not: more will not tell."""
+
+
+def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
+    """One more frame towards the first map, or towards one after a loss."""
+    frame = tracked_frame(setup.camera, state.live, new.followed, new.time_ns)
+    start = state.start or Start(extra_sigma=setup.extra_sigma)
+    found = advance(start, frame, setup.sigma, setup.start_parallax_rad)
+    outcome = Outcome(new.followed, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
+    if found.map is None:
+        return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1)
+    problem = bundle_problem(found.map)
+    uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma)
+    return replace(
+        outcome,
+        status=Status.TRACKING,
+        pose=found.map.poses[-1],
+        map=found.map,
+        key_frame=True,
+        covariance=uncertainty.pose,
+        uncertainty=uncertainty,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """What one more frame gave."""
+
+    start: Start
+    decisions: tuple[Decision, ...]
+    held: Pose | None
+    """The frame's pose as long as there is no map; None where it moves already and the place is unknown."""
+    map: Map | None = None
+    settled: tuple[tuple[int, Pose], ...] = ()
+
+
+def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: float) -> Progress:
+    """One more frame. `sigma`: deviation of a coordinate, normalised units."""
+    if not start.frames:
+        frame = replace(frame, world_from_camera=start.base)
+        return Progress(replace(start, frames=(frame,)), (), start.base)
+    reference = start.frames[0]
+    ids = np.intersect1d(reference.ids, frame.ids, assume_unique=True)
+    share = len(ids) / max(1, len(reference.ids))
+    enough = checks.START_POINTS.of(share, LEAVING_SHARE)
+    if len(ids) < MIN_POINTS:
+        return _restarted(start, frame, sigma, replace(enough, passed=False))
+    x1, x2 = reference.at(ids), frame.at(ids)
+    rotation = dominant_rotation(x1, x2, TURN_LOSS * sigma)
+    parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
+    needed = min_parallax_rad * (1 if enough.passed else LEAVING_PARALLAX)
+    moved = checks.START_PARALLAX.of(np.degrees(parallax), np.degrees(needed), passed=parallax >= needed)
+    held = Pose(start.base.rotation @ rotation.T, start.base.translation)
+    frame = replace(frame, world_from_camera=held)
+    waiting, settled = replace(start, frames=(*start.frames, frame)).limited()
+    found, decisions = None, ()
+    if moved.passed:
+        found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
+    if found is None and not enough.passed:
+        return _restarted(start, frame, sigma, enough)
+    if not moved.passed:
+        moved = replace(moved, consequence="place held, waiting for parallax")
+        return Progress(waiting, (moved,), held, settled=settled)
+    return Progress(waiting, (moved, *decisions), None, found, settled)
+
+
+def _restarted(start: Start, frame: TrackedFrame, sigma: float, few: Decision) -> Progress:
+    """Too few of the reference's points are left: this frame becomes the reference."""
+    new, base = start.restarted(frame, sigma)
+    few = replace(few, consequence="begins again from here")
+    return Progress(new, (few,), base, settled=poses_held(start.frames))

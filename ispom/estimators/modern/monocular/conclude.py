@@ -1,0 +1,97 @@
+"""What a frame leaves behind: new corners, the next state, and the Step that says all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.monocular.setup import Setup
+from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.monocular.tracks import as_tracks, next_live_tracks
+from ispom.frontends.buckets import detect_spread
+from ispom.types import Image, Landmarks, Step, TrackStatus, Trajectory, VideoFrame, colours_at
+
+CORNER_DISTANCE = 0.011
+"""Least distance of a new corner from other points, in image widths: 7 px at 640, half a tracking window."""
+
+
+def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float32]:
+    """New corners (N, 2) [px] between the points alive, at a key frame or at the reference of a start; else none."""
+    at_reference = outcome.start is not None and len(outcome.start.frames) == 1
+    if not (outcome.key_frame or at_reference):
+        return np.zeros((0, 2), np.float32)
+    alive = outcome.followed.status == TrackStatus.ALIVE
+    distance_px = CORNER_DISTANCE * setup.camera.width
+    return detect_spread(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
+
+
+def next_state(
+    setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage, fresh: NDArray[np.float32]
+) -> ModernMonocularState:
+    """With the fresh corners in the map or the start, and the tracks that are alive."""
+    world, start, live = outcome.map, outcome.start, state.live
+    if len(fresh):
+        ids, x = live.next_id + np.arange(len(fresh), dtype=np.int64), setup.camera.normalise(fresh)
+        if world is not None:
+            world = world.with_new_tracks(ids, x)
+        elif start is not None:
+            start = start.with_new_tracks(ids, x)
+    if outcome.missed == 0:
+        all_compared = np.ones(len(outcome.followed.status), bool)
+        compared = all_compared if outcome.compared is None else outcome.compared
+        live = next_live_tracks(live, outcome.followed, new.grey, fresh, new.time_ns, compared)
+    moved = [(new.time_ns, outcome.pose)] if outcome.pose is not None else []
+    if state.map is None and world is not None:
+        moved = sorted(world.trajectory(), key=lambda item: item[0])
+    return ModernMonocularState(
+        live,
+        start,
+        world,
+        tuple([*state.recent, *moved][-2:]),
+        outcome.missed,
+        state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
+        state.covariance if outcome.covariance is None else outcome.covariance,
+        state.settled.extended(outcome.settled),
+    )
+
+
+def as_step(
+    before: ModernMonocularState,
+    after: ModernMonocularState,
+    outcome: Outcome,
+    exposure: VideoFrame,
+    fresh: NDArray[np.float32],
+    seconds: Mapping[str, float],
+) -> Step:
+    """The Step of an outcome that led from one state to the next."""
+    followed, adjusted = outcome.followed, outcome.uncertainty
+    unknown = np.full(len(followed.status), np.nan, np.float32)
+    residual = unknown if outcome.residual_px is None else outcome.residual_px
+    poses = after.map.trajectory() if after.map is not None else []
+    return Step(
+        exposure.time_ns,
+        outcome.status,
+        "video",
+        outcome.pose,
+        outcome.covariance,
+        outcome.key_frame,
+        {"video": as_tracks(before.live, followed, residual, fresh)},
+        Landmarks.empty() if adjusted is None else _landmarks(exposure, after),
+        residual[np.isfinite(residual) & (followed.status == TrackStatus.ALIVE)],
+        Trajectory.empty("video") if adjusted is None else Trajectory.of([*outcome.settled, *poses], "video"),
+        outcome.scale,
+        seconds,
+        outcome.decisions,
+        scale_sigma=None if adjusted is None else adjusted.scale_sigma,
+        calibration={} if after.map is None else {"lens": after.map.extra},
+    )
+
+
+def _landmarks(exposure: VideoFrame, after: ModernMonocularState) -> Landmarks:
+    """The points of the map that are tracked on."""
+    assert after.map is not None
+    xyz = after.map.known(after.live.ids)
+    known = np.isfinite(xyz[:, 0])
+    return Landmarks(after.live.ids[known], xyz[known], colours_at(exposure.image, after.live.uv[known]))

@@ -1,0 +1,71 @@
+"""Tracks set right by their patches of origin: a chain of small steps from image to image drifts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.frontends.exposure import as_bright
+from ispom.frontends.klt import Klt
+from ispom.frontends.patches import align, warps_of
+from ispom.geometry import Array, Pose
+from ispom.types import Image, TrackStatus
+
+BACK = Klt(levels=1)
+MIN_CORRELATION = 0.8
+"""Normalised correlation of a patch found again with its origin; less is another thing."""
+MAX_SHIFT_PX = 3.0
+"""Alignment with the origin corrects tracking by no more."""
+MIN_WARP, MAX_WARP = 0.35, 1.8
+"""Change of area, origin per image, within which the patch of the origin can be used."""
+BORDER_PX = 6
+"""Half a patch and its gradients: nearer to the image's border none is compared."""
+
+
+def realigned(
+    lens: Lens,
+    live: LiveTracks,
+    grey: Image,
+    followed: Followed,
+    expected: NDArray[np.float32],
+    scene: Array,
+    pose: Pose,
+    origins: dict[int, Pose],
+) -> tuple[Followed, NDArray[np.bool_]]:
+    """Each point where its patch of origin, warped as the scene (N, 3) says, fits best; which ones (N,) were compared.
+
+    Looked for around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time: world_from_camera. What does
+    not look like its origin is lost; what cannot be compared is checked forward and backward.
+    """
+    uv, status = followed.uv.copy(), followed.status.copy()
+    in_camera = pose.inverse().apply(scene)
+    height, width = grey.shape
+    last = (width - BORDER_PX - 1, height - BORDER_PX - 1)
+    inside = np.asarray((expected >= BORDER_PX) & (expected < last)).all(axis=1)
+    usable = [(time_ns, image) for time_ns, image in live.origins if time_ns in origins]
+    origin = np.searchsorted([t for t, _ in usable], live.origin_ns)
+    origin[~np.isin(live.origin_ns, [t for t, _ in usable])] = -1
+    mine = np.flatnonzero((origin >= 0) & inside & (in_camera[:, 2] > 0))
+    motions = [origins[time_ns].inverse() @ pose for time_ns, _ in usable]
+    compared = np.zeros(len(uv), bool)
+    if len(mine):
+        turns, ways = np.stack([m.rotation for m in motions]), np.stack([m.translation for m in motions])
+        warps = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], in_camera[mine])
+        area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
+        fit = (area > MIN_WARP) & (area < MAX_WARP)
+        mine, warps = mine[fit], warps[fit]
+        found, score = np.empty((len(mine), 2)), np.empty(len(mine))
+        for i in np.unique(origin[mine]).tolist():
+            at = origin[mine] == i
+            found[at], score[at] = align(usable[i][1], live.origin_uv[mine[at]], grey, expected[mine[at]], warps[at])
+        good = (score > MIN_CORRELATION) & (np.linalg.norm(found - expected[mine], axis=1) < MAX_SHIFT_PX)
+        uv[mine[good]] = found[good]
+        status[mine[~good & (status[mine] == TrackStatus.ALIVE)]] = TrackStatus.LOST
+        status[mine[good]] = TrackStatus.ALIVE
+        compared[mine] = True
+    other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
+    if len(other) and live.grey is not None:
+        uv[other], status[other] = BACK.track(live.grey, as_bright(grey, live.grey), live.uv[other], uv[other])
+    return Followed(uv, status), compared

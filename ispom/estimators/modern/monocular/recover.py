@@ -1,0 +1,73 @@
+"""A frame that was not located: hold the place on a pure turn, wait, or begin a new map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.monocular.motion_model import coasted, coasted_covariance, speed_of
+from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
+from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
+from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.monocular.tracks import Followed, has_contrast, tracked_frame
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.geometry import Pose
+from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.types import Decision, Status
+
+PATIENCE = 5
+"""So many frames are compared with the last good one before a loss leads to a new start."""
+SPOT_DEG = 0.5
+"""Tracks that a turn alone explains to within this (median) show no travel."""
+
+
+def recover(setup: Setup, state: ModernMonocularState, new: NewImage, followed: Followed, failed: Decision) -> Outcome:
+    """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
+    frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
+    last_ns, last = state.recent[-1]
+    before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(state.live.uv), last)
+    turn = None if state.missed else turned(before, frame, setup.sigma)
+    if turn is not None:
+        because, held = turn
+        return _new_start(setup, state, frame, followed, held, held, because)
+    # From a dark or covered lens no map can start.
+    if state.missed < PATIENCE or not has_contrast(new.grey, state.live.grey):
+        failed = replace(failed, consequence="lost; the next frame is compared with the last good one")
+        return Outcome(followed, Status.LOST, map=state.map, decisions=(failed,), missed=state.missed + 1)
+    return _new_start(setup, state, frame, followed, coasted(state.recent, new.time_ns), None, failed)
+
+
+def turned(before: TrackedFrame, frame: TrackedFrame, sigma: float) -> tuple[Decision, Pose] | None:
+    """Where enough tracks moved as a pure turn moves them: that test, and the last place with the new orientation."""
+    ids = np.intersect1d(before.ids, frame.ids, assume_unique=True)
+    if len(ids) < MIN_POINTS or before.world_from_camera is None:
+        return None
+    last, x1, x2 = before.world_from_camera, before.at(ids), frame.at(ids)
+    turn = dominant_rotation(x1, x2, TURN_LOSS * sigma)
+    shift = float(np.degrees(median_displacement(turn, x1, x2)))
+    if shift >= SPOT_DEG:
+        return None
+    return checks.TURN_ONLY.of(shift, SPOT_DEG), Pose(last.rotation @ turn.T, last.translation)
+
+
+def _new_start(
+    setup: Setup,
+    state: ModernMonocularState,
+    frame: TrackedFrame,
+    followed: Followed,
+    base: Pose,
+    held: Pose | None,
+    because: Decision,
+) -> Outcome:
+    """A new start at `base`, in the old world and as far as possible in its unit; `held` is the pose given now."""
+    world, frame = state.map, replace(frame, world_from_camera=base)
+    assert world is not None
+    coasting = None if held is not None else partial(coasted, state.recent)
+    covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
+    start = Start((frame,), base, speed_of(world), world.points, setup.extra_sigma, covariance, coasting)
+    because = replace(because, consequence="lost; a new map from the last pose")
+    settled = tuple(world.trajectory())
+    return Outcome(followed, Status.LOST, held, start=start, decisions=(because,), settled=settled)

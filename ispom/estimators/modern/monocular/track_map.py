@@ -1,0 +1,90 @@
+"""One frame with a map: locate it, end the tracks that disagree, and at a key frame extend and adjust the map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.monocular import checks
+from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
+from ispom.estimators.modern.monocular.localise import MIN_LOCATED, Localisation, localise, moving_tracks
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.marginalise import shortened
+from ispom.estimators.modern.monocular.recover import recover
+from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
+from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.monocular.tracks import tracked_frame
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.stopwatch import Stopwatch
+from ispom.types import Status, TrackStatus
+
+MOST_SHOWN_PX = 1e4
+"""A point just behind the camera has no bound to its error."""
+
+
+def track_map(setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, watch: Stopwatch) -> Outcome:
+    """Locate the frame; where that fails recover; make it a key frame where a test says so."""
+    found = localise(setup, state.live, world, new)
+    watch.lap("locate")
+    count = 0 if found.motion is None else int(found.motion.inliers.sum())
+    located = checks.POSE_POINTS.of(count, MIN_LOCATED, passed=found.agreeing)
+    if found.motion is None or not located.passed:
+        return recover(setup, state, new, found.followed, located)
+    frame, residual_px = _without_outliers(setup, state, world, new, found)
+    assert state.uncertainty is not None and frame.world_from_camera is not None
+    tests = key_frame_tests(setup, world, frame)
+    outcome = Outcome(
+        found.followed,
+        Status.TRACKING,
+        frame.world_from_camera,
+        world,
+        decisions=(located, *tests),
+        residual_px=residual_px,
+        compared=found.compared,
+        covariance=state.uncertainty.of_pose(found.ids, found.xyz, found.motion, setup.sigma),
+    )
+    if not any(test.passed for test in tests):
+        return replace(outcome, map=world.with_relative_frame(new.time_ns, frame.world_from_camera))
+    outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
+    watch.lap("key frame")
+    return outcome
+
+
+def _without_outliers(
+    setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Localisation
+) -> tuple[TrackedFrame, NDArray[np.float32]]:
+    """The frame with its pose and the tracks that fit it, and (N,) residuals [px]; the status of others says why."""
+    assert found.motion is not None
+    status, live = found.followed.status, state.live
+    place = np.searchsorted(live.ids, found.ids)
+    residual = np.full(len(status), np.nan, np.float32)
+    residual[place] = np.minimum(found.motion.distances * setup.camera.fx, MOST_SHOWN_PX)
+    status[place[found.motion.distances > MISTRACKED * setup.sigma]] = TrackStatus.REPROJECTION
+    frame = tracked_frame(setup.camera, live, found.followed, new.time_ns)
+    frame = replace(frame, world_from_camera=found.motion.camera_from_world.inverse())
+    unplaced = frame.ids[~np.isin(frame.ids, world.points.ids)]
+    moving = moving_tracks(world.keys[-1], frame, unplaced, MOVING * setup.sigma)
+    status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR
+    return frame.without(moving), residual
+
+
+def _key_frame(setup: Setup, outcome: Outcome, world: Map, frame: TrackedFrame, all_ids: NDArray[np.int64]) -> Outcome:
+    """New points, bundle adjustment, and what leaves the window."""
+    status = outcome.followed.status
+    done = extended(setup, world, frame)
+    status[np.isin(all_ids, done.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION
+    alive = all_ids[status == TrackStatus.ALIVE]
+    world, settled = shortened(done.map, alive, setup.key_frames, setup.sigma)
+    return replace(
+        outcome,
+        pose=world.poses[-1],
+        map=world,
+        key_frame=True,
+        decisions=(*outcome.decisions, *done.decisions),
+        covariance=done.uncertainty.pose,
+        uncertainty=done.uncertainty,
+        scale=done.scale,
+        settled=tuple(settled),
+    )

@@ -1,0 +1,117 @@
+"""What a pair leaves behind: the next state, and the Step that says all of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.stereo.key_frame import Current
+from ispom.estimators.modern.stereo.last_pair import LastPair
+from ispom.estimators.modern.stereo.pair import Sighting
+from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
+from ispom.estimators.modern.stereo.window import newest_covariance
+from ispom.geometry import Array, Pose
+from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
+
+MOST_SHOWN_PX = 1e4
+"""A point just behind the camera has no bound to its error."""
+
+
+def next_state(
+    before: ModernStereoState, state: ModernStereoState, now: Current, sighting: Sighting, is_key: bool
+) -> ModernStereoState:
+    """`before` is as the pair was followed from, `state` has the map as it left it."""
+    newest, last, new, first = state.map.keys[-1], before.last, now.new, before.last.left is None
+    following = LastPair(
+        new.left,
+        new.right,
+        new.left if is_key else last.key_left,
+        now.points,
+        new.time_ns,
+        now.pose,
+        Pose() if first else now.pose @ last.left_from_world.inverse(),
+        0.0 if first else (new.time_ns - last.time_ns) * 1e-9,
+        sighting.features,
+        _covariance(state, now.pose, sighting, is_key),
+    )
+    relative = (new.time_ns, newest.time_ns, now.pose @ newest.left_from_world.inverse())
+    return replace(state, last=following, lost_pairs=0, poses=state.poses.appended(relative))
+
+
+def _covariance(state: ModernStereoState, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:
+    """(6, 6) of left_from_world's left twist: the newest key frame's, and the way from there."""
+    of_key = newest_covariance(state.map)
+    if of_key is None or is_key or sighting.located is None:
+        return of_key
+    way = (pose @ state.map.keys[-1].left_from_world.inverse()).adjoint
+    return way @ of_key @ way.T + np.linalg.inv(sighting.located.information)
+
+
+def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
+    """The Step of an outcome, but for its times."""
+    sighting, after, has_pose = outcome.sighting, outcome.after, outcome.before is not None
+    residual = np.full(len(sighting.status), np.nan, np.float32)
+    if sighting.located is not None:
+        pixels = sighting.located.distances * setup.camera.fx
+        residual[sighting.took_part] = np.minimum(pixels, MOST_SHOWN_PX)
+    pose, covariance = None, None
+    if has_pose:
+        pose = after.last.left_from_world.inverse() @ setup.left_from_rig
+        covariance = _in_rig(setup, after.last.covariance)
+    return Step(
+        exposure.time_ns,
+        outcome.status,
+        "rig",
+        pose,
+        covariance,
+        outcome.key_frame,
+        {"left": _tracks(outcome, residual)},
+        _landmarks(exposure, after) if outcome.key_frame else Landmarks.empty(),
+        residual[np.isfinite(residual) & (sighting.status == TrackStatus.ALIVE)],
+        _revised(setup, after) if outcome.key_frame else Trajectory.empty(),
+        decisions=outcome.decisions,
+        calibration={"pair": after.map.extra, "pair_rate": after.map.rate_for_lag(after.last.rate)},
+    )
+
+
+def _in_rig(setup: Setup, covariance: Array | None) -> Array | None:
+    """(6, 6) of world_from_rig's right twist from that of left_from_world's left one.
+
+    left_from_world grows by exp(d) on the left: world_from_rig by exp(-Ad(rig_from_left) d) on the right.
+    """
+    adjoint = setup.rig_from_left.adjoint
+    return None if covariance is None else adjoint @ covariance @ adjoint.T
+
+
+def _tracks(outcome: Outcome, residual: NDArray[np.float32]) -> Tracks:
+    """All points followed, with what became of them, and the fresh ones; none where the pair has no pose."""
+    if outcome.before is None:
+        return Tracks.of(np.zeros(0), np.zeros((0, 2)))
+    sighting, fresh = outcome.sighting, outcome.fresh
+    old, new = outcome.before.last.points, outcome.after.last.points
+    count, last = len(sighting.status), len(new) - fresh
+    ended = (sighting.status != TrackStatus.ALIVE) & (sighting.status < TrackStatus.EPIPOLAR)
+    uv = np.where(ended[:, None], old.uv[:count], sighting.uv)
+    nan = np.full((fresh, 2), np.nan, np.float32)
+    return Tracks.of(
+        np.concatenate([old.ids[:count], new.ids[last:]]),
+        np.concatenate([uv, new.uv[last:]]),
+        uv_prev=np.concatenate([old.uv[:count], nan]),
+        status=np.concatenate([sighting.status, np.full(fresh, TrackStatus.NEW, np.uint8)]),
+        residual_px=np.concatenate([residual, nan[:, 0]]),
+        disparity_px=np.concatenate([sighting.disparity_px, new.disparity_px[last:]]),
+    )
+
+
+def _landmarks(exposure: StereoPair, after: ModernStereoState) -> Landmarks:
+    points = after.last.points
+    xyz = after.map.xyz[after.map.places(points.ids)]
+    return Landmarks(points.ids, xyz, colours_at(exposure.left, points.uv))
+
+
+def _revised(setup: Setup, after: ModernStereoState) -> Trajectory:
+    """The key frames before the newest."""
+    return Trajectory.of([(k.time_ns, k.left_from_world.inverse() @ setup.left_from_rig) for k in after.map.keys[:-1]])

@@ -1,0 +1,148 @@
+"""What makes a pair a key frame of the stereo estimator, and what it adds: new points, a window adjusted, a prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.estimators.check import Check
+from ispom.estimators.modern.stereo import checks
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.pair_calibration import intersected
+from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.state import ModernStereoState
+from ispom.estimators.modern.stereo.window import (
+    KeyFrame,
+    StereoMap,
+    adjusted,
+    with_key,
+    with_rows,
+    without_oldest,
+)
+from ispom.frontends import corners
+from ispom.frontends.row_search import PointSearch
+from ispom.geometry import Array, Pose
+from ispom.persistent_list import PersistentList
+from ispom.solvers.prior import PAIR
+from ispom.types import Decision
+
+SIDE = 0.5
+"""x/z of the place towards the image's sides, 27 degrees, at which the bend of the disparity offset is reported."""
+
+
+@dataclass(frozen=True, eq=False)
+class Current:
+    """The pair that is being worked on, once it has a pose."""
+
+    new: NewPair
+    pose: Pose
+    """left_from_world."""
+    points: PairPoints
+    """Those alive."""
+    rate: Array
+    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair."""
+
+    @staticmethod
+    def of(state: ModernStereoState, new: NewPair, sighting: Sighting) -> Current:
+        """Located, or where the motion led."""
+        last, located = state.last, sighting.located
+        pose = last.predicted(new.time_ns) if located is None else located.camera_from_world
+        rate = np.zeros(6)
+        if last.left is not None:
+            rate = (pose @ last.left_from_world.inverse()).log() / ((new.time_ns - last.time_ns) * 1e-9)
+        return Current(new, pose, sighting.alive(last.points), rate)
+
+
+def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[Decision, ...]:
+    """Large displacement, or too few of the last key frame's points left: each makes a key frame; none, the first."""
+    if not world.keys:
+        return ()
+    last, camera = world.keys[-1], setup.camera
+    _, old, new = np.intersect1d(last.ids, points.ids, assume_unique=True, return_indices=True)
+    flow = (camera.normalise(points.uv[new]) - last.seen[old, :2]) * camera.fx
+    displacement = float(np.median(np.linalg.norm(flow, axis=1))) if len(new) else 0.0
+    share = len(new) / max(len(last.ids), 1)
+    return (
+        checks.DISPLACEMENT.of(displacement, setup.min_parallax_px),
+        checks.POINTS_LEFT.of(share, setup.min_share),
+    )
+
+
+def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
+    """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
+    uv = corners.detect(now.new.left, setup.max_tracks - len(now.points), now.points.uv)
+    disparity = PointSearch().search(now.new.left, now.new.right, uv)
+    found = np.flatnonzero(np.isfinite(disparity))
+    fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])
+    return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.rate))
+
+
+def extended(
+    setup: Setup, state: ModernStereoState, now: Current, fresh: tuple[PairPoints, Array], sighting: Sighting
+) -> tuple[ModernStereoState, Current, tuple[Decision, ...]]:
+    """The window with this pair as a key frame, adjusted; and the pair as that left it."""
+    new_ones, xyz = fresh
+    points = PairPoints.joined(now.points, new_ones)
+    world = state.map.with_points(new_ones.ids, xyz)
+    key = KeyFrame(now.new.time_ns, now.pose, points.ids, points.seen_by(setup.camera), now.rate)
+    predicted = None
+    if not world.keys and state.last.left is not None:
+        predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)
+    world = _with_row_errors(setup, with_key(world, key, setup.extra_sigma, predicted), state, now, sighting)
+    world, settled, decisions = _adjusted(setup, world, state.settled)
+    newest = world.keys[-1]
+    points = points.select(np.isin(points.ids, newest.ids, assume_unique=True))
+    now = replace(now, pose=newest.left_from_world, points=points)
+    next_id = state.next_id + len(new_ones)
+    return replace(state, map=world.only(points.ids), settled=settled, next_id=next_id), now, decisions
+
+
+def _with_row_errors(
+    setup: Setup, world: StereoMap, state: ModernStereoState, now: Current, sighting: Sighting
+) -> StereoMap:
+    """With what the rows of this pair say about a late right shutter."""
+    located = sighting.located
+    if not setup.self_calibration or located is None or not now.rate.any():
+        return world
+    took = sighting.took_part[located.inliers]
+    xyz = now.pose.apply(state.map.xyz[sighting.place[took]])
+    return with_rows(world, world.rows.with_pair(xyz, sighting.lower[located.inliers], now.rate, setup.loss))
+
+
+def _adjusted(
+    setup: Setup, world: StereoMap, settled: PersistentList[tuple[int, Pose]]
+) -> tuple[StereoMap, PersistentList[tuple[int, Pose]], tuple[Decision, ...]]:
+    """The window adjusted; what is too much for it becomes a prior."""
+    baseline, sigma = setup.baseline_m, setup.extra_sigma
+    world, result = adjusted(world, baseline, sigma, setup.loss, setup.limit, setup.iterations)
+    while len(world.keys) > setup.window:
+        oldest = world.keys[0]
+        settled = settled.appended((oldest.time_ns, oldest.left_from_world))
+        world = without_oldest(world, baseline, sigma, setup.loss)
+    if result is None:
+        return world, settled, ()
+    f = setup.camera.fx
+    error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
+    usual = 2 * setup.loss_px
+    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), *_calibration(setup, world))
+
+
+def _calibration(setup: Setup, world: StereoMap) -> tuple[Decision, ...]:
+    """What was found to be wrong with the pair's calibration."""
+    if not setup.self_calibration or world.covariance is None:
+        return ()
+    f, (offset, lag, square, fourth) = setup.camera.fx, world.extra
+    covariance, bend = world.covariance[-PAIR:, -PAIR:], np.array([SIDE**2, SIDE**4])
+    bent = float(bend @ (square, fourth))
+    return (
+        _corrected(checks.OFFSET, f * offset, f**2 * covariance[0, 0]),
+        _corrected(checks.BEND, f * bent, f**2 * float(bend @ covariance[2:, 2:] @ bend)),
+        _corrected(checks.SHUTTER_LAG, 1e3 * lag, 1e6 * covariance[1, 1]),
+    )
+
+
+def _corrected(check: Check, value: float, variance: float) -> Decision:
+    """A correction of the pair's calibration beside two standard deviations of it."""
+    twice = 2 * float(np.sqrt(max(variance, 0.0)))
+    return check.of(value, twice, passed=bool(abs(value) > twice))

@@ -1,0 +1,79 @@
+"""The last located pair, and the motion that is expected to go on from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ispom.estimators.modern.stereo.pair import PairPoints
+from ispom.frontends import sift
+from ispom.geometry import Array, Pose
+from ispom.types import Image
+
+COASTING_S = 2.0
+"""Out of sight the motion is held to go on for so long, or for one more interval between pairs; then to end."""
+CHANGE = 0.5
+"""Standard deviation of how a motion may differ from the expected one, as a share of it: the rig may stop (2 sigma)."""
+REST_BASELINES, REST_RAD = 0.1, 0.05
+"""The same where none is expected, from one pair to the next: in baselines, as the rig's size goes with its speed, and
+[rad], 3 degrees."""
+
+
+def unforeseen(way: Pose, baseline_m: float) -> Array:
+    """(6,) standard deviations of how a motion may differ from this expected one, and a little at rest."""
+    moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(way.rotvec))
+    return np.repeat([CHANGE * moved + REST_BASELINES * baseline_m, CHANGE * turned + REST_RAD], 3)
+
+
+@dataclass(frozen=True, eq=False)
+class LastPair:
+    """The last located pair, and how the rig moved until then."""
+
+    left: Image | None = None
+    right: Image | None = None
+    key_left: Image | None = None
+    """Of the newest key frame."""
+    points: PairPoints = PairPoints()
+    time_ns: int = 0
+    left_from_world: Pose = field(default_factory=Pose)
+    motion: Pose = field(default_factory=Pose)
+    """curr_left_from_prev_left of the last two located pairs."""
+    motion_s: float = 0.0
+    """Time between them; 0 before there are two."""
+    described: sift.Features | None = None
+    """Features of the left image, where descriptors were needed to locate it."""
+    covariance: Array | None = None
+    """(6, 6) of left_from_world's left twist."""
+
+    @property
+    def rate(self) -> Array:
+        """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
+        return self.motion.log() / self.motion_s if self.motion_s > 0 else np.zeros(6)
+
+    def predicted(self, time_ns: int) -> Pose:
+        """left_from_world if the motion goes on as it was, COASTING_S long at most."""
+        return self._way(self._coasting_s(time_ns)) @ self.left_from_world
+
+    def predicted_covariance(self, time_ns: int, baseline_m: float) -> Array:
+        """(6, 6) of the left twist of `predicted`: what was known before, and how much else may have happened since.
+
+        That is the more, the longer nothing was seen: the motion may have gone on after the prediction holds it to end.
+        """
+        coasting_s = self._coasting_s(time_ns)
+        way, beyond = self._way(coasting_s), (self._since_s(time_ns) - coasting_s) * self.rate
+        known = np.zeros((6, 6)) if self.covariance is None else way.adjoint @ self.covariance @ way.adjoint.T
+        moved, turned = float(np.linalg.norm(beyond[:3])), float(np.linalg.norm(beyond[3:]))
+        further = np.repeat([moved, min(turned, np.pi)], 3)
+        return known + np.diag((unforeseen(way, baseline_m) + further) ** 2)
+
+    def _since_s(self, time_ns: int) -> float:
+        return (time_ns - self.time_ns) * 1e-9
+
+    def _coasting_s(self, time_ns: int) -> float:
+        return min(self._since_s(time_ns), max(COASTING_S, self.motion_s))
+
+    def _way(self, seconds: float) -> Pose:
+        if self.motion_s <= 0:
+            return Pose()
+        return Pose.exp(self.motion.log() * (seconds / self.motion_s))

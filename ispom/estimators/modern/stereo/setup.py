@@ -1,0 +1,47 @@
+"""The camera and the settings of the stereo method, in the units that are computed with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ispom.geometry import Array, Pose
+from ispom.types import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """See ModernStereoConfig for what the settings mean."""
+
+    camera: Camera
+    """The left one; the right one is the same."""
+    baseline_m: float
+    rig_from_left: Pose
+    loss_px: float
+    max_error_px: float
+    extra_sigma: Array
+    """(4,) see window.Window.extra; 0 holds them."""
+    max_tracks: int
+    window: int
+    min_parallax_px: float
+    min_share: float
+    min_inliers: int
+    max_lost_pairs: int
+    iterations: int
+
+    @property
+    def left_from_rig(self) -> Pose:
+        return self.rig_from_left.inverse()
+
+    @property
+    def loss(self) -> float:
+        """Scale of the Cauchy loss, normalised."""
+        return self.loss_px / self.camera.fx
+
+    @property
+    def limit(self) -> float:
+        """Larger reprojection errors end a track, normalised."""
+        return self.max_error_px / self.camera.fx
+
+    @property
+    def self_calibration(self) -> bool:
+        return bool(self.extra_sigma.any())

@@ -1,0 +1,39 @@
+"""What the modern stereo estimator remembers from pair to pair, and what one pair leads to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ispom.estimators.modern.stereo.last_pair import LastPair
+from ispom.estimators.modern.stereo.pair import Sighting
+from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.geometry import Pose
+from ispom.persistent_list import PersistentList
+from ispom.types import Decision, Status
+
+
+@dataclass(frozen=True, eq=False)
+class ModernStereoState:
+    last: LastPair
+    map: StereoMap = StereoMap()
+    next_id: int = 0
+    lost_pairs: int = 0
+    poses: PersistentList[tuple[int, int, Pose]] = PersistentList()
+    """Time, the key frame's time, left_from_key of every located pair."""
+    settled: PersistentList[tuple[int, Pose]] = PersistentList()
+    """left_from_world of the key frames that have left the window."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one pair led to; the rest of the Step follows from it."""
+
+    after: ModernStereoState
+    status: Status
+    sighting: Sighting
+    decisions: tuple[Decision, ...]
+    before: ModernStereoState | None = None
+    """Whose points were followed; None where the pair has no pose."""
+    fresh: int = 0
+    """New points: the last ones in the state after it."""
+    key_frame: bool = False

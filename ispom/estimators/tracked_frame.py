@@ -1,0 +1,86 @@
+"""What a single camera tracked in one frame, and the scene points of the tracks: shared by the monocular methods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
+from ispom.solvers.rotation import dominant_rotation, median_displacement
+
+MIN_COMMON = 8
+"""With fewer points in common two frames show no parallax: a median of so few may be that of outliers."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """The tracked points of one frame, and its pose once it has one."""
+
+    time_ns: int
+    ids: NDArray[np.int64]
+    """(N,) ascending."""
+    x: Array
+    """(N, 2) normalised coordinates."""
+    world_from_camera: Pose | None = None
+
+    def at(self, ids: NDArray[np.int64]) -> Array:
+        """Normalised coordinates (M, 2) of points (M,) that this frame has."""
+        return self.x[np.searchsorted(self.ids, ids)]
+
+    def without(self, ids: NDArray[np.int64]) -> TrackedFrame:
+        """Without some of its points."""
+        kept = ~np.isin(self.ids, ids)
+        return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
+
+    def with_new(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
+        """With points (M,), (M, 2) first seen in it; their ids are larger than all others."""
+        return replace(self, ids=np.concatenate([self.ids, ids]), x=np.concatenate([self.x, x]))
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePoints:
+    """Points of the scene by track id."""
+
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(M,) ascending."""
+    xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """(M, 3) in the world, own unit."""
+
+    def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Index (K,) of each id, -1 where there is no such point."""
+        return places(self.ids, ids)
+
+    def merged(self, newer: ScenePoints) -> ScenePoints:
+        """Both, the newer position where both have one."""
+        kept = ~np.isin(self.ids, newer.ids)
+        ids, xyz = np.concatenate([self.ids[kept], newer.ids]), np.concatenate([self.xyz[kept], newer.xyz])
+        order = np.argsort(ids)
+        return ScenePoints(ids[order], xyz[order])
+
+    def only(self, ids: NDArray[np.int64]) -> ScenePoints:
+        kept = np.isin(self.ids, ids)
+        return ScenePoints(self.ids[kept], self.xyz[kept])
+
+    def without(self, ids: NDArray[np.int64]) -> ScenePoints:
+        kept = ~np.isin(self.ids, ids)
+        return ScenePoints(self.ids[kept], self.xyz[kept])
+
+
+def parallax_deg(key: TrackedFrame, frame: TrackedFrame, scale: float) -> float:
+    """Median displacement of the common points between two frames, the rotation taken away; 0 for too few of them.
+
+    The rotation is that of their poses where both have one, else the one that explains most of the motion.
+    `scale`: width of the robust loss of that fit, normalised.
+    """
+    ids = np.intersect1d(key.ids, frame.ids, assume_unique=True)
+    if len(ids) < MIN_COMMON:
+        return 0.0
+    x1, x2 = key.at(ids), frame.at(ids)
+    if key.world_from_camera is not None and frame.world_from_camera is not None:
+        rotation = frame.world_from_camera.rotation.T @ key.world_from_camera.rotation
+    else:
+        rotation = dominant_rotation(x1, x2, scale)
+    return float(np.degrees(np.arctan(median_displacement(rotation, x1, x2))))
