@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ispom.child import end_with_parent
 from ispom.ensemble import build
-from ispom.estimators.paper.monocular import MonocularConfig
+from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.geometry import Array, Pose
 from ispom.kernels import is_kept, kernels, may_keep, remove_unused
 from ispom.methods import Config, default_methods

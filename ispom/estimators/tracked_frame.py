@@ -30,6 +30,10 @@ class TrackedFrame:
         """Normalised coordinates (M, 2) of points (M,) that this frame has."""
         return self.x[np.searchsorted(self.ids, ids)]
 
+    def common(self, other: TrackedFrame) -> int:
+        """How many points both frames have."""
+        return len(np.intersect1d(self.ids, other.ids, assume_unique=True))
+
     def without(self, ids: NDArray[np.int64]) -> TrackedFrame:
         """Without some of its points."""
         kept = ~np.isin(self.ids, ids)

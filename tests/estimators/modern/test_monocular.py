@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from ispom.estimators.modern.monocular.begin import advance
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
-from ispom.estimators.modern.monocular.start import Start, advance
-from ispom.estimators.paper.keyframes import Frame
+from ispom.estimators.modern.monocular.start import Start
+from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose, so3_log
 from ispom.sequences import open_sequence
 from ispom.solvers.alignment import umeyama
@@ -143,7 +144,7 @@ def test_a_plane_starts_a_map(flight: Sequence) -> None:
     for i, pose in enumerate(truth):
         p = pose.inverse().apply(xyz)
         x = p[:, :2] / p[:, 2:] + rng.normal(0, 2e-4, (200, 2))
-        begun = advance(start, Frame(i, np.arange(200), x), 1e-3, np.radians(2.0))
+        begun = advance(start, TrackedFrame(i, np.arange(200), x), 1e-3, np.radians(2.0))
         start = begun.start
         if begun.map is not None:
             break

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispom.estimators.paper.integrated import MOST_FRAMES, IntegratedConfig, IntegratedState
+from ispom.estimators.paper.integrated.estimator import MAX_FRAMES, IntegratedConfig
+from ispom.estimators.paper.integrated.state import IntegratedState
 from ispom.types import Camera, Rig, Status, Step, StereoPair, VideoFrame
 from tests.doubles import pose_at
 
@@ -56,8 +57,8 @@ def test_video_below_five_hertz_keeps_its_pose_before_a_segment() -> None:
 
 def test_where_pairs_stop_the_newest_frames_stay_and_live_poses_go_on() -> None:
     every_ns = SECOND_NS // 30
-    state, steps = walked([i * every_ns for i in range(3 * MOST_FRAMES)], [i * SECOND_NS // 3 for i in range(1, 8)])
-    assert len(state.frames_ns) < 1.2 * MOST_FRAMES and len(state.video) < 1.2 * MOST_FRAMES
+    state, steps = walked([i * every_ns for i in range(3 * MAX_FRAMES)], [i * SECOND_NS // 3 for i in range(1, 8)])
+    assert len(state.frames_ns) < 1.2 * MAX_FRAMES and len(state.video) < 1.2 * MAX_FRAMES
     last = steps[-1]
     assert last.world_from_frame is not None and [d.key for d in last.decisions] == ["open_frames"]
     assert np.linalg.norm(last.world_from_frame.translation - pose_at(last.time_ns).translation) < 0.05

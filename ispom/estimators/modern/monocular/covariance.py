@@ -26,9 +26,9 @@ class MapUncertainty:
 
     ids: NDArray[np.int64]
     """(M,) ascending, of the points that the last key frame sees."""
-    own: Array
+    conditional: Array
     """(M, 3, 3) covariance of each point where poses and camera are given."""
-    shared: Array
+    sensitivity: Array
     """(M, 3, D) how each point moves with D independent unit errors of poses and camera."""
     extra: Array
     """(2, D) how the camera's correction does."""
@@ -58,18 +58,18 @@ class MapUncertainty:
         weight = 1 / (sigma**2 + ((stretch * x - seen) ** 2).sum(axis=1))
         weighted = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
         first = np.searchsorted(owners, np.arange(len(points)))
-        own = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
+        conditional = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
         mixed = np.zeros((len(points), 3, POSE * c + LENS))
         for i in range(c):
             mine = k == i
             mixed[owners[mine], :, POSE * i : POSE * (i + 1)] = weighted[mine] @ by_pose[mine]
         mixed[:, :, -LENS:] = np.add.reduceat(weighted @ by_extra, first)
-        shared = -(own @ mixed).reshape(-1, mixed.shape[2]) @ root
+        sensitivity = -(conditional @ mixed).reshape(-1, mixed.shape[2]) @ root
         last = slice(POSE * (c - 1), POSE * c)
         return MapUncertainty(
             ids[young],
-            own / LOSS**2,
-            shared.reshape(mixed.shape),
+            conditional / LOSS**2,
+            sensitivity.reshape(mixed.shape),
             root[-LENS:],
             all_poses[last, last],
             *_of_steps(window, all_poses),
@@ -84,9 +84,9 @@ class MapUncertainty:
         n = len(place)
         own = np.linalg.pinv(np.tensordot(by_pose, by_pose, ((0, 1), (0, 1))), hermitian=True)
         gain = np.swapaxes(by_pose, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
-        shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.shared[place].reshape(3 * n, -1)
+        shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.sensitivity[place].reshape(3 * n, -1)
         shared += np.tensordot(by_pose, by_extra, ((0, 1), (0, 1))) @ self.extra
-        alone = (gain @ self.own[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
+        alone = (gain @ self.conditional[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
         return own * (sigma / LOSS) ** 2 + own @ (alone + shared @ shared.T) @ own
 
 

@@ -1,99 +1,30 @@
-"""Key frames and what lies between them, as the monocular estimator keeps it."""
+"""The last key frames, the frames between them, and the points that they see."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
-from ispom.numerics.places import places
-from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.solvers.triple import Triple
 
-MOST_WAITING = 300
-"""Frames after the last key frame whose poses may still change."""
+MAX_WAITING = 300
+"""Frames after the last key frame whose poses may still change: 10 s at 30 Hz."""
+MAX_STARTS = 9
+"""Times of starts that are remembered: those within a segment of the integration matter, and there one is too many."""
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
-    """The tracked points of one frame, and its pose once it has one."""
-
-    time_ns: int
-    ids: NDArray[np.int64]
-    """(N,) ascending."""
-    x: Array
-    """(N, 2) normalised coordinates."""
-    world_from_camera: Pose | None = None
-
-    def at(self, ids: NDArray[np.int64]) -> Array:
-        """Normalised coordinates (M, 2) of points (M,) that this frame has."""
-        return self.x[np.searchsorted(self.ids, ids)]
-
-    def without(self, ids: NDArray[np.int64]) -> Frame:
-        """Without some of its points."""
-        kept = ~np.isin(self.ids, ids)
-        return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Scene points by track id."""
-
-    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(M,) ascending."""
-    xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    """(M, 3) in the world, own unit."""
-
-    def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Index (K,) of each id, -1 where there is no such point."""
-        return places(self.ids, ids)
-
-    def merged(self, newer: Points) -> Points:
-        """Both, the newer position where both have one."""
-        kept = ~np.isin(self.ids, newer.ids)
-        ids, xyz = np.concatenate([self.ids[kept], newer.ids]), np.concatenate([self.xyz[kept], newer.xyz])
-        order = np.argsort(ids)
-        return Points(ids[order], xyz[order])
-
-    def only(self, ids: NDArray[np.int64]) -> Points:
-        kept = np.isin(self.ids, ids)
-        return Points(self.ids[kept], self.xyz[kept])
-
-
-def common_points(keys: tuple[Frame, ...], frame: Frame) -> int:
-    """How many points all these frames have."""
-    ids = frame.ids
-    for key in keys:
-        ids = np.intersect1d(ids, key.ids, assume_unique=True)
-    return len(ids)
-
-
-def parallax_deg(key: Frame, frame: Frame, scale: float) -> float:
-    """Median displacement of the common points between two frames, the rotation taken away.
-
-    The rotation is that of their poses where both have one, else the one that explains most of the motion.
-    """
-    ids = np.intersect1d(key.ids, frame.ids, assume_unique=True)
-    if len(ids) < 8:
-        return 0.0
-    x1, x2 = key.at(ids), frame.at(ids)
-    if key.world_from_camera is not None and frame.world_from_camera is not None:
-        rotation = frame.world_from_camera.rotation.T @ key.world_from_camera.rotation
-    else:
-        rotation = dominant_rotation(x1, x2, scale)
-    return float(np.degrees(np.arctan(median_displacement(rotation, x1, x2))))
-
-
-@dataclass(frozen=True, eq=False)
-class Window:
+class KeyFrameWindow:
     """The last key frames, all frames since the oldest of them, and the points that they see."""
 
-    keys: tuple[Frame, ...] = ()
-    frames: tuple[Frame, ...] = ()
+    keys: tuple[TrackedFrame, ...] = ()
+    frames: tuple[TrackedFrame, ...] = ()
     """In order of time, key frames included."""
-    landmarks: Points = Points()
+    landmarks: ScenePoints = ScenePoints()
     base: Pose = Pose()
     """world_from_camera that the first key frame after a (new) start gets."""
     fresh: bool = True
@@ -106,6 +37,10 @@ class Window:
         """Poses before this time will not change without bundle adjustment, hardly with it; None before a triple."""
         return self.keys[-2].time_ns if len(self.keys) >= 3 else None
 
+    def is_key(self, time_ns: int) -> bool:
+        """Whether the newest key frame is of this time."""
+        return bool(self.keys) and self.keys[-1].time_ns == time_ns
+
     def poses(self) -> list[tuple[int, Pose]]:
         return [(f.time_ns, f.world_from_camera) for f in self.frames if f.world_from_camera is not None]
 
@@ -116,16 +51,16 @@ class Window:
             return None
         return known[-1] @ known[0].inverse() @ known[-1]
 
-    def with_frame(self, frame: Frame) -> Window:
+    def with_frame(self, frame: TrackedFrame) -> KeyFrameWindow:
         return replace(self, frames=(*self.frames, frame))
 
-    def with_key(self, frame: Frame) -> Window:
+    def with_key(self, frame: TrackedFrame) -> KeyFrameWindow:
         """A key frame without a triple: one of the first two after a (new) start."""
         if not self.keys:
             frame = replace(frame, world_from_camera=self.base)
         return replace(self, keys=(*self.keys, frame), frames=(*self.frames, frame))
 
-    def with_triple(self, triple: Triple, ids: NDArray[np.int64], third: Frame, scale: float) -> Window:
+    def with_triple(self, triple: Triple, ids: NDArray[np.int64], third: TrackedFrame, scale: float) -> KeyFrameWindow:
         """Places key frames 2 and 3 and the points of a triple, in the world and at its scale."""
         world_from_first = self.keys[-2].world_from_camera
         assert world_from_first is not None
@@ -133,7 +68,7 @@ class Window:
         third = replace(third, world_from_camera=world_from_first @ triple.third_from_first.inverse().scaled(scale))
         window = self.revised({self.keys[-1].time_ns: second})
         good = triple.resected
-        points = Points(ids[good], world_from_first.apply(scale * triple.xyz_in_first[good]))
+        points = ScenePoints(ids[good], world_from_first.apply(scale * triple.xyz_in_first[good]))
         return replace(
             window,
             keys=(*window.keys, third),
@@ -142,32 +77,33 @@ class Window:
             landmarks=window.landmarks.merged(points),
         )
 
-    def with_new_points(self, ids: NDArray[np.int64], x: Array) -> Window:
+    def with_new_points(self, ids: NDArray[np.int64], x: Array) -> KeyFrameWindow:
         """Adds points first seen in the last key frame to it."""
-        key = self.keys[-1]
-        key = replace(key, ids=np.concatenate([key.ids, ids]), x=np.concatenate([key.x, x]))
+        key = self.keys[-1].with_new(ids, x)
         return replace(self, keys=(*self.keys[:-1], key), frames=(*self.frames[:-1], key))
 
-    def revised(self, poses: dict[int, Pose]) -> Window:
+    def revised(self, poses: dict[int, Pose]) -> KeyFrameWindow:
         """With other poses (by time) for some frames."""
 
-        def renew(frame: Frame) -> Frame:
+        def renew(frame: TrackedFrame) -> TrackedFrame:
             pose = poses.get(frame.time_ns)
             return frame if pose is None else replace(frame, world_from_camera=pose)
 
         return replace(self, keys=tuple(map(renew, self.keys)), frames=tuple(map(renew, self.frames)))
 
-    def restarted(self, frame: Frame) -> Window:
+    def restarted(self, frame: TrackedFrame) -> KeyFrameWindow:
         """Nothing but this frame as first key frame, at the last known pose."""
         last = self.poses()
         base = last[-1][1] if last else self.base
-        begun = Window((), self.frames, Points(), base, True, (*self.starts_ns[-8:], frame.time_ns))
+        begun = KeyFrameWindow(
+            (), self.frames, ScenePoints(), base, True, (*self.starts_ns[1 - MAX_STARTS :], frame.time_ns)
+        )
         return begun.with_key(frame)
 
-    def settle(self, count: int) -> tuple[Window, list[tuple[int, Pose]]]:
+    def settle(self, count: int) -> tuple[KeyFrameWindow, list[tuple[int, Pose]]]:
         """Keeps the last `count` key frames; the poses of the frames before them are settled and handed out.
 
-        So are those of all but the newest MOST_WAITING frames after the last key frame: at rest, or where nothing is
+        So are those of all but the newest MAX_WAITING frames after the last key frame: at rest, or where nothing is
         seen, none follows. They keep the poses that they were given at once, if any.
         """
         keys = self.keys[-count:]
@@ -175,7 +111,7 @@ class Window:
             return self, []
         start, last = keys[0].time_ns, keys[-1].time_ns
         waiting = [f.time_ns for f in self.frames if f.time_ns > last]
-        given_up = set(waiting[:-MOST_WAITING])
+        given_up = set(waiting[:-MAX_WAITING])
         kept = [f.time_ns >= start and f.time_ns not in given_up for f in self.frames]
         settled = [
             (f.time_ns, f.world_from_camera)

@@ -1,4 +1,4 @@
-"""Frames between key frames, and local bundle adjustment (section 6.1, steps 5 and 6; line D of Fig. 8)."""
+"""Local bundle adjustment after each key frame (section 6.4, line D of Fig. 8)."""
 
 from __future__ import annotations
 
@@ -7,40 +7,24 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimators.paper import checks
-from ispom.estimators.paper.keyframes import Points, Window
+from ispom.estimators.paper.monocular.window import KeyFrameWindow
+from ispom.estimators.tracked_frame import ScenePoints
 from ispom.geometry import Pose
 from ispom.solvers.bundle import adjust
-from ispom.solvers.interpolation import Interpolation, interpolate
-from ispom.solvers.resection import refine_pose
-from ispom.types import Decision, Trajectory
+from ispom.types import Decision
+
+FIXED = 2
+"""Key frames that hold the gauge and the unit."""
+MIN_POINTS = 10
+"""Fewer points leave the poses hardly better determined than before."""
 
 
-def fill_between(window: Window, kind: Interpolation, threshold: float) -> Window:
-    """Interpolates the frames between the last three key frames, then refines each on the points it sees.
-
-    The refinement is motion-only: it keeps the shake that an interpolation cannot know.
-    """
-    keys = Trajectory.of([(k.time_ns, k.world_from_camera) for k in window.keys if k.world_from_camera is not None])
-    start, key_times = window.keys[-3].time_ns, {k.time_ns for k in window.keys}
-    between = [f for f in window.frames if f.time_ns > start and f.time_ns not in key_times]
-    if not between:
-        return window
-    guesses = interpolate(keys, np.array([f.time_ns for f in between], np.int64), kind)
-    poses = {}
-    for i, frame in enumerate(between):
-        place = window.landmarks.places(frame.ids)
-        known = place >= 0
-        refined = refine_pose(window.landmarks.xyz[place[known]], frame.x[known], guesses.pose(i).inverse(), threshold)
-        poses[frame.time_ns] = guesses.pose(i) if refined is None else refined.camera_from_world.inverse()
-    return window.revised(poses)
-
-
-def adjust_window(window: Window, scale: float) -> tuple[Window, tuple[Decision, ...]]:
+def adjust_window(window: KeyFrameWindow, scale: float) -> tuple[KeyFrameWindow, tuple[Decision, ...]]:
     """Adjusts the window's key frames and points together; the first two key frames hold the gauge and the unit.
 
     Frames between older key frames move along with the key frame before them.
     """
-    keys, fixed = window.keys, 2
+    keys, fixed = window.keys, FIXED
     seen = [window.landmarks.places(k.ids) for k in keys]
     counts = np.bincount(np.concatenate([p[p >= 0] for p in seen]), minlength=len(window.landmarks.ids))
     chosen = np.flatnonzero(counts >= 2)
@@ -53,7 +37,7 @@ def adjust_window(window: Window, scale: float) -> tuple[Window, tuple[Decision,
         points.append(slot[place[use]])
         x.append(key.x[use])
     poses = tuple(k.world_from_camera.inverse() for k in keys if k.world_from_camera is not None)
-    if len(chosen) < 10 or len(poses) <= fixed or len(poses) < len(keys):
+    if len(chosen) < MIN_POINTS or len(poses) <= fixed or len(poses) < len(keys):
         return window, ()
     bundle = adjust(
         poses,
@@ -69,10 +53,10 @@ def adjust_window(window: Window, scale: float) -> tuple[Window, tuple[Decision,
     after = [p.inverse() for p in bundle.cameras_from_world]
     size = f"{len(keys)} key frames, {len(chosen)} points, {len(np.concatenate(points))} observations"
     decision = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
-    return _carried(window, after, Points(window.landmarks.ids, xyz)), (decision,)
+    return _carried(window, after, ScenePoints(window.landmarks.ids, xyz)), (decision,)
 
 
-def _carried(window: Window, keys_after: list[Pose], landmarks: Points) -> Window:
+def _carried(window: KeyFrameWindow, keys_after: list[Pose], landmarks: ScenePoints) -> KeyFrameWindow:
     """The window with moved key frames, every other frame moved as the key frame before it."""
     poses, correction, moved = {}, Pose(), {k.time_ns: p for k, p in zip(window.keys, keys_after, strict=True)}
     for frame in window.frames:

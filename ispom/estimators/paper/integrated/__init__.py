@@ -1,0 +1,1 @@
+"""Section 6.3, integrated position and orientation; its steps are the file names."""

@@ -1,0 +1,69 @@
+"""Steps 1 to 3 of section 6.3 for one segment: from one stereo exposure to the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.paper import checks
+from ispom.estimators.paper.integrated.state import IntegratedState
+from ispom.solvers.interpolation import Interpolation, interpolate
+from ispom.solvers.segment import Segment, fit_rotations, fit_segment
+from ispom.types import Decision, Trajectory
+
+DOUBTFUL_DEG = 10.0
+"""The paper has no thresholds for how far a segment may be bent; this one only marks doubtful ones."""
+
+
+def fitted(
+    state: IntegratedState,
+    metric: Trajectory,
+    ends: tuple[int, int],
+    times: NDArray[np.int64],
+    interpolation: Interpolation,
+    min_segment_m: float,
+) -> tuple[Trajectory, float | None, tuple[Decision, ...]]:
+    """world_from_video at the times, metres per unit (None where undefined), and why.
+
+    `metric`: world_from_video at the stereo exposures. Where the video's poses cannot be used those are interpolated.
+    """
+    fallback = interpolate(metric, times, "bspline")
+    if unusable := _unusable(state, ends, times):
+        return fallback, None, (checks.VIDEO_COVERAGE.of(0, 1, f"{unusable}: stereo poses interpolated"),)
+    start, end = metric.at(ends[0]), metric.at(ends[1])
+    assert start is not None and end is not None
+    own = interpolate(state.video, np.array(ends, np.int64), interpolation)  # step 1
+    video = state.video.select(np.isin(state.video.times_ns, times))
+    segment = fit_segment(video, own.pose(0), own.pose(1), start, end, ends, min_segment_m)  # steps 2 and 3
+    length = float(np.linalg.norm(end.translation - start.translation))
+    moved = checks.SEGMENT_LENGTH.of(length, min_segment_m, passed=segment is not None)
+    if segment is not None:
+        return segment.poses, segment.scale, (moved, *_bends(segment))
+    rotations, _ = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
+    still = Trajectory(times, rotations, fallback.translations, "video")
+    moved = replace(moved, consequence="no ratio of lengths: positions from the stereo poses alone")
+    return still, None, (moved,)
+
+
+def _unusable(state: IntegratedState, ends: tuple[int, int], times: NDArray[np.int64]) -> str:
+    """Why the video's poses cannot be used; empty where they can."""
+    video = state.video
+    if not len(video) or video.times_ns[0] > ends[0] or video.times_ns[-1] < ends[1]:
+        return "no video poses on both sides"
+    if not np.isin(times, video.times_ns).all():
+        return "video frames without a pose"
+    if any(video.times_ns[0] < t <= ends[1] for t in state.restarts_ns):
+        return "the monocular estimator started anew inside"
+    return ""
+
+
+def _bends(segment: Segment) -> tuple[Decision, ...]:
+    """How far the video segment had to be bent."""
+    turn, residual = np.degrees(segment.turn_rad), np.degrees(segment.residual_rad)
+    return (
+        checks.SCALE_RATIO.of(segment.scale, 0.0),
+        checks.SEGMENT_TURN.of(turn, DOUBTFUL_DEG),
+        checks.END_ORIENTATION.of(residual, DOUBTFUL_DEG),
+    )

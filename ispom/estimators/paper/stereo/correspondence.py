@@ -1,0 +1,85 @@
+"""Points of the left image that the reference's left image shows as well: by descriptors, or by tracking."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.paper.stereo.state import Cloud
+from ispom.frontends import corners, sift
+from ispom.frontends.klt import Klt
+from ispom.types import Image, TrackStatus
+
+Matching = Literal["sift", "klt"]
+REFINE = Klt(window_px=15, levels=0, max_forward_backward_px=0.3)
+"""Detectors place a point anew in every image, tenths of a pixel beside itself; this finds the same place again."""
+MAX_REFINEMENT_PX = 1.0
+"""A detector is off by tenths of a pixel: what is found farther away is another place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correspondences:
+    """Points of one left image, and how they go on from the reference."""
+
+    features: sift.Features
+    ids: NDArray[np.int64]
+    previous: NDArray[np.int64]
+    """(N,) index in the reference cloud, or -1."""
+    ended: NDArray[np.uint8]
+    """Of each reference point: ALIVE where found again, or why not."""
+    next_id: int
+
+
+def correspondences(
+    reference: Cloud | None, left: Image, matching: Matching, most: int, next_id: int
+) -> Correspondences:
+    """Of at most about `most` points of the left image; those that are new get ids from `next_id` on."""
+    find = _described if matching == "sift" else _tracked
+    features, previous, ended = find(reference, left, most)
+    known = previous >= 0
+    ids = np.full(len(previous), -1, np.int64)
+    if reference is not None:
+        ids[known] = reference.ids[previous[known]]
+    ids[~known] = next_id + np.arange((~known).sum())
+    return Correspondences(features, ids, previous, ended, next_id + int((~known).sum()))
+
+
+def _described(
+    reference: Cloud | None, left: Image, most: int
+) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+    """SIFT features, matched and refined."""
+    features = sift.detect_and_describe(left, most)
+    previous = np.full(len(features), -1, np.int64)
+    if reference is None:
+        return features, previous, np.zeros(0, np.uint8)
+    pairs, ended = sift.match(reference.features, features), np.full(len(reference), TrackStatus.UNMATCHED, np.uint8)
+    previous[pairs[:, 1]] = pairs[:, 0]
+    ended[pairs[:, 0]] = TrackStatus.ALIVE
+    return _refined(reference, left, features, pairs), previous, ended
+
+
+def _tracked(
+    reference: Cloud | None, left: Image, most: int
+) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+    """Points tracked by KLT, and new corners between them."""
+    uv, ended, previous = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.int64)
+    if reference is not None:
+        uv, ended = Klt(levels=4).track(reference.grey, left, reference.features.uv)
+        previous = np.flatnonzero(ended == TrackStatus.ALIVE)
+        uv = uv[previous]
+    fresh = corners.detect(left, most - len(uv), uv)
+    features = sift.Features(np.concatenate([uv, fresh]), np.zeros((len(uv) + len(fresh), 0), np.float32))
+    return features, np.concatenate([previous, np.full(len(fresh), -1, np.int64)]), ended
+
+
+def _refined(reference: Cloud, left: Image, features: sift.Features, pairs: NDArray[np.int64]) -> sift.Features:
+    """The features with matched ones moved to where the patch about their partner is found, if that is near."""
+    detected = features.uv[pairs[:, 1]]
+    found, status = REFINE.track(reference.grey, left, reference.features.uv[pairs[:, 0]], detected)
+    near = (status == TrackStatus.ALIVE) & (np.linalg.norm(found - detected, axis=1) < MAX_REFINEMENT_PX)
+    uv = features.uv.copy()
+    uv[pairs[near, 1]] = found[near]
+    return replace(features, uv=uv)
