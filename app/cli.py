@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | sources | evaluate | export | report | bench."""
+"""The command `ispom`: demo | app | run | fork | sources | evaluate | export | report | bench."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ispom.errors import InputError, printable
 from ispom.methods import faults, in_order
 
 from .bench.options import Bench
-from .options import App, Demo, Evaluate, Export, Repair, Report, Run, Serve, Sources
+from .options import App, Demo, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
 from .run.playback import Builder
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[App, tyro.conf.subcommand("app")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Fork, tyro.conf.subcommand("fork")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
@@ -48,7 +49,7 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
         command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
         for fault in faults():
             sys.stderr.write(f"ispom: {fault}\n")
-        code = _execute(command, builder)
+        code = _execute(command, arguments if arguments is not None else sys.argv[1:], builder)
         sys.stdout.flush()
         return code
     except InputError as error:
@@ -78,12 +79,20 @@ def _discard_output() -> None:
         os.close(nowhere)
 
 
-def _execute(command: Serve | Run | Sources | Evaluate | Export | Report | Repair | Bench, builder: Builder) -> int:
+def _execute(
+    command: Serve | Run | Fork | Sources | Evaluate | Export | Report | Repair | Bench,
+    arguments: Sequence[str],
+    builder: Builder,
+) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless import run
 
         return run(command, builder)
+    if isinstance(command, Fork):
+        from .fork import fork
+
+        return fork(command, arguments[1:], builder)
     if isinstance(command, Sources):
         from .sources import tell
 

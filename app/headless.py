@@ -6,7 +6,7 @@ import json
 import re
 import sys
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Self
@@ -26,16 +26,32 @@ from .run.console import ended_by_interrupt, progress, terminable, wait_for_comp
 from .run.events import Event, Finished
 from .run.journal import PoseJournal
 from .run.map_memory import MapCollectors
-from .run.playback import Builder, Playback
+from .run.playback import Builder, Playback, Stage
 from .run.results import Results, in_frame, metrics_text, summary
-from .run.run_file import run_file
+from .run.run_file import RunFile, fork_entry, run_file
 from .run.run_folder import LANDMARKS, METRICS, RECORDING, RIG, RUN, TRUTH, RunFolder, trajectory_file
 from .run.statistics import RunStatistics
 from .run.step_log import StepLog
 
 
-def run(options: Run, builder: Builder = build) -> int:
-    """Runs and writes, with estimators from `builder`.
+@dataclass(frozen=True)
+class Origin:
+    """What a run was forked from."""
+
+    run: RunFile
+    folder: Path
+    stages: tuple[Stage, ...]
+    """Of its own origins, and the run itself."""
+
+    @property
+    def entries(self) -> list[dict[str, Any]]:
+        """As the fork's run.yaml has them."""
+        runs = [str(entry.get("run", "")) for entry in self.run.forked][: len(self.stages) - 1]
+        return [fork_entry(name, stage) for name, stage in zip([*runs, str(self.folder)], self.stages, strict=True)]
+
+
+def run(options: Run, builder: Builder = build, origin: Origin | None = None) -> int:
+    """Runs and writes, with estimators from `builder`; from `origin` on, where there is one.
 
     The exit code is 0, or InputError is raised after what was computed has been written.
     """
@@ -43,10 +59,12 @@ def run(options: Run, builder: Builder = build) -> int:
     try:
         methods = _asked(options, sequence)
         # An integration is measured between the stereo poses that it asks for; those are computed anyway.
-        playback = Playback(sequence, with_asked(methods), options.config, builder)
+        earlier = origin.stages if origin is not None else ()
+        _require_inside(earlier, sequence)
+        playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable(), _folder(options.out, sequence.name) as folder:
-            _run(playback, methods, options, folder)
+            _run(playback, methods, options, folder, origin)
             _print(folder, playback.sequence)
     finally:
         if sequence.stop is not None:
@@ -70,21 +88,21 @@ def _folder(out: Path | None, name: str) -> RunFolder:
     return RunFolder.new(Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}")
 
 
-def _run(playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder) -> None:
+def _run(playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder, origin: Origin | None) -> None:
     """Whatever ends it, the folder is complete or says why it is not."""
-    statistics = RunStatistics()
-    _describe(folder, playback, methods, options)
+    statistics, forked = RunStatistics(), origin.entries if origin is not None else []
+    _describe(folder, playback, methods, options, forked)
     folder.write(RIG, rig_text(playback.sequence.rig))
     if playback.truth is not None:
         folder.write(TRUTH, tum_text(in_frame(playback.truth, playback.sequence.rig, options.frame)))
     try:
         finished, failure = _play(playback, methods, options, folder, statistics)
         _require_poses(without_secrets(options.source), finished, methods)
-        _describe(folder, playback, methods, options, statistics.images.hexdigest())
+        _describe(folder, playback, methods, options, forked, statistics.images.hexdigest())
         if problems := "; ".join(filter(None, (failure, folder.problem))):
             raise InputError(problems)
     except BaseException as error:
-        _describe(folder, playback, methods, options)
+        _describe(folder, playback, methods, options, forked)
         problem = "" if isinstance(error, InputError) or folder.problem is None else f" {folder.problem}."
         folder.failed(f"{_reason(error, playback)}{problem}")
         raise
@@ -92,7 +110,12 @@ def _run(playback: Playback, methods: tuple[str, ...], options: Run, folder: Run
 
 
 def _describe(
-    folder: RunFolder, playback: Playback, methods: tuple[str, ...], options: Run, images: str | None = None
+    folder: RunFolder,
+    playback: Playback,
+    methods: tuple[str, ...],
+    options: Run,
+    forked: list[dict[str, Any]],
+    images: str | None = None,
 ) -> None:
     """Writes run.yaml; `images` is the hash of all that were seen, where the run came to its end."""
     used: dict[str, Any] = {"methods": list(methods), "frame": options.frame}
@@ -100,7 +123,13 @@ def _describe(
     used |= {"recording": options.recording, "camera": None if options.camera is None else str(options.camera)}
     config = {name: asdict(options.config.of(name)) for name in playback.methods}
     source = without_secrets(options.source)
-    folder.write(RUN, run_file(source, playback.sequence, used, config, images).text)
+    folder.write(RUN, run_file(source, playback.sequence, used, config, images, forked).text)
+
+
+def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
+    if earlier and sequence.grow is None and earlier[-1].until >= len(sequence):
+        at, count = earlier[-1].until + 1, len(sequence)
+        raise InputError(f"--at is {at}, but the source has {count} exposures: give a value from 1 to {count}")
 
 
 def _play(

@@ -42,6 +42,16 @@ else:
 """The configs of all methods, a field each: so every setting is a flag, as in `--stereo.paper.max-tracks 300`."""
 
 
+def config_of(settings: Settings) -> Config:
+    """The settings of all methods."""
+    return Config({name: getattr(settings, _field(name)) for name in names()})
+
+
+def settings_of(config: Config) -> Settings:
+    """The same settings as flags have them."""
+    return Settings(**{_field(name): config.of(name) for name in names()})
+
+
 @dataclass(frozen=True, kw_only=True)
 class SourceOptions:
     """How a source is opened."""
@@ -89,7 +99,7 @@ class Options(SourceOptions):
     @property
     def config(self) -> Config:
         """The settings of all methods."""
-        return Config({name: getattr(self.settings, _field(name)) for name in names()})
+        return config_of(self.settings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,6 +172,26 @@ class Run(Options):
     """The frame whose poses are written."""
     recording: bool = True
     """Write run.rrd, which any Rerun viewer opens."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fork:
+    """Runs again as an earlier run did up to an exposure, and from there on with other settings or methods."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder that `ispom run` or `ispom fork` wrote."""
+    at: int
+    """First exposure with the given settings, counted from 1 as in the page."""
+    methods: tuple[Name, ...] = ()
+    """Methods from there on; none given means those of the run. One that did not run before starts there."""
+    source: str | None = None
+    """Where the run's source is now, if it has been moved."""
+    out: Path | None = None
+    """Folder to write to; without it, a new one below recordings/."""
+    recording: bool = True
+    """Write run.rrd, which any Rerun viewer opens."""
+    settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
+    """Those that are not given stay as they were in the run."""
 
 
 @dataclass(frozen=True, kw_only=True)

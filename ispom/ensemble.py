@@ -38,6 +38,10 @@ class Ensemble:
     def start(self) -> dict[str, Any]:
         return {name: member.estimator.start() for name, member in self.members.items()}
 
+    def carried(self, state: Mapping[str, Any]) -> dict[str, Any]:
+        """Its state after other methods or settings ran: estimators that ran go on from there, others start."""
+        return {name: state.get(name, start) for name, start in self.start().items()}
+
     def step(self, state: Mapping[str, Any], exposure: Exposure) -> tuple[dict[str, Any], tuple[Step, ...]]:
         """The next state, and one Step of each wanted method that uses this exposure, in the order of `methods`."""
         after, steps = dict(state), dict[str, Step]()

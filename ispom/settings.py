@@ -8,7 +8,7 @@ import textwrap
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from ispom.errors import InputError
 
@@ -54,6 +54,33 @@ def check(config: Any, where: str) -> None:
         elif setting.range and not setting.range.low <= value <= setting.range.high:
             low, high = setting.range.low, setting.range.high
             raise InputError(f"--{flag} is {value:g}, give a value from {low:g} to {high:g}")
+
+
+def from_plain(config: type, values: Any, where: str) -> Any:
+    """A config of plain values, as YAML has them; defaults for those that are not there. Ranges are left to `check`.
+
+    `where` names the mapping in the InputError for one that is of the wrong type or that the config does not have.
+    """
+    if not isinstance(values, dict):
+        raise InputError(f"{where} is {str(values)[:40]!r}, not settings by name")
+    known = {setting.name: setting for setting in settings(config)}
+    if unknown := sorted(values.keys() - known.keys()):
+        raise InputError(f"{where} has {unknown[0][:60]!r}, which is no setting: choose from {', '.join(known)}")
+    return config(**{name: _plain_value(known[name], value, f"{where}.{name}") for name, value in values.items()})
+
+
+def _plain_value(setting: Setting, value: Any, where: str) -> Any:
+    if is_dataclass(setting.type):
+        return from_plain(setting.type, value, where)  # type: ignore[arg-type]
+    if get_origin(setting.type) is Literal:
+        fits, what = value in get_args(setting.type), f"one of {', '.join(map(str, get_args(setting.type)))}"
+    else:
+        number = isinstance(value, int) and not isinstance(value, bool)
+        fits = number if setting.type is int else isinstance(value, setting.type) or (setting.type is float and number)
+        what = {bool: "true or false", int: "an integer", float: "a number"}.get(setting.type, "text")
+    if not fits:
+        raise InputError(f"{where} is {str(value)[:40]!r}, not {what}")
+    return float(value) if setting.type is float else value
 
 
 def _field_docs(config: type) -> dict[str, str]:

@@ -34,6 +34,7 @@ APP_LAYERS = (
     {"viser_ui"},
     {"page"},
     {"bench", "evaluate", "export", "headless", "repair", "report", "sources"},
+    {"fork"},
     {"cli"},
     {"__main__"},
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from bisect import bisect_left, bisect_right
+from copy import copy
 
 import numpy as np
 
@@ -25,6 +26,12 @@ class Placing:
         self._times_ns: list[int] = []
         """Of the metric poses, increasing."""
         self._first_ns, self._last_ns = sys.maxsize, -1
+
+    def copy(self) -> Placing:
+        """One that goes on by itself."""
+        other = copy(self)
+        other._metric, other._video, other._times_ns = self._metric.copy(), self._video.copy(), self._times_ns.copy()
+        return other
 
     def add_metric(self, time_ns: int, world_from_rig: Pose) -> None:
         self._metric[time_ns] = world_from_rig

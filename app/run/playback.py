@@ -1,9 +1,14 @@
-"""One run of the asked methods over one sequence, as events. Headless runs and the app both pull from here."""
+"""One run of the asked methods over one sequence, as events. Headless runs and the app both pull from here.
+
+A run may have been forked from others: then it begins with what those did up to the exposures where they were left.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +28,29 @@ UNREADABLE_SHARE = 0.01
 """A run goes on without this share of its exposures; more that are unreadable end it."""
 
 
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What ran before a fork."""
+
+    until: int
+    """The first exposure that ran with other methods or settings."""
+    methods: tuple[str, ...]
+    config: Config
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A run between two exposures, as a value: from here it can be run on, any number of times."""
+
+    position: int
+    """The next exposure."""
+    skipped: tuple[str, ...]
+    states: Mapping[str, Any]
+    """Of each method's estimator."""
+    placements: Mapping[str, Similarity]
+    placing: Mapping[str, Placing]
+
+
 @dataclass
 class Playback:
     """Steps through a sequence. Not a value: it holds the current state of a run, and nothing that grows."""
@@ -31,9 +59,14 @@ class Playback:
     methods: tuple[str, ...]
     config: Config = field(default_factory=Config)
     builder: Builder = build
+    earlier: tuple[Stage, ...] = ()
+    """What ran from the start up to the fork that this run began with, oldest first."""
 
     def __post_init__(self) -> None:
-        self.ensemble: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
+        self._stages = (*self.earlier, Stage(sys.maxsize, self.methods, self.config))
+        # The last one first: a mistake in what was asked is found before anything runs.
+        self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
+        self.ensemble: Ensemble = self._build(self._stages[0])
         self.truth = _truth_from_start(self.sequence)
         self.position = 0
         self.skipped: list[str] = []
@@ -46,6 +79,47 @@ class Playback:
         self._metric_method = next(metric, None)
         self._placing: dict[str, Placing] = {name: Placing(self.sequence.rig) for name in own}
         """Of the methods with a unit of their own that are not placed yet."""
+
+    @property
+    def snapshot(self) -> Snapshot:
+        placing = {name: placing.copy() for name, placing in self._placing.items()}
+        return Snapshot(self.position, tuple(self.skipped), self._state, dict(self._placements), placing)
+
+    def forked(self, at: int, methods: tuple[str, ...], config: Config, snapshot: Snapshot | None = None) -> Playback:
+        """Another run, that is as this one up to exposure `at`, and has other methods or settings from there on.
+
+        It stands at `snapshot`, one of this run's at or before `at`, or else at the start. InputError as `builder`.
+        """
+        earlier = [stage for stage in self._stages[:-1] if stage.until < at]
+        here = next(stage for stage in self._stages if stage.until >= at)
+        stages = (*earlier, Stage(at, here.methods, here.config)) if at else ()
+        found = Playback(self.sequence, methods, config, self.builder, stages)
+        if snapshot is not None:
+            found._resume(snapshot)
+        return found
+
+    def _resume(self, snapshot: Snapshot) -> None:
+        stage = next(stage for stage in self._stages if stage.until >= snapshot.position)
+        self.ensemble = self._build(stage)
+        self.position, self.skipped, self._state = snapshot.position, list(snapshot.skipped), dict(snapshot.states)
+        self._placements |= snapshot.placements
+        known = {name: placing.copy() for name, placing in snapshot.placing.items()}
+        self._placing = {
+            name: known.get(name, placing)
+            for name, placing in self._placing.items()
+            if name in known or name not in snapshot.placements
+        }
+
+    def _build(self, stage: Stage) -> Ensemble:
+        same = stage.methods == self.methods and stage.config == self.config
+        return self._final if same else self.builder(stage.config, stage.methods, self.sequence.rig)
+
+    def _enter_stage(self) -> None:
+        """Changes to the methods and settings of the next stage, where one begins at this exposure."""
+        ended = [i for i, stage in enumerate(self._stages) if stage.until == self.position]
+        if ended:
+            self.ensemble = self._build(self._stages[ended[-1] + 1])
+            self._state = self.ensemble.carried(self._state)
 
     @property
     def opened(self) -> Opened:
@@ -84,6 +158,7 @@ class Playback:
 
         One in a hundred may be unreadable: the estimators go on from the one before to the one after.
         """
+        self._enter_stage()
         index = self.position
         try:
             exposure = self.sequence[index]
@@ -92,6 +167,7 @@ class Playback:
         self._state, steps = self.ensemble.step(self._state, exposure)
         self.position = index + 1
         self._place(steps)
+        steps = tuple(step for step in steps if step.method in self.methods)
         return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
 
     def _skip(self, index: int, fault: str) -> Stepped:
@@ -104,7 +180,8 @@ class Playback:
         return Stepped(index, nothing, (), dict(self._placements), {}, fault)
 
     def finish(self) -> Finished:
-        return Finished(self.ensemble.finish(self._state), dict(self._placements))
+        ensemble = self._final
+        return Finished(ensemble.finish(ensemble.carried(self._state)), dict(self._placements))
 
     def placed(self, step: Step) -> Pose | None:
         """shared_world_from_rig of a step, or None where it has no pose."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -15,9 +15,11 @@ import yaml
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.mapping import read_mapping
-from ispom.methods import names
+from ispom.methods import Config, in_order, method, names, with_asked
+from ispom.settings import from_plain
 from ispom.types import Frame, Sequence
 
+from .playback import Stage
 from .run_folder import RUN
 
 FRAMES: tuple[Frame, ...] = ("rig", "left", "video")
@@ -44,6 +46,20 @@ class RunFile:
     """Of all images that the estimators saw; None where the run did not come to its end."""
     versions: Mapping[str, str] = field(default_factory=dict)
     platform: str = ""
+    forked: list[Mapping[str, Any]] = field(default_factory=list)
+    """What ran before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
+
+    @property
+    def earlier(self) -> tuple[Stage, ...]:
+        """The runs that this one was forked from, up to where they were left.
+
+        InputError where that is not as `ispom fork` writes it.
+        """
+        return tuple(_stage(entry) for entry in self.forked)
+
+    def configs(self) -> Config:
+        """The settings; InputError for what is none."""
+        return _config(self.config, "config")
 
     @property
     def frame(self) -> Frame:
@@ -68,6 +84,7 @@ def run_file(
     options: Mapping[str, Any],
     config: Mapping[str, Any],
     images_sha256: str | None = None,
+    forked: Iterable[Mapping[str, Any]] = (),
 ) -> RunFile:
     """Of a run on this machine, with these versions."""
     return RunFile(
@@ -80,7 +97,27 @@ def run_file(
         images_sha256,
         {"python": platform.python_version(), **_versions()},
         platform.platform(),
+        list(forked),
     )
+
+
+def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
+    """What a fork's file says of `run`, which it is as up to the stage's end; the exposure `at` counts from 1."""
+    config = {name: asdict(stage.config.of(name)) for name in with_asked(stage.methods)}
+    return {"run": run, "at": stage.until + 1, "methods": list(stage.methods), "config": config}
+
+
+def _stage(entry: Mapping[str, Any]) -> Stage:
+    at, methods = entry.get("at"), entry.get("methods")
+    if not isinstance(at, int) or at < 1 or not isinstance(methods, list) or not methods:
+        raise InputError(f"{RUN} says of a fork {str(entry)[:60]!r}: restore the file, or run again")
+    return Stage(at - 1, in_order(str(name) for name in methods), _config(entry.get("config"), "forked.config"))
+
+
+def _config(plain: Any, where: str) -> Config:
+    if not isinstance(plain, dict):
+        raise InputError(f"{RUN}: {where} holds no settings: restore the file, or run again")
+    return Config({name: from_plain(method(name).config, values, f"{where}.{name}") for name, values in plain.items()})
 
 
 def _versions() -> dict[str, str]:
@@ -105,19 +142,23 @@ def read_run_file(folder: Path) -> RunFile:
     frame = found["options"].setdefault("frame", "rig")
     if frame not in FRAMES:
         raise InputError(f"{path}: the frame is {str(frame)[:40]!r}, not one of {', '.join(FRAMES)}")
+    forked = found.get("forked", [])
+    if not isinstance(forked, list) or not all(isinstance(entry, dict) for entry in forked):
+        raise InputError(f"{path} does not say what it was forked from as `ispom fork` writes it: restore the file")
     exposures, images, machine = found.get("exposures"), found.get("images_sha256"), found.get("platform")
     return RunFile(
         **{name: found[name] for name in _NEEDED},
         exposures=exposures if isinstance(exposures, dict) else {},
         images_sha256=images if isinstance(images, str) else None,
         platform=machine if isinstance(machine, str) else "",
+        forked=forked,
     )
 
 
 def _require_plain(path: Path, value: Any, depth: int) -> None:
     """Refuses nests, for YAML's aliases can make a small file a huge page, and names that are no text."""
     inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
-    if depth > 4 or len(inner) > 500:
+    if depth > 6 or len(inner) > 500:
         raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")
     if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
         raise InputError(f"{path} has names that are no text: restore the file, or run again")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import errno
 import tempfile
-from dataclasses import fields, is_dataclass
 
-import numpy as np
 import pytest
 from ispom_app.run import history as module
 from ispom_app.run.encoding import decode, encode
@@ -17,6 +15,7 @@ from ispom_app.run.record import ExposureRecord, size_bytes
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.same import assert_same
 
 
 def records(count: int) -> list[ExposureRecord]:
@@ -24,27 +23,6 @@ def records(count: int) -> list[ExposureRecord]:
     while len(found) < count:
         found.append(ExposureRecord.of(run.step(), found[-1] if found else None))
     return found
-
-
-def assert_same(a: object, b: object) -> None:
-    """Equal in type and value, arrays to the bit."""
-    if isinstance(a, np.ndarray):
-        assert isinstance(b, np.ndarray) and a.dtype == b.dtype
-        np.testing.assert_array_equal(a, b)
-    elif is_dataclass(a):
-        assert type(a) is type(b)
-        for f in fields(a):
-            assert_same(getattr(a, f.name), getattr(b, f.name))
-    elif isinstance(a, dict):
-        assert isinstance(b, dict) and list(a) == list(b)
-        for key in a:
-            assert_same(a[key], b[key])
-    elif isinstance(a, tuple | list):
-        assert len(a) == len(b)  # type: ignore[arg-type]
-        for x, y in zip(a, b, strict=True):  # type: ignore[call-overload]
-            assert_same(x, y)
-    else:
-        assert a == b or (a != a and b != b)
 
 
 def test_a_record_reads_back_as_it_was() -> None:

@@ -1,0 +1,71 @@
+"""`ispom fork`: a run again from its own settings up to an exposure, and with others from there on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import tyro
+
+from ispom.ensemble import build
+from ispom.errors import InputError
+from ispom.io.files import exists, expanded
+from ispom.methods import with_asked
+from ispom.sequences.address import is_address, is_device, without_secrets
+
+from . import headless
+from .options import Fork, Run, config_of, settings_of
+from .run.playback import Builder, Stage
+from .run.run_file import RunFile, read_run_file
+
+_SOURCE_OPTIONS = {"seed": int, "stereo_every": int, "video_scale": float, "max_exposures": int, "camera": str}
+
+
+def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> int:
+    """Runs the fork; `arguments` are those of the command, read again with the settings of the run as defaults.
+
+    Raises InputError where the run cannot be repeated, or as `headless.run`.
+    """
+    run = read_run_file(options.run)
+    config = run.configs()
+    options = tyro.cli(Fork, prog="ispom fork", args=arguments, default=replace(options, settings=settings_of(config)))
+    if options.at < 1:
+        raise InputError(f"--at is {options.at}, but exposures count from 1")
+    stages = tuple(stage for stage in run.earlier if stage.until < options.at - 1)
+    here = next((s for s in run.earlier if s.until >= options.at - 1), Stage(0, with_asked(run.methods), config))
+    if options.at > 1:
+        stages = (*stages, replace(here, until=options.at - 1))
+    again = Run(
+        source=_source(options, run),
+        methods=options.methods or run.methods,
+        settings=settings_of(config_of(options.settings)),
+        out=options.out,
+        frame=run.frame,
+        recording=options.recording,
+        **_source_options(run),
+    )
+    return headless.run(again, builder, headless.Origin(run, options.run, stages))
+
+
+def _source(options: Fork, run: RunFile) -> str:
+    source = options.source or run.source
+    if is_device(source) or is_address(source):
+        raise InputError(
+            f"the run was live, on {without_secrets(source)}, and its images are gone: fork a run on files"
+        )
+    if not source.startswith("sim:") and not exists(expanded(source)):
+        raise InputError(f"{source}, the source of the run, is not there: give --source with where it is now")
+    return source
+
+
+def _source_options(run: RunFile) -> dict[str, object]:
+    """How the run opened its source; InputError for what `ispom run` does not write."""
+    found = {}
+    for name, kind in _SOURCE_OPTIONS.items():
+        value = run.options.get(name)
+        if value is not None and not isinstance(value, kind) and not (kind is float and isinstance(value, int)):
+            raise InputError(f"run.yaml: {name} is {str(value)[:40]!r}: restore the file, or run again")
+        if value is not None:
+            found[name] = Path(value) if name == "camera" else value
+    return found
