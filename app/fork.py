@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -19,7 +20,7 @@ from .options import Fork, Run, config_of, settings_of
 from .run.playback import Builder, Stage
 from .run.run_file import RunFile, read_run_file
 
-_SOURCE_OPTIONS = {"seed": int, "stereo_every": int, "video_scale": float, "max_exposures": int, "camera": str}
+_SOURCE_OPTIONS = {"seed": int, "stereo_every": int, "video_scale": (float, int), "max_exposures": int, "camera": str}
 
 
 def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> int:
@@ -41,9 +42,8 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
         methods=options.methods or run.methods,
         settings=settings_of(config_of(options.settings)),
         out=options.out,
-        frame=run.frame,
         recording=options.recording,
-        **_source_options(run),
+        **_options(run),
     )
     return headless.run(again, builder, headless.Origin(run, options.run, stages))
 
@@ -59,12 +59,12 @@ def _source(options: Fork, run: RunFile) -> str:
     return source
 
 
-def _source_options(run: RunFile) -> dict[str, object]:
-    """How the run opened its source; InputError for what `ispom run` does not write."""
-    found = {}
+def _options(run: RunFile) -> dict[str, Any]:
+    """Its frame, and how it opened its source; InputError for what `ispom run` does not write."""
+    found: dict[str, Any] = {"frame": run.frame}
     for name, kind in _SOURCE_OPTIONS.items():
         value = run.options.get(name)
-        if value is not None and not isinstance(value, kind) and not (kind is float and isinstance(value, int)):
+        if value is not None and not isinstance(value, kind):
             raise InputError(f"run.yaml: {name} is {str(value)[:40]!r}: restore the file, or run again")
         if value is not None:
             found[name] = Path(value) if name == "camera" else value

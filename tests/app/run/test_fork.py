@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from ispom_app.run.events import Stepped
 from ispom_app.run.playback import Playback, Snapshot
 
 from ispom.errors import InputError
+from ispom.geometry import Similarity
 from ispom.methods import Config
 from ispom.sequences.simulated import open_simulated
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, VideoFrame
@@ -39,17 +41,26 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
     return replace(bright, load=cache(load))
 
 
+class Said(NamedTuple):
+    """What an exposure's event says, but for wall times."""
+
+    index: int
+    steps: tuple[Step, ...]
+    placements: dict[str, Similarity]
+    errors_m: dict[str, float]
+
+
 def timeless(step: Step) -> Step:
     """Without what the clock on the wall says."""
     return replace(step, seconds=dict.fromkeys(step.seconds, 0.0), parts=tuple(map(timeless, step.parts)))
 
 
-def said(event: Stepped) -> tuple[object, ...]:
+def said(event: Stepped) -> Said:
     steps = tuple(timeless(step) for step in event.steps)
-    return event.index, steps, dict(event.placements), dict(event.errors_m)
+    return Said(event.index, steps, dict(event.placements), dict(event.errors_m))
 
 
-def played(run: Playback) -> tuple[list[tuple[object, ...]], list[Snapshot]]:
+def played(run: Playback) -> tuple[list[Said], list[Snapshot]]:
     """What is said of each exposure, and the snapshot before it."""
     events, snapshots = [], []
     while run.more():
@@ -58,9 +69,9 @@ def played(run: Playback) -> tuple[list[tuple[object, ...]], list[Snapshot]]:
     return events, snapshots
 
 
-def worth_forking(events: list[tuple[object, ...]], method: str) -> list[int]:
+def worth_forking(events: list[Said], method: str) -> list[int]:
     """A key frame, the exposure after it, the first lost one, the last lost one, and one after it if there is."""
-    own = [(i, step) for i, steps, *_ in events for step in steps if step.method == method]  # type: ignore[union-attr]
+    own = [(i, step) for i, steps, *_ in events for step in steps if step.method == method]
     keys = [i for i, step in own if step.key_frame]
     lost = [i for i, step in own if step.status == Status.LOST]
     assert keys and lost
@@ -93,9 +104,9 @@ def changed_stereo(max_tracks: int) -> Config:
     return Config({"stereo": replace(settings, max_tracks=max_tracks)})
 
 
-def tracked(events: list[tuple[object, ...]]) -> list[int]:
+def tracked(events: list[Said]) -> list[int]:
     """Living tracks in the left image of each pair."""
-    tracks = [steps[0].tracks["left"] for _, steps, *_ in events if steps]  # type: ignore[index]
+    tracks = [steps[0].tracks["left"] for _, steps, *_ in events if steps]
     return [int(np.count_nonzero(t.status <= TrackStatus.NEW)) for t in tracks]
 
 
