@@ -66,9 +66,7 @@ class Screen:
         self._thread.join(1.0)
         self.server.stop()
 
-    def _panels(
-        self, gui: viser.GuiApi
-    ) -> list[RunPanel | SourcePanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel]:
+    def _panels(self, gui: viser.GuiApi) -> list[Panel]:
         run = RunPanel(gui, self._session)
         source = SourcePanel(gui, self._session)
         tabs = gui.add_tab_group()
@@ -90,10 +88,14 @@ class Screen:
 
     def _paint_on(self) -> None:
         while not self._stop.wait(PAINT_S):
-            try:
-                self.paint()
-            except Exception as fault:
-                self._report(f"{type(fault).__name__}: {fault}")
+            self.paint_or_report()
+
+    def paint_or_report(self) -> None:
+        """A part that cannot be painted costs that part, not the screen."""
+        try:
+            self.paint()
+        except Exception as fault:
+            self._report(f"{type(fault).__name__}: {fault}")
 
     def _report(self, fault: str) -> None:
         """Tells of a fault, once as long as it stays the same: what can be painted is painted again and again."""

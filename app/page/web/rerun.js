@@ -9,7 +9,7 @@ const WATCH_MS = 250;
 const APPLICATION = "ispom";
 const LATE = 20; // exposures behind, from which on a viewer that comes late first catches up ...
 const FAR = 100; // ... and one that fell behind
-const MEMORY = "600MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
+const MEMORY = "150MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
 const at = (id) => document.getElementById(id);
 
 // `seek` is told where a hand went on Rerun's side, `drawn` how many of the exposures up to the one shown are not drawn yet.

@@ -1,0 +1,218 @@
+"""The screen: what it paints of a state, when, and what becomes of it where a panel fails. No thread, no browser."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from ispom_app.run.playback import Playback
+from ispom_app.run.record import ExposureRecord
+from ispom_app.session import commands as do
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.folders import Folders
+from ispom_app.session.state import Computed, Displayed, Recording, State, changed, reduce
+from ispom_app.viser_ui import screen as screens
+from ispom_app.viser_ui.panels.record import RecordPanel
+from ispom_app.viser_ui.panels.run import RunPanel
+from ispom_app.viser_ui.panels.why import WhyPanel
+from ispom_app.viser_ui.screen import Screen
+
+from tests import doubles
+from tests.alone import METHODS
+
+N = 40
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield found
+    found.stop()
+
+
+@pytest.fixture(scope="module")
+def run() -> CurrentRun:
+    """Every estimator says all that a Step can say."""
+    playback = Playback(
+        doubles.sequence(N),
+        METHODS,
+        builder=lambda config, methods, rig: doubles.ensemble(methods, doubles.FullEstimator),
+    )
+    found = CurrentRun(playback, 10**9)
+    while not playback.done:
+        found.step()
+    return found
+
+
+class FakeSession:
+    """Is at one exposure of a run that was computed before."""
+
+    def __init__(self, run: CurrentRun, folder: Path) -> None:
+        self._run, self.asked = run, list[do.Command]()
+        self.opened, self.folders, self.post = run.opened, Folders(folder), self.asked.append
+        self.known_at = run.known_at
+        self.state = reduce(State("double:40"), run.opened)
+        for record in run.history:
+            self.state = reduce(self.state, Computed(record))
+
+    def becomes(self, **values: object) -> None:
+        self.state = reduce(self.state, changed(**values))
+
+    def seek(self, index: int) -> None:
+        self.state = reduce(self.state, Displayed(self._run.history[index]))
+
+
+@pytest.fixture
+def session(run: CurrentRun, tmp_path: Path) -> FakeSession:
+    return FakeSession(run, tmp_path)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    found = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(screens, "time", SimpleNamespace(monotonic=lambda: found.now))
+    return found
+
+
+@pytest.fixture
+def screen(server: viser.ViserServer, session: FakeSession, clock, monkeypatch: pytest.MonkeyPatch) -> Screen:
+    monkeypatch.setattr(screens, "PortlessViser", lambda label: SimpleNamespace(server=server))
+    made: Any = Screen(session)  # type: ignore[arg-type]
+    return made
+
+
+def panel(screen: Screen, kind: type) -> Any:
+    return next(p for p in screen.panels if isinstance(p, kind))
+
+
+def camera(screen: Screen) -> np.ndarray:
+    handle: Any = screen._scene._methods["stereo"]._camera
+    return np.array(handle.position)
+
+
+def test_every_panel_shows_the_exposure(screen: Screen, session: FakeSession):
+    screen.paint()
+    assert panel(screen, RunPanel)._slider.value == session.state.index
+    assert f"computed {session.state.computed} of {session.state.total}" in panel(screen, RunPanel)._text.content
+    assert f"exposure {session.state.index}" in panel(screen, WhyPanel)._html.content
+    session.seek(17)
+    screen.paint()
+    assert panel(screen, RunPanel)._slider.value == 17
+    assert "exposure 17" in panel(screen, WhyPanel)._html.content
+    assert not session.asked, "showing asks for nothing"
+
+
+def test_all_that_a_step_says_is_in_the_why_panel(screen: Screen, session: FakeSession, run: CurrentRun):
+    def said(index: int) -> str:
+        session.seek(index)
+        screen.paint()
+        return panel(screen, WhyPanel)._html.content
+
+    by_kind = {record.kind: record.index for record in run.history if not lost(record)}
+    for text in (
+        "tracks alive",
+        "residual",
+        "95 % confidence",
+        "± ",
+        "scale drift",
+        "parallax",
+        "no key frame",
+        " ms (",
+    ):
+        assert text in said(by_kind["video"]), text
+    assert "Stereo" in said(by_kind["stereo"])
+    assert ">lost<" in said(next(record.index for record in run.history if lost(record)))
+    assert "key frame" in said(next(r.index for r in run.history if any(s.key_frame for s in r.steps)))
+
+
+def lost(record: ExposureRecord) -> bool:
+    return any(step.status == "lost" for step in record.steps)
+
+
+def test_a_state_that_did_not_change_is_not_painted_again(screen: Screen, monkeypatch: pytest.MonkeyPatch):
+    screen.paint()
+    monkeypatch.setattr(screen, "panels", [SimpleNamespace(show=lambda state: pytest.fail("painted again"))])
+    screen.paint()
+
+
+def test_while_it_plays_the_panels_are_painted_ten_times_a_second(screen: Screen, session: FakeSession, clock):
+    session.becomes(playing=True)
+    screen.paint()
+    session.seek(5)
+    screen.paint()
+    assert panel(screen, RunPanel)._slider.value == N + 4 - 1
+    clock.now += screens.PLAYING_S
+    screen.paint()
+    assert panel(screen, RunPanel)._slider.value == 5
+
+
+def test_the_scene_is_of_the_exposure_shown_and_rarer_than_the_panels(screen: Screen, session: FakeSession, clock):
+    screen.paint()
+    end = camera(screen)
+    session.seek(3)
+    screen.paint()
+    assert np.array_equal(camera(screen), end)
+    clock.now += screens.SCENE_S
+    screen.paint()
+    poses = session.known_at(3).methods["stereo"].poses
+    row = poses.last_known()
+    assert row is not None and np.allclose(camera(screen), poses.position(row), atol=1e-6)
+
+
+def test_a_scene_that_nobody_sees_is_not_drawn(screen: Screen, session: FakeSession, clock):
+    screen.show_scene(False)
+    screen.paint()
+    assert not screen._scene._methods
+    screen.show_scene(True)
+    screen.paint()
+    assert camera(screen).any()
+
+
+def test_another_run_empties_the_scene(screen: Screen, session: FakeSession, clock):
+    screen.paint()
+    before = screen._scene._methods["stereo"]
+    session.state = replace(reduce(session.state, session.opened), displayed=None)
+    clock.now += screens.SCENE_S
+    screen.paint()
+    after = screen._scene._methods["stereo"]
+    assert after is not before and after._camera is None
+
+
+def test_a_panel_that_fails_is_reported_once_and_the_others_go_on(
+    screen: Screen, session: FakeSession, caplog: pytest.LogCaptureFixture
+):
+    def broken(state: State) -> None:
+        raise ValueError("no such colour")
+
+    screen.panels.append(SimpleNamespace(show=broken))  # type: ignore[arg-type]
+    with caplog.at_level(logging.CRITICAL):
+        for index in (3, 4):
+            session.seek(index)
+            screen.paint_or_report()
+    assert panel(screen, RunPanel)._slider.value == 4
+    (told,) = session.asked
+    assert isinstance(told, do.Notify) and "no such colour" in told.text
+
+
+def test_the_thread_paints_until_it_is_closed(screen: Screen, session: FakeSession, monkeypatch: pytest.MonkeyPatch):
+    painted = Event()
+    monkeypatch.setattr(screen, "paint", painted.set)
+    monkeypatch.setattr(screen.server, "stop", lambda: None)
+    screen.start()
+    assert painted.wait(10)
+    screen.close()
+    assert not screen._thread.is_alive()
+
+
+def test_the_record_panel_shows_what_is_recorded(screen: Screen, session: FakeSession):
+    session.becomes(recording=Recording("flight.rrd", 1_500_000, 12))
+    screen.paint()
+    assert "Recording flight.rrd: 12 of" in panel(screen, RecordPanel)._text.content
