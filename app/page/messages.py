@@ -15,12 +15,12 @@ from ..session.state import State
 from ..texts import length, size
 
 STATUS = {
-    "waiting": "no exposure for it yet",
+    "waiting": "no exposure for this method yet",
     "initialising": "no pose yet",
-    "tracking": "it has a pose, which says nothing about how right that is",
+    "tracking": "it has a pose at this exposure, which says nothing about accuracy",
     "lost": "no pose at this exposure",
 }
-OWN_UNIT = "One camera knows no metre: its path was scaled by the first segment between stereo poses."
+OWN_UNIT = "A single camera has no metric scale: its path is scaled by the first segment between stereo poses."
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
     status = str(now.status) if now else "waiting"
     hint = [f"{label}: {STATUS[status]}."]
     if error:
-        hint.append(f"Its position is {error} from the truth at this exposure.")
+        hint.append(f"Position error at this exposure: {error} from the ground truth.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
         "label": label,

@@ -102,7 +102,7 @@ class Screen:
         if fault != self._fault:
             self._fault = fault
             log.exception("painting failed")
-            self._session.post(do.Notify(f"Part of the controls could not be drawn ({fault}); the run goes on."))
+            self._session.post(do.Notify(f"Some controls could not be updated ({fault}); the run continues."))
 
     def paint(self) -> None:
         """Brings the panels and, less often, the scene up to date."""

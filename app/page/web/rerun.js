@@ -25,7 +25,7 @@ export function openViewer(dark, seek, drawn) {
         viewer.handle = handle;
         setInterval(() => watch(viewer), WATCH_MS);
       },
-      (fault) => say(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls at the left work without it.`, true),
+      (fault) => say(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls on the left work without it.`, true),
     );
   };
   at("restart").onclick = () => location.reload();
@@ -115,7 +115,7 @@ function catchUp(viewer, behind, all) {
   if (!box.className) return;
   at("loaded").hidden = false;
   at("loaded").value = 1 - behind / all;
-  say(`The Rerun viewer catches up with the run: ${all - behind} of ${all} exposures`);
+  say(`The Rerun viewer is catching up: ${all - behind} of ${all} exposures`);
 }
 
 // The page shows one run; what the viewer holds of earlier ones is memory for nothing.
@@ -145,7 +145,7 @@ async function control(viewer, message) {
 function died(viewer) {
   viewer.drawn(0);
   document.body.dataset.viewer = "died";
-  say(`The Rerun viewer stopped working (${reason(viewer.handle)}). The run goes on.`, true);
+  say(`The Rerun viewer stopped working (${reason(viewer.handle)}). The run continues.`, true);
 }
 
 const reason = (handle) => (handle.panic_message() ?? "unknown fault").split("\n")[0].slice(0, 200);

@@ -27,12 +27,12 @@ export function showViewer(behind) {
 }
 
 export function showOffline() {
-  activity = { text: "no connection to ISPOM: is it still running?", since: -SLOW_MS };
+  activity = { text: "connection to ISPOM lost: is it still running?", since: -SLOW_MS };
   showActivity();
 }
 
 const doing = (state) => {
-  if (state.phase === "failed") return "nothing is open: choose a source at the left";
+  if (state.phase === "failed") return "no source is open: choose one on the left";
   if (state.target !== null) return `computing up to exposure ${state.target}: ${state.computed} done`;
   if (state.activity) return `${state.activity} …`;
   return null;

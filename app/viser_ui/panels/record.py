@@ -42,7 +42,7 @@ class RecordPanel:
 
 def _text(state: State) -> str:
     """What is recorded now, and links to the files, as HTML."""
-    text = f"Records the run from its first exposure on, whenever you start. Opens in any Rerun {VIEWER} viewer."
+    text = f"Records the run from its first exposure, whenever you start. The file opens in any Rerun {VIEWER} viewer."
     if state.recording:
         recording = state.recording
         doing = "Closing" if recording.closing else "Recording"

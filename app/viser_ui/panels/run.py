@@ -23,12 +23,13 @@ HAND_S = 0.4
 class RunPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._shown, self._touched_s = session, -1, 0.0
-        self._buttons = gui.add_button_group("", (BACK, PLAY, FORWARD), hint="keys: ← space →")
+        self._buttons = gui.add_button_group("", (BACK, PLAY, FORWARD), hint="Keys: ← space →")
         self._buttons.on_click(self._clicked)
-        hint = "Counted from 0. Beyond the computed part, computes up to this exposure."
+        hint = "Counted from 0. An exposure that is not computed yet is computed first."
         self._slider = gui.add_slider("exposure", 0, 1, 1, 0, hint=hint)
         self._slider.on_update(self._moved)
-        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x", hint="multiple of recorded time")
+        hint = "Relative to the recording; max: as fast as it can be computed."
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1 x", hint=hint)
         self._speed.on_update(lambda _: session.post(do.Speed(SPEEDS[self._speed.value])))
         self._progress = gui.add_progress_bar(0)
         self._text = gui.add_html(_text(session.state))

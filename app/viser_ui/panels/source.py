@@ -15,8 +15,9 @@ from ..controls import ConfigForm
 if TYPE_CHECKING:
     from ...session.session import Session
 
-FOLDERS = "what the program recognises is marked ▶ and comes into the field above; other folders are looked into"
-HINT = "sim:city, sim:city#3 (another seed), a camera (camera:0), or the path of a recording (KITTI, EuRoC, images …)"
+FOLDERS = "▶ marks what can be opened: choosing it fills the field above. Choosing another folder lists what is in it."
+HINT = "sim:city, sim:city#3 (another seed), a live camera (camera:0), or the path of a recording (KITTI, images …)"
+RECENT = "Sources opened before; choosing one fills the field above."
 NOTHING: tuple[str, ...] = ("-",)
 NONE, UP, MARK = "-", ".. (up)", "▶ "
 
@@ -26,9 +27,9 @@ class SourcePanel:
         self._session = session
         self._state: State | None = None
         with gui.add_folder("Source", expand_by_default=False):
-            self._source = gui.add_text("open", session.state.source, hint=HINT)
+            self._source = gui.add_text("source", session.state.source, hint=HINT)
             gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN).on_click(self._open)
-            self._recent = gui.add_dropdown("recent", NOTHING, initial_value=NONE, hint="sources opened before")
+            self._recent = gui.add_dropdown("recent", NOTHING, initial_value=NONE, hint=RECENT)
             self._recent.on_update(lambda _: self._choose(self._recent.value))
             self._browse = gui.add_dropdown("folders", NOTHING, initial_value=NONE, hint=FOLDERS)
             self._browse.on_update(lambda _: self._enter(self._browse.value))

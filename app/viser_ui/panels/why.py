@@ -21,11 +21,11 @@ from ..markup import render
 
 TINTS = {"✓": colours.css(colours.of("integrated")), "✕": "#e0483e", "●": "#3494d0"}
 HINTS = {
-    "✓": "required, and so it is",
-    "✕": "required, and not so",
-    "●": "a trigger that fired",
-    "○": "a trigger that did not fire",
-    "·": "a measurement: neither good nor bad",
+    "✓": "required: passed",
+    "✕": "required: failed",
+    "●": "trigger: fired",
+    "○": "trigger: did not fire",
+    "·": "measurement: neither pass nor fail",
 }
 
 

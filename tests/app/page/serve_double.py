@@ -1,20 +1,35 @@
-"""The app on the stand-in sequence, as a process of its own: `python -m tests.app.page.serve_double FOLDER PORT`."""
+"""The app with stand-in estimators, a process of its own: `python -m tests.app.page.serve_double FOLDER PORT [SOURCE]`.
+
+Without a source it plays the stand-in sequence; with one, the page looks for others beside it.
+"""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
+from ispom_app.options import SourceOptions
 from ispom_app.page.server import Serving, serve
+from ispom_app.session.folders import Folders
 from ispom_app.session.session import Session
 
-from tests.app.helpers import build, opener
+from ispom.sequences import open_sequence
+from ispom.types import Sequence
+from tests.app import helpers
+
+DOUBLE = "double:40"
+
+
+def opener(source: str, options: SourceOptions | None = None) -> Sequence:
+    return helpers.opener(source) if source.startswith("double:") else open_sequence(source)
+
 
 if __name__ == "__main__":
-    folder, port = Path(sys.argv[1]), int(sys.argv[2])
+    folder, port, source = Path(sys.argv[1]), int(sys.argv[2]), (sys.argv[3:] or [DOUBLE])[0]
+    folders = Folders(Path(source).parent if source != DOUBLE else None)
     sys.exit(
         serve(
-            lambda live: Session(opener, "double:40", folder, live=live, builder=build),
+            lambda live: Session(opener, source, folder, live=live, builder=helpers.build, folders=folders),
             Serving(port=port, base="/ispom/", open_browser=False),
         )
     )
