@@ -9,7 +9,7 @@ const WATCH_MS = 250;
 const APPLICATION = "ispom";
 const LATE = 20; // exposures behind, from which on a viewer that comes late first catches up ...
 const FAR = 100; // ... and one that fell behind
-const MEMORY = "150MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
+const MEMORY = "250MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
 const at = (id) => document.getElementById(id);
 
 // `seek` is told where a hand went on Rerun's side, `drawn` how many of the exposures up to the one shown are not drawn yet.
@@ -54,7 +54,6 @@ async function start(canvas, dark, onEvent) {
     on_viewer_event: (text) => onEvent(JSON.parse(text)),
   });
   await handle.start(canvas);
-  at("cover").hidden = true;
   feedLive(handle);
   return handle;
 }
@@ -96,6 +95,7 @@ function watch(viewer) {
   beBehind(newest === null || newest < state.computed - 1);
   viewer.drawn(behind);
   if (newest === null) return;
+  if (viewer.shown === null) at("cover").hidden = true;
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set(), caughtUp: false });
   catchUp(viewer, state.computed - 1 - newest, state.computed);
   viewer.cursor.show(recording, state.index);

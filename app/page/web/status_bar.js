@@ -9,11 +9,12 @@ export function showState(state) {
   document.title = `${state.playing ? "▶ " : ""}${state.name} · ISPOM`;
   document.body.dataset.phase = state.phase;
   document.body.dataset.playing = state.playing;
-  at("exposure").textContent = state.total ? `exposure ${Math.max(state.index, 0)} / ${state.total - 1}` : "";
+  at("exposure").textContent = state.total ? `exposure ${state.index < 0 ? "–" : state.index} / ${state.total - 1}` : "";
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
   at("computed").style.width = `${(100 * state.computed) / Math.max(state.total, 1)}%`;
   at("cursor").style.left = `${(100 * Math.max(state.index, 0)) / Math.max(state.total - 1, 1)}%`;
   at("methods").replaceChildren(...state.methods.map(method));
+  at("methods").classList.toggle("many", state.methods.length > 3);
   at("compiling").textContent = state.compiling ?? "";
   showRecording(state.recording);
   activity = { text: doing(state), since: state.activity === activity.raw ? activity.since : performance.now(), raw: state.activity };

@@ -32,18 +32,19 @@ HINTS = {
 class WhyPanel:
     def __init__(self, gui: viser.GuiApi) -> None:
         self._html = gui.add_html(report(None, 0))
-        self._record: ExposureRecord | None = None
+        self._shown: tuple[ExposureRecord | None, bool] = (None, False)
 
     def show(self, state: State) -> None:
-        if state.displayed is not self._record:
-            self._record = state.displayed
-            self._html.content = report(state.displayed, len(state.methods))
+        shown = (state.displayed, state.displayed is None and (state.playing or state.activity is not None))
+        if shown != self._shown:
+            self._shown = shown
+            self._html.content = report(state.displayed, len(state.methods), coming=shown[1])
 
 
-def report(record: ExposureRecord | None, methods: int) -> str:
-    """The exposure's story as HTML."""
+def report(record: ExposureRecord | None, methods: int, *, coming: bool = False) -> str:
+    """The exposure's story as HTML; without one, whether the first is `coming` or waits to be asked for."""
     steps = [_step(step, _unit_m(record, step)) for step in record.steps] if record else []
-    return render("why.html", record=record, methods=methods, steps=steps)
+    return render("why.html", record=record, methods=methods, steps=steps, coming=coming)
 
 
 def _unit_m(record: ExposureRecord, step: Step) -> float:

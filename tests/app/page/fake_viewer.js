@@ -5,6 +5,7 @@ window.fake = {
   newest: 10_000,
   stores: [], // beside the run's own
   panicked: false,
+  options: null, // that it was started with
   tell: null,
 };
 {
@@ -24,6 +25,7 @@ window.fake = {
   window.wasm_bindgen = Object.assign(async () => {}, {
     WebHandle: class {
       constructor(options) {
+        window.fake.options = options;
         window.fake.tell = (time) => {
           window.fake.time = time;
           options.on_viewer_event(JSON.stringify({ type: "time_update", time }));

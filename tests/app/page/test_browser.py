@@ -155,6 +155,26 @@ def test_rerun_starts_and_follows_the_time_shown(page: Page):
     page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the exposure shown")
 
 
+VIEWER = """async () => {
+  const { stateOf } = await import(new URL("web/viewer_control.js", document.baseURI));
+  return JSON.stringify(stateOf(window.ispom.viewer.handle.viewer_state()));
+}"""
+
+
+def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page):
+    page.send("{do: 'seek', index: 12}")
+    page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the exposure shown")
+    before = json.loads(page.tab.evaluate(VIEWER))
+    page.controls.get_by_role("tab", name="View").click()
+    for hidden in (1, 0):
+        page.controls.get_by_text("true path", exact=True).click()
+        page.until(f"state.hidden.length === {hidden} && window.ispom.viewer.hidden.size === {hidden}", "the layer")
+        page.tab.wait_for_timeout(500)  # the viewer watches itself every 250 ms
+        assert json.loads(page.tab.evaluate(VIEWER)) == before
+    (recording,) = before["recordings"]
+    assert (recording["time"], recording["timeline"], recording["paused"]) == (12, "exposure", True)
+
+
 def test_keys_step_forward_and_back(page: Page):
     page.send("{do: 'seek', index: 10}")
     page.until("state.index === 10", "the seek")

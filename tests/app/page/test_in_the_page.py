@@ -70,17 +70,75 @@ def test_a_long_message_never_pushes_the_exposure_out_of_the_bar(page: Page):
     assert box["x"] + box["width"] <= 1280
 
 
+def test_apply_stays_in_sight_below_open_settings(page: Page):
+    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.controls.get_by_text("Stereo settings", exact=True).click()
+    page.controls.get_by_text("max tracks").first.wait_for()
+    box = page.controls.get_by_role("button", name="Apply and restart").bounding_box()
+    assert box["y"] + box["height"] <= 720
+
+
+def test_the_splitter_never_cuts_the_controls(page: Page):
+    splitter = page.tab.locator("#splitter")
+    for _ in range(4):
+        splitter.press("ArrowLeft")
+    edge = splitter.bounding_box()["x"]
+    for role, name in (("button", "Step ▶"), ("tab", "Record")):
+        box = page.controls.get_by_role(role, name=name).bounding_box()
+        assert box["x"] + box["width"] <= edge
+
+
+def test_a_pose_and_its_error_are_two_things(page: Page):
+    stereo = page.tab.locator(".method").nth(1)
+    assert "which says nothing about accuracy" in stereo.get_attribute("title")
+    assert "from the ground truth" in stereo.get_attribute("title")
+    label = "(e) => getComputedStyle(e, '::before').content + ' ' + getComputedStyle(e, '::before').display"
+    for width in (1280, 1600):
+        page.tab.set_viewport_size({"width": width, "height": 720})
+        text = stereo.locator(".error").evaluate(label)
+        assert "err" in text and "none" not in text.split()[-1]
+
+
 @pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_labels_of_the_panel_can_be_read(browser, app: App, scheme: str):  # noqa: F811
+def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
+    """Contrast of at least 4.5, where a text is no sign for something that is switched off."""
     tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme=scheme)
     tab.goto(app.url)
-    label = tab.frame_locator("#controls").get_by_text("exposure", exact=True).first
-    label.wait_for()
-    colour, ground = label.evaluate(
-        "(e) => [getComputedStyle(e).color, getComputedStyle(e.ownerDocument.body).backgroundColor]"
-    )
-    assert contrast(colour, ground) >= 4.5
+    controls = tab.frame_locator("#controls")
+    for name in ("Why", "Methods", "View", "Record"):
+        controls.get_by_role("tab", name=name).click()
+        controls.locator("[role=tabpanel]:visible").wait_for()
+        for place in (tab.locator("#bar"), controls.locator("body")):
+            found = place.evaluate(TEXTS)
+            assert found
+            faint = {text: (colour, ground) for text, colour, ground in found if contrast(colour, ground) < 4.5}
+            assert not faint, name
     tab.close()
+
+
+TEXTS = """(root) => {
+  const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
+  const over = ([r, g, b, a = 1], under) => [r, g, b].map((v, i) => v * a + under[i] * (1 - a));
+  const ground = (e) => {
+    const layers = [];
+    for (let at = e; at; at = at.parentElement) layers.push(parts(getComputedStyle(at).backgroundColor));
+    return layers.reverse().reduce((under, layer) => over(layer, under), [255, 255, 255]);
+  };
+  const opacity = (e) => (e ? Number(getComputedStyle(e).opacity) * opacity(e.parentElement) : 1);
+  const found = [];
+  for (const e of root.querySelectorAll("*")) {
+    const text = [...e.childNodes].filter((n) => n.nodeType === 3).map((n) => n.data.trim()).join("");
+    if (!text || e.closest("[data-disabled], :disabled, style, script, [aria-hidden=true]")) continue;
+    if (!e.checkVisibility() || !e.getBoundingClientRect().width) continue;
+    const under = ground(e);
+    const [r, g, b, a = 1] = parts(getComputedStyle(e).color);
+    const colour = over([r, g, b, a * opacity(e)], under);
+    found.push([text.slice(0, 40), ...[colour, under].map((each) => `rgb(${each.map(Math.round)})`)]);
+  }
+  return found;
+}"""
+"""Of each text in sight below the element: what it says, its colour, and what is under it."""
 
 
 def contrast(one: str, other: str) -> float:

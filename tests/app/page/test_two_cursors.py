@@ -112,6 +112,13 @@ def test_hiding_a_layer_changes_that_and_nothing_else(cursors: Cursors):
     cursors.stays(20)
 
 
+def test_the_viewer_has_no_time_controls_of_its_own_and_a_limit_of_memory(cursors: Cursors):
+    """Its play button and timelines beside the page's would be two that disagree."""
+    options = cursors.tab.evaluate("({ ...window.fake.options, on_viewer_event: null })")
+    assert options["panel_state_overrides"] == dict.fromkeys(("top", "blueprint", "selection", "time"), "Hidden")
+    assert re.fullmatch(r"\d{3}MB", options["memory_limit"])
+
+
 def test_a_viewer_that_died_says_so_and_can_be_started_again(browser, app: App):  # noqa: F811
     page = Cursors(browser, app.url, viewer=FAKE)
     page.tab.locator("#cover").wait_for(state="hidden")

@@ -138,3 +138,11 @@ def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, 
     assert (asked.options.stereo_every, asked.options.max_exposures, asked.options.camera) == (5, 100, None)
     panel._recent.value = "sim:city"
     assert panel._source.value == "sim:city"
+
+
+def test_before_the_first_exposure_why_says_what_to_do_or_to_wait(gui):
+    panel = WhyPanel(gui)
+    panel.show(STATE)
+    assert "Press Play, or step forward" in panel._html.content
+    panel.show(replace(STATE, playing=True))
+    assert "The first exposure is being computed." in panel._html.content
