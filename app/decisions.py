@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from ispom.types import Decision
 
+SIGNS = {">=": "≥", "<=": "≤"}
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -37,9 +39,9 @@ def mark(decision: Decision) -> str:
 
 
 def measured(decision: Decision) -> str:
-    """The value beside its threshold: `0.157 deg >= 0.5`."""
-    unit = f" {decision.unit}" if decision.unit else ""
-    return f"{_number(decision.value)}{unit} {decision.relation} {_number(decision.threshold)}"
+    """The value, and the threshold that it is held against: `0.157 deg (≥ 0.5)`."""
+    unit, relation = f" {decision.unit}" if decision.unit else "", SIGNS.get(decision.relation, decision.relation)
+    return f"{_number(decision.value)}{unit} ({relation} {_number(decision.threshold)})"
 
 
 def named(decision: Decision) -> str:

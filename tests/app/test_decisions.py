@@ -34,8 +34,8 @@ def test_a_finding_is_neither_good_nor_bad():
     finding = Decision("disparity offset", 0.3, 0.1, False, "px", kind="finding")
     (answer,) = answers([finding])
     assert (answer.question, answer.text, mark(finding)) == ("", "", "·")
-    assert measured(finding) == "0.3 px >= 0.1"
-    assert measured(Decision("points", 1386, 12, True)) == "1386 >= 12"
+    assert measured(finding) == "0.3 px (≥ 0.1)"
+    assert measured(Decision("points", 1386, 12, True)) == "1386 (≥ 12)"
 
 
 def test_questions_keep_their_order():
