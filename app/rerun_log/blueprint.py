@@ -24,11 +24,11 @@ from .layers import IMAGE_LAYERS
 from .plots import NO_ERROR, why_no_error
 
 PLOTS = {
-    "error": "position error [m]",
-    "scale": "scale ratio",
+    "error": "error [m]",
+    "scale": "scale",
     "inliers": "inliers",
     "residual": "residual [px]",
-    "ms": "ms per stage",
+    "ms": "time [ms]",
 }
 LEGENDS = {"scale", "ms"}
 """Plots with more than a line per method: the others' colours are the methods', which the page shows all the time."""

@@ -226,7 +226,7 @@ def test_a_single_camera_is_shown_in_its_own_unit_and_says_why_it_has_no_error(t
     run = single_camera(truth)
     layout = blueprint(run.opened)
     names = {view.name for view in views(layout.root_container)}
-    assert f"world [{unit}]" in names and "position error [m]" in names
+    assert f"world [{unit}]" in names and "error [m]" in names
     with FileRecording(tmp_path / "run.rrd", run.opened) as file:
         for event in events(run):
             file.write(event)
