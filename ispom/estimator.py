@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from ispom.types import Exposure, Kind, Rig, Step, Trajectory, VideoFrame
+from ispom.types import Check, Exposure, Kind, Rig, Step, Trajectory, VideoFrame
 
 
 class Estimator(Protocol):
@@ -63,6 +63,8 @@ class Method:
     """What Step.scale means, with its unit."""
     asks: Mapping[str, str] = field(default_factory=dict)
     """Role -> name of each method whose Steps it builds on; those are computed once for all who ask."""
+    checks: Mapping[str, Check] = field(default_factory=dict)
+    """By key: all that its Decisions may be about."""
 
     def uses(self, exposure: Exposure) -> bool:
         return ("video" if isinstance(exposure, VideoFrame) else "stereo") in self.needs

@@ -11,9 +11,13 @@ from typing import Any, Literal, get_args
 
 from ispom.errors import InputError
 from ispom.estimator import Method
+from ispom.estimators.modern.integrated import checks as integrated_checks
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
+from ispom.estimators.modern.monocular import checks as monocular_checks
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.stereo import checks as stereo_checks
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.paper import checks as paper_checks
 from ispom.estimators.paper.integrated.estimator import IntegratedConfig
 from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.estimators.paper.stereo.estimator import StereoConfig
@@ -36,8 +40,16 @@ BUILT_IN = (
         "own",
         "key frames and local bundle adjustment (PTAM, 2007)",
         TRANSFER,
+        checks=monocular_checks.CHECKS,
     ),
-    Method("stereo", STEREO, ModernStereoConfig, "metric", "key frames, local bundle adjustment (ORB-SLAM2 2017)"),
+    Method(
+        "stereo",
+        STEREO,
+        ModernStereoConfig,
+        "metric",
+        "key frames, local bundle adjustment (ORB-SLAM2 2017)",
+        checks=stereo_checks.CHECKS,
+    ),
     Method(
         "integrated",
         VIDEO | STEREO,
@@ -46,9 +58,25 @@ BUILT_IN = (
         "continuous-time estimation on a cumulative B-spline (Spline Fusion 2013)",
         PER_UNIT,
         {"video": "monocular", "stereo": "stereo"},
+        integrated_checks.CHECKS,
     ),
-    Method("monocular.paper", VIDEO, MonocularConfig, "own", "Li, Liu and Yuan 2013, section 6.1", TRANSFER),
-    Method("stereo.paper", STEREO, StereoConfig, "metric", "Li, Liu and Yuan 2013, section 6.2"),
+    Method(
+        "monocular.paper",
+        VIDEO,
+        MonocularConfig,
+        "own",
+        "Li, Liu and Yuan 2013, section 6.1",
+        TRANSFER,
+        checks=paper_checks.MONOCULAR,
+    ),
+    Method(
+        "stereo.paper",
+        STEREO,
+        StereoConfig,
+        "metric",
+        "Li, Liu and Yuan 2013, section 6.2",
+        checks=paper_checks.STEREO,
+    ),
     Method(
         "integrated.paper",
         VIDEO | STEREO,
@@ -57,6 +85,7 @@ BUILT_IN = (
         "Li, Liu and Yuan 2013, section 6.3",
         PER_UNIT,
         {"video": "monocular.paper", "stereo": "stereo.paper"},
+        paper_checks.INTEGRATED,
     ),
 )
 

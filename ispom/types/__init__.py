@@ -1,6 +1,7 @@
 """The values that flow between sequences, estimators and viewers. All frozen; arrays are never written to."""
 
 from ispom.types.camera import Camera, Frame, Image, Rig
+from ispom.types.check import Check, by_key
 from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey, colours_at
 from ispom.types.sequence import Sequence
 from ispom.types.step import Decision, Status, Step
@@ -9,6 +10,7 @@ from ispom.types.trajectory import Trajectory
 
 __all__ = [
     "Camera",
+    "Check",
     "Decision",
     "Exposure",
     "Frame",
@@ -25,5 +27,6 @@ __all__ = [
     "Trajectory",
     "VideoFrame",
     "as_grey",
+    "by_key",
     "colours_at",
 ]

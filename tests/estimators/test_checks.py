@@ -7,22 +7,10 @@ import re
 import pytest
 
 from ispom.ensemble import build, run
-from ispom.estimators.check import Check, by_key
-from ispom.estimators.modern.integrated import checks as integrated
-from ispom.estimators.modern.monocular import checks as monocular
-from ispom.estimators.modern.stereo import checks as stereo
-from ispom.estimators.paper import checks as paper
-from ispom.methods import Config
-from ispom.types import Decision, Exposure, Sequence, Step
+from ispom.methods import BUILT_IN, Config
+from ispom.types import Check, Decision, Exposure, Sequence, Step, by_key
 
-CHECKS = {
-    "monocular": monocular.CHECKS,
-    "stereo": stereo.CHECKS,
-    "integrated": integrated.CHECKS,
-    "monocular.paper": paper.MONOCULAR,
-    "stereo.paper": paper.STEREO,
-    "integrated.paper": paper.INTEGRATED,
-}
+CHECKS = {method.name: method.checks for method in BUILT_IN}
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ispom.estimators.check import Check, by_key
+from ispom.types import Check, by_key
 
 KEY_FRAME, TRIPLE, LOCATED = "New key frame?", "Triple of key frames solved?", "Pair located?"
 CLOSED = "Segment follows the video?"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ispom.estimators.check import Check, by_key
+from ispom.types import Check, by_key
 
 VIEWS = Check("views", "exposures to adjust together", "finding", relation="<=")
 POINTS = Check("points", "points for an adjustment", "requirement", "Window adjusted?")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ispom.estimators.check import Check, by_key
+from ispom.types import Check, by_key
 
 LOCATED, KEY_FRAME, FIRST_MAP = "Frame located?", "New key frame?", "First map?"
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispom.estimators.check import Check
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected
@@ -25,7 +24,7 @@ from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.solvers.prior import PAIR
-from ispom.types import Decision
+from ispom.types import Check, Decision
 
 SIDE = 0.5
 """x/z of the place towards the image's sides, 27 degrees, at which the bend of the disparity offset is reported."""

@@ -6,7 +6,7 @@ import operator
 from dataclasses import dataclass
 from typing import Literal
 
-from ispom.types import Decision
+from ispom.types.step import Decision
 
 Relation = Literal[">=", "<=", ">", "<"]
 COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
