@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | fork | sources | evaluate | export | report | bench."""
+"""The command `ispom`: demo | app | run | fork | diff | sources | evaluate | export | report | bench."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ispom.errors import InputError, printable
 from ispom.methods import faults, in_order
 
 from .bench.options import Bench
-from .options import App, Demo, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
+from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
 from .run.playback import Builder
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ Command = (
     | Annotated[App, tyro.conf.subcommand("app")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Fork, tyro.conf.subcommand("fork")]
+    | Annotated[Diff, tyro.conf.subcommand("diff")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
@@ -80,7 +81,7 @@ def _discard_output() -> None:
 
 
 def _execute(
-    command: Serve | Run | Fork | Sources | Evaluate | Export | Report | Repair | Bench,
+    command: Serve | Run | Fork | Diff | Sources | Evaluate | Export | Report | Repair | Bench,
     arguments: Sequence[str],
     builder: Builder,
 ) -> int:
@@ -93,6 +94,10 @@ def _execute(
         from .fork import fork
 
         return fork(command, arguments[1:], builder)
+    if isinstance(command, Diff):
+        from .diff.command import diff
+
+        return diff(command)
     if isinstance(command, Sources):
         from .sources import tell
 

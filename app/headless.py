@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from ispom.ensemble import build
-from ispom.errors import InputError
+from ispom.errors import InputError, printable
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
@@ -20,6 +20,7 @@ from ispom.methods import default_methods, in_order, require_cameras, with_asked
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
+from .expressions.until import Stop, Until, require_run, until
 from .options import Run
 from .run import warmup
 from .run.console import ended_by_interrupt, progress, terminable, wait_for_compiler
@@ -55,17 +56,22 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
 
     The exit code is 0, or InputError is raised after what was computed has been written.
     """
+    condition = until(options.until)
+    if options.methods:
+        require_run(condition, with_asked(in_order(options.methods)))
     sequence = options.open(options.source)
     try:
         methods = _asked(options, sequence)
+        require_run(condition, with_asked(methods))
         # An integration is measured between the stereo poses that it asks for; those are computed anyway.
         earlier = origin.stages if origin is not None else ()
         _require_inside(earlier, sequence)
         playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable(), _folder(options.out, sequence.name) as folder:
-            _run(playback, methods, options, folder, origin)
-            _print(folder, playback.sequence)
+            watch = Until(condition)
+            _run(playback, methods, options, folder, origin, watch)
+            _print(folder, playback.sequence, str(watch))
     finally:
         if sequence.stop is not None:
             sequence.stop()
@@ -88,7 +94,14 @@ def _folder(out: Path | None, name: str) -> RunFolder:
     return RunFolder.new(Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}")
 
 
-def _run(playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder, origin: Origin | None) -> None:
+def _run(
+    playback: Playback,
+    methods: tuple[str, ...],
+    options: Run,
+    folder: RunFolder,
+    origin: Origin | None,
+    watch: Until,
+) -> None:
     """Whatever ends it, the folder is complete or says why it is not."""
     statistics, forked = RunStatistics(), origin.entries if origin is not None else []
     _describe(folder, playback, methods, options, forked)
@@ -96,9 +109,9 @@ def _run(playback: Playback, methods: tuple[str, ...], options: Run, folder: Run
     if playback.truth is not None:
         folder.write(TRUTH, tum_text(in_frame(playback.truth, playback.sequence.rig, options.frame)))
     try:
-        finished, failure = _play(playback, methods, options, folder, statistics)
+        finished, failure = _play(playback, methods, options, folder, statistics, watch)
         _require_poses(without_secrets(options.source), finished, methods)
-        _describe(folder, playback, methods, options, forked, statistics.images.hexdigest())
+        _describe(folder, playback, methods, options, forked, statistics.images.hexdigest(), watch.stop)
         if problems := "; ".join(filter(None, (failure, folder.problem))):
             raise InputError(problems)
     except BaseException as error:
@@ -116,14 +129,16 @@ def _describe(
     options: Run,
     forked: list[dict[str, Any]],
     images: str | None = None,
+    stop: Stop | None = None,
 ) -> None:
     """Writes run.yaml; `images` is the hash of all that were seen, where the run came to its end."""
     used: dict[str, Any] = {"methods": list(methods), "frame": options.frame}
-    used |= {name: getattr(options, name) for name in ("seed", "stereo_every", "video_scale", "max_exposures")}
+    used |= {name: getattr(options, name) for name in ("seed", "stereo_every", "video_scale", "max_exposures", "until")}
     used |= {"recording": options.recording, "camera": None if options.camera is None else str(options.camera)}
     config = {name: asdict(options.config.of(name)) for name in playback.methods}
+    stopped = None if stop is None else {n: getattr(stop, n) for n in ("exposure", "time_ns", "values")}
     source = without_secrets(options.source)
-    folder.write(RUN, run_file(source, playback.sequence, used, config, images, forked).text)
+    folder.write(RUN, run_file(source, playback.sequence, used, config, images, forked, stopped).text)
 
 
 def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
@@ -133,9 +148,14 @@ def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
 
 
 def _play(
-    playback: Playback, methods: tuple[str, ...], options: Run, folder: RunFolder, statistics: RunStatistics
+    playback: Playback,
+    methods: tuple[str, ...],
+    options: Run,
+    folder: RunFolder,
+    statistics: RunStatistics,
+    watch: Until,
 ) -> tuple[Finished, str | None]:
-    """Steps through the sequence. Whatever ends that, what was computed is written.
+    """Steps through the sequence, until `watch` stops it. Whatever ends that, what was computed is written.
 
     Gives also why the recording ended early, None where it did not.
     """
@@ -152,9 +172,11 @@ def _play(
                 while playback.more():
                     event = playback.step()
                     collectors.add(event.steps)
-                    for consumer in (statistics, log, journal, record):
+                    for consumer in (statistics, log, journal, record, watch):
                         consumer.add(event)
                     advance()
+                    if watch.stop is not None:
+                        playback.end()
         finally:
             finished = playback.finish()
             record.add(finished)
@@ -230,6 +252,8 @@ def _reason(error: BaseException, playback: Playback) -> str:
     return f"Failed {after}: {error!r}"
 
 
-def _print(folder: RunFolder, sequence: Sequence) -> None:
-    lines = [*sequence.notes, summary(json.loads((folder.path / METRICS).read_text())), f"in {folder.path}"]
+def _print(folder: RunFolder, sequence: Sequence, ended: str) -> None:
+    """`ended` is how a condition ended the run, or that it did not; empty where there was none."""
+    notes = [*sequence.notes, *([printable(ended)] if ended else [])]
+    lines = [*notes, summary(json.loads((folder.path / METRICS).read_text())), f"in {folder.path}"]
     sys.stdout.write("\n".join(lines) + "\n")

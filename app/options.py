@@ -172,6 +172,27 @@ class Run(Options):
     """The frame whose poses are written."""
     recording: bool = True
     """Write run.rrd, which any Rerun viewer opens."""
+    until: str | None = None
+    """Stop after the first exposure where this condition holds, such as 'integrated.error_m > 0.2' or
+    'monocular.inliers < 30 and stereo.status == "lost"'. The README lists the names."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diff:
+    """Finds the first exposure at which two runs differ, and in what: tracks, checks, poses, landmarks. Wall times never
+    count. Exit code 0: alike, 1: apart."""
+
+    run_a: tyro.conf.Positional[Path]
+    """Folder that `ispom run` wrote."""
+    run_b: tyro.conf.Positional[Path]
+    """Another one; the methods that both ran are compared."""
+    tolerance: float = 0.0
+    """Smaller differences of numbers do not count: relative above 1, absolute below. With one, arrays are not compared
+    bit by bit."""
+    count: int = 3
+    """How many exposures to show."""
+    json: bool = False
+    """Print JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)

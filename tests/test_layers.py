@@ -29,6 +29,7 @@ APP_LAYERS = (
     {"colours", "decisions", "options", "outputs", "subscribers", "texts"},
     {"uncertainty"},
     {"run"},
+    {"diff", "expressions"},
     {"rerun_log"},
     {"session"},
     {"viser_ui"},

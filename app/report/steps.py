@@ -15,7 +15,8 @@ from ispom.io.rows import read_text
 from ispom.methods import names
 from ispom.types import Decision
 
-from ..run.step_log import DECISION_COLUMNS, DROPPED, STEP_COLUMNS
+from ..run.quantities import DROPPED
+from ..run.step_log import DECISION_COLUMNS, STEP_COLUMNS
 
 NUMBERS = ("error_m", "scale", "inliers", "residual_median_px", "alive", "new", *DROPPED, "seconds")
 

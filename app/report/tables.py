@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
-from ..run.step_log import DROPPED
+from ..run.quantities import DROPPED
 from .analysis import changes, mattered
 from .blocks import Block, Details, MethodName, Paragraph, Table
 from .folder import Run

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -141,6 +141,10 @@ class Playback:
             if len(self.sequence) == len(before) and self.sequence.grow is not None:
                 return False
         return self.position < len(self.sequence)
+
+    def end(self) -> None:
+        """Nothing comes any more: the sequence is as if it had been opened up to here."""
+        self.sequence = replace(self.sequence.truncated(self.position), grow=None)
 
     @property
     def placed_methods(self) -> frozenset[str]:

@@ -48,6 +48,8 @@ class RunFile:
     platform: str = ""
     forked: list[Mapping[str, Any]] = field(default_factory=list)
     """What ran before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
+    stopped: Mapping[str, Any] | None = None
+    """By what --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not."""
 
     @property
     def earlier(self) -> tuple[Stage, ...]:
@@ -85,6 +87,7 @@ def run_file(
     config: Mapping[str, Any],
     images_sha256: str | None = None,
     forked: Iterable[Mapping[str, Any]] = (),
+    stopped: Mapping[str, Any] | None = None,
 ) -> RunFile:
     """Of a run on this machine, with these versions."""
     return RunFile(
@@ -98,6 +101,7 @@ def run_file(
         {"python": platform.python_version(), **_versions()},
         platform.platform(),
         list(forked),
+        stopped,
     )
 
 

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from typing import Any, Self
+from typing import Self
 
-import numpy as np
+from ispom.types import Status, Step
 
-from ispom.types import Status, Step, TrackStatus
-
+from .digests import DIGESTS
 from .events import Stepped
+from .quantities import STEP_QUANTITIES, Value, by_method, known, step_values
 from .run_folder import DECISIONS, STEPS, RunFolder
 from .statistics import RunStatistics
 from .table import GrowingTable
 
-DROPPED = {f"dropped_{status.name.lower()}": status for status in TrackStatus if status.dropped}
-"""By column: why a track ended."""
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 STEP_COLUMNS = (
-    *("exposure", "time_ns", "method", "status", "key_frame", "error_m", "scale", "inliers", "residual_median_px"),
-    *("alive", "new", *DROPPED, "seconds", "stages"),
+    *("exposure", "time_ns", "method", *(quantity.key for quantity in STEP_QUANTITIES), "stages"),
+    *("frame", *POSE, *DIGESTS),
 )
-"""`error_m` is of the pose as it was given at that time; `stages` is `name=seconds;...`, `seconds` their sum."""
+"""`error_m` and the pose (world_from_FRAME, in the method's own world and unit) are as given at that time; `stages` is
+`name=seconds;...`, `seconds` their sum. Numbers have all digits that tell them from others."""
 DECISION_COLUMNS = (
     "exposure",
     "time_ns",
@@ -50,7 +49,7 @@ class StepLog:
 
     def add(self, event: Stepped) -> None:
         """The rows of one exposure."""
-        steps = list(_by_method(event.steps).values())
+        steps = list(by_method(event.steps).values())
         self._steps.add(_step_row(event, step) for step in steps)
         self._decisions.add(row for step in steps for row in _decision_rows(event, step))
 
@@ -72,38 +71,23 @@ def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
     return statistics
 
 
-def _by_method(steps: tuple[Step, ...]) -> dict[str, Step]:
-    """The asked methods' steps, and those of the estimators inside them that were not asked for themselves."""
-    found = {step.method: step for step in steps}
-    for step in steps:
-        for method, part in _by_method(step.parts).items():
-            found.setdefault(method, part)
-    return found
+def _step_row(event: Stepped, step: Step) -> list[str]:
+    values, pose = step_values(step, event.errors_m.get(step.method)), step.world_from_frame
+    numbers = ("",) * len(POSE) if pose is None else (*pose.translation.tolist(), *pose.xyzw.tolist())
+    cells = (event.index, step.time_ns, step.method, *(values[quantity.key] for quantity in STEP_QUANTITIES))
+    stages = ";".join(f"{stage}={_cell(seconds)}" for stage, seconds in step.seconds.items())
+    return [_cell(c) for c in (*cells, stages, step.frame, *numbers, *(of(step) for of in DIGESTS.values()))]
 
 
-def _step_row(event: Stepped, step: Step) -> list[Any]:
-    statuses = np.concatenate([[], *(tracks.status for tracks in step.tracks.values())])
-    counts = [int((statuses == status).sum()) for status in (TrackStatus.ALIVE, TrackStatus.NEW, *DROPPED.values())]
-    residuals = step.residuals_px
-    return [
-        *(event.index, step.time_ns, step.method, str(step.status), int(step.key_frame)),
-        *(_number(event.errors_m.get(step.method)), _number(step.scale)),
-        *((len(residuals), _number(float(np.median(residuals)))) if len(residuals) else ("", "")),
-        *(counts if step.tracks else [""] * len(counts)),
-        _number(sum(step.seconds.values())),
-        ";".join(f"{stage}={_number(seconds)}" for stage, seconds in step.seconds.items()),
-    ]
-
-
-def _decision_rows(event: Stepped, step: Step) -> Iterator[list[Any]]:
+def _decision_rows(event: Stepped, step: Step) -> Iterator[list[str]]:
     for d in step.decisions:
-        value, threshold = _number(d.value), _number(d.threshold)
-        yield [
-            *(event.index, step.time_ns, step.method, d.key, d.about, d.question, d.kind, d.name),
-            *(value, d.relation, threshold, d.unit, int(d.passed), d.consequence),
-        ]
+        described = (event.index, step.time_ns, step.method, d.key, d.about, d.question, d.kind, d.name)
+        made = (known(float(d.value)), d.relation, known(float(d.threshold)), d.unit, d.passed, d.consequence)
+        yield [_cell(value) for value in (*described, *made)]
 
 
-def _number(value: float | None) -> str:
-    """Nine digits; empty for what is not known."""
-    return "" if value is None or not math.isfinite(value) else f"{value:.9g}"
+def _cell(value: Value) -> str:
+    """Empty for what is not known."""
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if value is None else repr(float(value)) if isinstance(value, float) else str(value)

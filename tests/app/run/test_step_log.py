@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from ispom_app.run import run_folder, step_log
 from ispom_app.run.playback import Playback
+from ispom_app.run.quantities import DROPPED
 from ispom_app.run.run_folder import RunFolder
 
 from ispom.types import TrackStatus
@@ -40,7 +41,7 @@ def test_one_row_per_method_and_exposure(playback: Playback, tmp_path: Path) -> 
         assert int(row["time_ns"]) == step.time_ns and row["method"] == step.method
         assert int(row["exposure"]) == event.index and int(row["inliers"]) == len(step.residuals_px)
         assert int(row["dropped_epipolar"]) == int((tracks.status == TrackStatus.EPIPOLAR).sum())
-        counted = sum(int(row[name]) for name in ("alive", "new", *step_log.DROPPED))
+        counted = sum(int(row[name]) for name in ("alive", "new", *DROPPED))
         assert counted == len(tracks)
         assert float(row["seconds"]) == pytest.approx(0.005) and row["stages"] == "track=0.004;pose=0.001"
     assert said[0]["name"] == "parallax" and float(said[0]["value"]) == 14.2 and said[0]["passed"] == "0"

@@ -1,0 +1,1 @@
+"""`ispom diff`: where two runs part, and what parts first."""

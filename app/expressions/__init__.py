@@ -1,0 +1,1 @@
+"""Break points: expressions over the quantities of an exposure, in a closed grammar."""

@@ -1,0 +1,165 @@
+"""The quantities of an exposure, by stable name: METHOD.KEY, in tables, break points, plots and comparisons alike.
+
+`monocular.inliers`, `stereo.status`: what each Step says (STEP_QUANTITIES), in the columns of steps.csv.
+`monocular.parallax`, `.passed`, `.margin`, `.threshold`: what each check of the method says, in decisions.csv.
+`exposure`, `time_s`: which exposure it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from ispom.methods import method as registered
+from ispom.types import Check, Decision, Status, Step, TrackStatus
+
+Kind = Literal["number", "flag", "text"]
+Value = float | bool | str | None
+"""A finite number, a flag, a text; None where nothing was said."""
+Row = Mapping[str, Mapping[str, Value]]
+"""By method: the values by key at its latest step; under "" those of the exposure itself."""
+NO_ROW: Row = MappingProxyType({})
+"""Before the first exposure."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What stands under a key."""
+
+    method: str
+    """Empty for those of the exposure itself."""
+    key: str
+    kind: Kind
+    help: str
+    """One line for people."""
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    """All that a text can be."""
+
+    @property
+    def name(self) -> str:
+        return f"{self.method}.{self.key}" if self.method else self.key
+
+
+@dataclass(frozen=True)
+class StepQuantity:
+    """What every method's Step says."""
+
+    key: str
+    of: Callable[[Step, float | None], Value]
+    """Of a step, and its distance from the truth [m] where that is known."""
+    help: str
+    kind: Kind = "number"
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+
+
+def _count(status: TrackStatus) -> Callable[[Step, float | None], Value]:
+    def count(step: Step, error_m: float | None) -> Value:
+        return sum(int((t.status == status).sum()) for t in step.tracks.values()) if step.tracks else None
+
+    return count
+
+
+def _sigma(step: Step, rows: slice) -> float | None:
+    """The root of the largest eigenvalue of a block of the covariance."""
+    if step.world_from_frame is None or step.covariance is None or not np.isfinite(step.covariance).all():
+        return None
+    return math.sqrt(max(float(np.linalg.eigvalsh(step.covariance[rows, rows]).max()), 0.0))
+
+
+def _sigma_deg(step: Step, error_m: float | None) -> Value:
+    sigma = _sigma(step, slice(3, 6))
+    return None if sigma is None else math.degrees(sigma)
+
+
+DROPPED = {f"dropped_{status.name.lower()}": status for status in TrackStatus if status.dropped}
+"""By key: why a track ended."""
+STEP_QUANTITIES = (
+    StepQuantity("status", lambda s, _: str(s.status), "initialising, tracking, lost", "text", choices=tuple(Status)),
+    StepQuantity("key_frame", lambda s, _: bool(s.key_frame), "whether it became a key frame", "flag"),
+    StepQuantity("restarted", lambda s, _: bool(s.restarted), "whether a new world begins here", "flag"),
+    StepQuantity("error_m", lambda _, error: error, "distance from the truth, as the pose was given then", unit="m"),
+    StepQuantity("scale", lambda s, _: s.scale, "factor that carried the unit into this step"),
+    StepQuantity("scale_sigma", lambda s, _: s.scale_sigma, "standard deviation of the logarithm of the unit"),
+    StepQuantity("sigma_position", lambda s, _: _sigma(s, slice(0, 3)), "1 sigma of the position along its worst axis"),
+    StepQuantity("sigma_deg", _sigma_deg, "1 sigma of the orientation about its worst axis", unit="deg"),
+    StepQuantity("inliers", lambda s, _: len(s.residuals_px) or None, "points that agree with the pose"),
+    StepQuantity(
+        "residual_median_px",
+        lambda s, _: float(np.median(s.residuals_px)) if len(s.residuals_px) else None,
+        "median reprojection error of the inliers",
+        unit="px",
+    ),
+    StepQuantity("landmarks", lambda s, _: len(s.landmarks), "points of the scene found or revised"),
+    StepQuantity("revised", lambda s, _: len(s.revised), "earlier poses that were made better"),
+    StepQuantity("alive", _count(TrackStatus.ALIVE), "tracks that went on"),
+    StepQuantity("new", _count(TrackStatus.NEW), "tracks that began"),
+    *(StepQuantity(key, _count(status), f"tracks that ended: {status.reason}") for key, status in DROPPED.items()),
+    StepQuantity("seconds", lambda s, _: sum(s.seconds.values()), "wall time; differs from run to run", unit="s"),
+)
+"""In the order of the columns of steps.csv."""
+EXPOSURE_QUANTITIES = (
+    Quantity("", "exposure", "number", "counted from 0"),
+    Quantity("", "time_s", "number", "in the clock of the source", "s"),
+)
+
+
+def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
+    """By name: all that can be said at an exposure of a run of these methods."""
+    found = list(EXPOSURE_QUANTITIES)
+    for method in sorted(methods, key=len):  # of `a.b.c`, method `a.b` wins over `a`
+        found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
+        for check in registered(method).checks.values():
+            found += _of_check(method, check)
+    return {quantity.name: quantity for quantity in found}
+
+
+def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
+    """By key. Where a step has the same check several times, that of the least margin counts."""
+    found = {quantity.key: known(quantity.of(step, error_m)) for quantity in STEP_QUANTITIES}
+    worst: dict[str, Decision] = {}
+    for decision in step.decisions:
+        if decision.key not in worst or decision.margin < worst[decision.key].margin:
+            worst[decision.key] = decision
+    for key, d in worst.items():
+        found |= {key: known(d.value), f"{key}.passed": bool(d.passed)}
+        found |= {f"{key}.margin": known(d.margin), f"{key}.threshold": known(d.threshold)}
+    return found
+
+
+def row_after(before: Row, index: int, time_ns: int, steps: Iterable[Step], errors_m: Mapping[str, float]) -> Row:
+    """The row at an exposure: of methods that did not step on it, what they said at their latest."""
+    said = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
+    return {**before, "": {"exposure": index, "time_s": time_ns / 1e9}, **said}
+
+
+def by_method(steps: Iterable[Step]) -> dict[str, Step]:
+    """The asked methods' steps, and those of the estimators inside them that were not asked for themselves."""
+    found = {step.method: step for step in steps}
+    for step in tuple(found.values()):
+        for method, part in by_method(step.parts).items():
+            found.setdefault(method, part)
+    return found
+
+
+def known(value: Value) -> Value:
+    """None in place of a number that is not finite; numpy's numbers as Python's."""
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def _of_check(method: str, check: Check) -> list[Quantity]:
+    of = f"{check.question} {check.name}".strip()
+    return [
+        Quantity(method, check.key, "number", of, check.unit),
+        Quantity(method, f"{check.key}.passed", "flag", f"{of}: whether it passed"),
+        Quantity(method, f"{check.key}.margin", "number", f"{of}: how far on the passing side", check.unit),
+        Quantity(method, f"{check.key}.threshold", "number", f"{of}: its threshold", check.unit),
+    ]
