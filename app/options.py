@@ -179,8 +179,8 @@ class Run(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class Diff:
-    """Finds the first exposure at which two runs differ, and in what: tracks, checks, poses, landmarks. Wall times never
-    count. Exit code 0: alike, 1: apart."""
+    """Finds the first exposure at which two runs differ, and in what: tracks, checks, poses, landmarks. Wall times
+    never count. Exit code 0: alike, 1: apart."""
 
     run_a: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
@@ -190,7 +190,7 @@ class Diff:
     """Smaller differences of numbers do not count: relative above 1, absolute below. With one, arrays are not compared
     bit by bit."""
     count: int = 3
-    """How many exposures to show."""
+    """How many exposures to show: the first, and the next ones at which something else differs for the first time."""
     json: bool = False
     """Print JSON."""
 

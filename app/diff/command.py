@@ -27,7 +27,7 @@ APART = 1
 
 
 def diff(options: Diff) -> int:
-    """Compares, prints, and gives the exit code; InputError where a folder holds no run, or the runs share no method."""
+    """Compares, prints, and gives the exit code; InputError where a folder holds no run, or they share no method."""
     if not 0 <= options.tolerance < math.inf:
         raise InputError(f"--tolerance is {options.tolerance}: give 0 or a positive number")
     if options.count < 1:
@@ -38,18 +38,20 @@ def diff(options: Diff) -> int:
     if not methods:
         raise InputError(f"{a} and {b} have no method in common: give runs of the same methods")
     settings = differing(*runs, methods)
-    first, apart = [], 0
+    apart, seen, first = 0, frozenset[str](), list[Divergence]()
     for divergence in _found(a, b, methods, (runs[0].frame, runs[1].frame), options.tolerance):
-        first += [divergence] if apart < options.count else []
-        apart += 1
+        apart += divergence.exposure is not None
+        news, seen = divergence.without(seen), seen | divergence.names
+        if news is not None and (len(first) < options.count or news.exposure is None):
+            first.append(news)
     if options.json:
-        told = {"alike": not apart, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
+        told = {"alike": not first, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
         told |= {"settings": [asdict(s) for s in settings], "apart": apart, "first": [asdict(d) for d in first]}
         sys.stdout.write(json.dumps(told, indent=2) + "\n")
     else:
         text = [*_notes(a, b, settings), *_text(first, apart, methods)]
         sys.stdout.write("".join(f"{printable(line)}\n" for line in text))
-    return APART if apart else 0
+    return APART if first else 0
 
 
 def _found(
@@ -72,6 +74,4 @@ def _text(first: list[Divergence], apart: int, methods: tuple[str, ...]) -> Iter
     for divergence in first:
         yield from lines(divergence)
     of = ", ".join(methods)
-    if apart > len(first):
-        yield f"and {apart - len(first)} exposures more (--count shows them)"
-    yield f"{of}: {'apart' if apart else 'alike'}"
+    yield f"apart at {apart} exposures: {of}" if first else f"alike: {of}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import attrgetter
 
@@ -57,6 +57,16 @@ class Divergence:
     time_ns: int
     differences: tuple[Difference, ...]
     """In the order of the methods, then as MethodRow.values; never empty."""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What differs."""
+        return frozenset(difference.name for difference in self.differences)
+
+    def without(self, names: frozenset[str]) -> Divergence | None:
+        """What differs besides these; None where that is nothing."""
+        left = tuple(difference for difference in self.differences if difference.name not in names)
+        return replace(self, differences=left) if left else None
 
 
 def divergences(

@@ -15,7 +15,7 @@ from ispom.errors import InputError
 from ispom.io.files import exists, opened
 
 from ..run.digests import DIGESTS
-from ..run.quantities import STEP_QUANTITIES, known
+from ..run.quantities import STEP_QUANTITIES, finite
 from ..run.run_folder import DECISIONS, STEPS
 from ..run.step_log import DECISION_COLUMNS, POSE, STEP_COLUMNS
 from .compare import Compared, MethodRow
@@ -28,7 +28,7 @@ KINDS = {quantity.key: quantity.kind for quantity in STEP_QUANTITIES}
 
 @contextmanager
 def run_rows(folder: Path) -> Iterator[Iterator[MethodRow]]:
-    """Of a run's folder, in order; InputError, also while they are read, where it has none or they are not as written."""
+    """Of a run's folder, in order; InputError, also while they are read, where there are none, or not as written."""
     for name in (STEPS, DECISIONS):
         if not exists(folder / name):
             cure = "finish it with `ispom repair`, or run again" if folder.is_dir() else "give the folder of a run"
@@ -107,7 +107,7 @@ def _number(path: Path, line: int, row: Mapping[str, str], name: str) -> float |
         found = float(row[name])
     except ValueError:
         found = math.nan
-    if known(found) is None:
+    if finite(found) is None:
         raise _wrong(path, line, name, row)
     return found
 

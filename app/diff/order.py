@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ispom.types import Step
 
 from ..run.digests import DIGESTS
-from ..run.quantities import DROPPED, STEP_QUANTITIES, known, step_values
+from ..run.quantities import DROPPED, STEP_QUANTITIES, finite, step_values
 from .compare import ORIENTATION, Compared, MethodRow
 
 FATES = ("tracks_digest", "alive", "new", *DROPPED)
@@ -49,8 +49,8 @@ def step_row(index: int, step: Step, error_m: float | None) -> MethodRow:
     made = [
         Made(
             ".".join(filter(None, (d.key, d.about))),
-            known(float(d.value)),
-            known(float(d.threshold)),
+            finite(d.value),
+            finite(d.threshold),
             bool(d.passed),
             d.consequence,
         )

@@ -34,7 +34,7 @@ def _flat(run: RunFile, methods: tuple[str, ...]) -> dict[str, Any]:
     found["images_sha256"] = run.images_sha256
     for method in methods:
         found |= dict(_leaves(method, run.config.get(method)))
-    return {**found, **_leaves("versions", run.versions), "platform": run.platform}
+    return {**found, **dict(_leaves("versions", run.versions)), "platform": run.platform}
 
 
 def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:

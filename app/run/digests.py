@@ -16,7 +16,7 @@ def digest(*arrays: np.ndarray) -> str:
     for array in arrays:
         little = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
         found.update(f"{little.dtype.str}{little.shape}".encode())
-        found.update(little)
+        found.update(little.data)
     return found.hexdigest()
 
 

@@ -128,8 +128,8 @@ def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
         if decision.key not in worst or decision.margin < worst[decision.key].margin:
             worst[decision.key] = decision
     for key, d in worst.items():
-        found |= {key: known(d.value), f"{key}.passed": bool(d.passed)}
-        found |= {f"{key}.margin": known(d.margin), f"{key}.threshold": known(d.threshold)}
+        found |= {key: finite(d.value), f"{key}.passed": bool(d.passed)}
+        found |= {f"{key}.margin": finite(d.margin), f"{key}.threshold": finite(d.threshold)}
     return found
 
 
@@ -148,11 +148,14 @@ def by_method(steps: Iterable[Step]) -> dict[str, Step]:
     return found
 
 
+def finite(value: float) -> float | None:
+    """As Python's; None in place of a number that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
 def known(value: Value) -> Value:
     """None in place of a number that is not finite; numpy's numbers as Python's."""
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
+    return finite(value) if isinstance(value, float | np.floating) else value
 
 
 def _of_check(method: str, check: Check) -> list[Quantity]:

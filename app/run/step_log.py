@@ -10,7 +10,7 @@ from ispom.types import Status, Step
 
 from .digests import DIGESTS
 from .events import Stepped
-from .quantities import STEP_QUANTITIES, Value, by_method, known, step_values
+from .quantities import STEP_QUANTITIES, Value, by_method, finite, step_values
 from .run_folder import DECISIONS, STEPS, RunFolder
 from .statistics import RunStatistics
 from .table import GrowingTable
@@ -82,7 +82,7 @@ def _step_row(event: Stepped, step: Step) -> list[str]:
 def _decision_rows(event: Stepped, step: Step) -> Iterator[list[str]]:
     for d in step.decisions:
         described = (event.index, step.time_ns, step.method, d.key, d.about, d.question, d.kind, d.name)
-        made = (known(float(d.value)), d.relation, known(float(d.threshold)), d.unit, d.passed, d.consequence)
+        made = (finite(d.value), d.relation, finite(d.threshold), d.unit, d.passed, d.consequence)
         yield [_cell(value) for value in (*described, *made)]
 
 
