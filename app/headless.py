@@ -110,7 +110,8 @@ def _run(
         folder.write(TRUTH, tum_text(in_frame(playback.truth, playback.sequence.rig, options.frame)))
     try:
         finished, failure = _play(playback, methods, options, folder, statistics, watch)
-        _require_poses(without_secrets(options.source), finished, methods)
+        if watch.stop is None:
+            _require_poses(without_secrets(options.source), finished, methods)
         _describe(folder, playback, methods, options, forked, statistics.images.hexdigest(), watch.stop)
         if problems := "; ".join(filter(None, (failure, folder.problem))):
             raise InputError(problems)

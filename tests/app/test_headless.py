@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import signal
 import subprocess
@@ -200,3 +201,73 @@ def test_runs_tell_whether_they_saw_the_same_images(drive: str, tmp_path: Path) 
     first = seen("a")
     assert len(first) == 64 and seen("b", "--stereo.max-tracks", "300") == first
     assert seen("c", "--video-scale", "0.5") != first and seen("d", "--max-exposures", "6") != first
+
+
+def stopped(folder: Path) -> dict | None:
+    return yaml.safe_load((folder / "run.yaml").read_text())["stopped"]
+
+
+def without_times(path: Path) -> list[list[str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return [[row[name] for name in row if name not in ("seconds", "stages")] for row in csv.DictReader(file)]
+
+
+def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its folder is complete: that of a run over the exposures up to there, with the recording."""
+    condition = "monocular.key_frame and exposure > 3"
+    assert run(drive, tmp_path / "a", "--until", condition) == 0
+    told = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
+    last, time_s = told["stopped"]["exposure"], told["stopped"]["time_ns"] / 1e9
+    assert told["options"]["until"] == condition and sum(told["exposures"].values()) == last + 1
+    assert told["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
+    sentence = f"stopped at exposure {last} ({time_s:.3f} s) by --until {condition}: "
+    assert f"{sentence}monocular.key_frame yes, exposure {last}\n" in capsys.readouterr().out
+    assert names(tmp_path / "a") == FILES | {"run.rrd"}
+    assert run(drive, tmp_path / "b", "--max-exposures", str(last + 1)) == 0
+    for name in (*(f"{m}.tum" for m in METHODS), "landmarks.npz", "decisions.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert without_times(tmp_path / "a" / "steps.csv") == without_times(tmp_path / "b" / "steps.csv")
+
+
+def test_a_run_that_stops_before_it_moved_is_complete(drive: str, tmp_path: Path) -> None:
+    assert run(drive, tmp_path / "a", "--until", "exposure == 0", "--no-recording") == 0
+    assert names(tmp_path / "a") == FILES and len(read_tum(tmp_path / "a" / "stereo.tum")) == 1
+
+
+def test_a_condition_that_never_holds_is_said(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--until", "stereo.status == 'lost'", "--max-exposures", "8", "--no-recording")
+    assert run(drive, tmp_path / "a", *options) == 0
+    assert "--until never held: stereo.status == 'lost'\n" in capsys.readouterr().out
+    assert stopped(tmp_path / "a") is None and len(read_tum(tmp_path / "a" / "monocular.tum")) == 4
+
+
+@pytest.mark.parametrize(
+    ("condition", "options", "said"),
+    [
+        ("stero.status == 'lost'", (), "--until: column 1 of the expression: stero.status is unknown: did you mean"),
+        ("stereo.status = 'lost'", (), "--until: column 15 of the expression: = compares nothing: write =="),
+        ("stereo.scale > 1", ("--methods", "monocular"), "--until names stereo.scale, but monocular run here"),
+    ],
+)
+def test_a_wrong_condition_is_refused_before_anything_is_opened(
+    condition: str, options: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("/no/such/source", tmp_path / "out", "--until", condition, *options) == 2
+    assert capsys.readouterr().err.startswith(f"ispom: {said}") and not (tmp_path / "out").exists()
+
+
+def test_a_condition_on_a_method_that_does_not_run_is_refused_before_anything_is_written(
+    drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(drive, tmp_path / "out", "--until", "stereo.paper.status == 'lost'") == 2
+    assert "--until names stereo.paper.status, but monocular, stereo, integrated run here" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_condition_on_the_error_needs_a_truth(drive: str, tmp_path: Path) -> None:
+    """Without one it is missing, and never holds."""
+    bare = make_drive(tmp_path / "bare", poses=False)
+    for source, holds in ((drive, True), (str(bare), False)):
+        out = tmp_path / f"out-{holds}"
+        assert run(source, out, "--no-recording", "--until", "stereo.error_m >= 0") == 0
+        assert (stopped(out) is not None) == holds

@@ -1,0 +1,80 @@
+"""Rows of a run's folder are those of its Steps in memory, bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from ispom_app.diff.folder import run_rows
+from ispom_app.diff.order import step_row
+from ispom_app.run.playback import Playback
+from ispom_app.run.quantities import by_method
+from ispom_app.run.run_folder import DECISIONS, STEPS, RunFolder
+from ispom_app.run.step_log import StepLog
+
+from ispom.errors import InputError
+from tests import doubles
+
+METHODS = ("monocular", "stereo", "integrated")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    playback = Playback(
+        doubles.sequence(40), METHODS, builder=lambda c, m, r: doubles.ensemble(m, doubles.FullEstimator)
+    )
+    with StepLog(RunFolder(tmp_path)) as log:
+        while not playback.done:
+            log.add(playback.step())
+    return tmp_path
+
+
+def test_the_folder_gives_what_was_in_memory(folder: Path) -> None:
+    playback = Playback(
+        doubles.sequence(40), METHODS, builder=lambda c, m, r: doubles.ensemble(m, doubles.FullEstimator)
+    )
+    expected = []
+    while not playback.done:
+        event = playback.step()
+        steps = by_method(event.steps).values()
+        expected += [step_row(event.index, step, event.errors_m.get(step.method)) for step in steps]
+    with run_rows(folder) as found:
+        read = list(found)
+    assert read == expected
+    assert [list(row.values) for row in read] == [list(row.values) for row in expected], "in the same order"
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "said"),
+    [
+        (STEPS, "exposure,time_ns", "exposure,time", "was not written by this version"),
+        (STEPS, ",tracking,", ",tracking,,", "has not"),
+        (STEPS, "\n3,", "\n-3,", "exposure is '-3'"),
+        (STEPS, "\n5,", "\nfive,", "exposure is 'five'"),
+        (DECISIONS, ",14.2,", ",many,", "value is 'many'"),
+        (DECISIONS, ",14.2,", ",nan,", "value is 'nan'"),
+        (DECISIONS, "\n4,", "\n44,", "exposure is"),
+        (DECISIONS, "\n4,", '\n4"x",', "column"),
+    ],
+)
+def test_a_damaged_file_is_told_with_its_place(folder: Path, name: str, before: str, after: str, said: str) -> None:
+    content = (folder / name).read_text()
+    assert before in content
+    (folder / name).write_text(content.replace(before, after, 1))
+    with pytest.raises(InputError, match=name) as caught, run_rows(folder) as found:
+        list(found)
+    assert said in str(caught.value) or said == "column"
+
+
+@pytest.mark.parametrize("name", [STEPS, DECISIONS])
+def test_a_missing_file_is_told(folder: Path, name: str) -> None:
+    (folder / name).unlink()
+    with pytest.raises(InputError, match=f"has no {name}: finish it with `ispom repair`"), run_rows(folder):
+        pass
+
+
+def test_a_file_that_is_no_text_is_told(folder: Path) -> None:
+    with (folder / STEPS).open("ab") as file:
+        file.write(b"\xff\xfe\n")
+    with pytest.raises(InputError, match="is no CSV"), run_rows(folder) as found:
+        list(found)
