@@ -7,7 +7,8 @@ import re
 import numpy as np
 
 from ispom.ensemble import build
-from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig, ModernIntegratedState
+from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
+from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.methods import Config
 from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
 

@@ -1,4 +1,4 @@
-"""What is reported of an adjustment of the joint window: how well it went, and what is wrong with the calibration."""
+"""Decisions about an adjustment of the joint window: how well it went, and what is wrong with the calibration."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def report(window: JointWindow, solution: Solution) -> tuple[Decision, ...]:
 
 def _rig_report(window: JointWindow) -> tuple[Decision, ...]:
     """What is found to be wrong with the calibration of the video camera, beside twice its standard deviation."""
-    rig, change = window.rig, window.rig.minus(window.initial)
-    spread = np.zeros((RIG, RIG))
+    rig, change = window.rig, window.rig.minus(window.calibrated)
+    covariance = np.zeros((RIG, RIG))
     free = np.ix_(np.flatnonzero(rig.free), np.flatnonzero(rig.free))
-    spread[free] = np.linalg.inv(window.beliefs[-1].information[free])
+    covariance[free] = np.linalg.inv(window.rig_estimates[-1].information[free])
     found = []
     parts = (
         (checks.VIDEO_TURNED, slice(0, 3), 180 / np.pi),
@@ -34,7 +34,7 @@ def _rig_report(window: JointWindow) -> tuple[Decision, ...]:
     )
     for check, part, unit in parts:
         if rig.free[part].all():
-            value, sigma = unit * change[part], unit * np.sqrt(np.diag(spread)[part])
+            value, sigma = unit * change[part], unit * np.sqrt(np.diag(covariance)[part])
             size, limit = float(np.linalg.norm(value)), 2 * float(np.linalg.norm(sigma))
             each = ", ".join(f"{v:.3g} +- {s:.2g}" for v, s in zip(value, sigma, strict=True))
             found.append(check.of(float(value[0]) if len(value) == 1 else size, limit, each, size > limit))

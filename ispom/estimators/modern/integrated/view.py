@@ -1,4 +1,4 @@
-"""What the joint window holds: views of exposures, their points, and what poses are told relative to."""
+"""What the joint window holds: views of exposures, their points, and the exposure that covariances are relative to."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.continuous import (
-    AnchoredPoints,
-    PointUncertainty,
-)
+from ispom.solvers.continuous import AnchoredPoints, PointUncertainty, RigModel
 from ispom.solvers.late_shutter import drift
 from ispom.solvers.window import offset_at
 
 LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""
+LEAST_APART_S = 1e-6
+"""Of two exposures at one time only one is a point of a spline."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,29 +34,28 @@ class View:
     rate: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) that a late right shutter is held to see."""
     world_from_rig: Pose = field(default_factory=Pose)
-    placed: bool = True
+    located: bool = True
     """Whether the pose is from what was seen; else it is that of the view before."""
     information: Array | None = None
     """(6, 6) of the pose as first located."""
-    best: Pose | None = None
+    smoothed: Pose | None = None
     """The pose as last adjusted with views on both sides of it; at the window's end it has only those after it."""
-
-    carried: tuple[tuple[int, Pose], ...] = ()
+    attached: tuple[tuple[int, Pose], ...] = ()
     """Time and rig_from_later_rig of video frames after it that were thinned out: they move along with this view."""
 
     def poses(self) -> list[tuple[int, Pose, bool]]:
-        """Time, world_from_rig, whether of the video: its own, and those of the frames that it carries."""
-        pose = self.best or self.world_from_rig
-        return [(self.time_ns, pose, self.video), *((t, pose @ way, True) for t, way in self.carried)]
+        """Time, world_from_rig, whether of the video: its own, and those of the frames attached to it."""
+        pose = self.smoothed or self.world_from_rig
+        return [(self.time_ns, pose, self.video), *((t, pose @ way, True) for t, way in self.attached)]
 
-    def carrying(self, later: View) -> View:
-        """With a later view that is none any more: it and what it carried move along with this one."""
+    def with_attached(self, later: View) -> View:
+        """With a later view that is none any more: it and what was attached to it move along with this one."""
         way = self.world_from_rig.inverse() @ later.world_from_rig
-        carried = ((later.time_ns, way), *((t, way @ further) for t, further in later.carried))
-        return replace(self, carried=(*self.carried, *carried))
+        attached = ((later.time_ns, way), *((t, way @ further) for t, further in later.attached))
+        return replace(self, attached=(*self.attached, *attached))
 
     def rectified(self, extra: Array, baseline_m: float) -> Array:
-        """(N,) disparities without what is wrong with the pair, `extra` (4,) of window.Window."""
+        """(N,) disparities without the errors of the pair, `extra` (4,) of window.Window."""
         right, lag = self.seen[:, 0] - self.disparity, extra[1]
         parallel = self.disparity + offset_at(right, extra)
         depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
@@ -98,17 +96,22 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Standard deviations of what is seen, in normalised units, and the loss beyond them."""
+    """Standard deviations of observations, in normalised units, and the loss beyond them."""
 
     video: float
     stereo: float
     disparity: float
     loss: float
+    """Scale of the Cauchy loss, in standard deviations."""
+
+    def of(self, video: bool) -> float:
+        """Standard deviation of an image point."""
+        return self.video if video else self.stereo
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The exposure that what is known of the points, and of later poses, is relative to: its own error is no part."""
+    """The exposure that covariances of points and of later poses are relative to: its own error is not part of them."""
 
     time_ns: int
     world_from_rig: Pose
@@ -120,3 +123,19 @@ class Reference:
     """(6, 6) covariance of the newest pose that was adjusted."""
     drift: Array
     """(6, 6) covariance of the exposure's own pose in the window's world."""
+
+
+def times_s(views: tuple[View, ...], rig: RigModel) -> Array:
+    """(E,) of the exposures since the first, by the clock of the pairs."""
+    stamped = np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9
+    return stamped + np.where([v.video for v in views], rig.clock_offset_s, 0.0)
+
+
+def located_poses(views: tuple[View, ...], times_s: Array) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """Which views (E,) have poses of their own, in the order of their times; times, rotations, positions."""
+    order = np.argsort(times_s, kind="stable")
+    order = order[np.array([views[i].located for i in order])]
+    order = order[np.concatenate([[True], np.diff(times_s[order]) > LEAST_APART_S])]
+    rotations = np.stack([views[i].world_from_rig.rotation for i in order])
+    positions = np.stack([views[i].world_from_rig.translation for i in order])
+    return order, times_s[order], rotations, positions

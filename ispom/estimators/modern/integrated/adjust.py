@@ -1,0 +1,111 @@
+"""After each pair: the joint window adjusted, and the covariances that follow from that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.integrated import checks
+from ispom.estimators.modern.integrated.joint_problem import HELD, joint_problem
+from ispom.estimators.modern.integrated.joint_report import report
+from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.knots import USUAL_KNOT_FRAMES, knot_spacing_s, with_knots
+from ispom.estimators.modern.integrated.setup import Setup
+from ispom.estimators.modern.integrated.state import ModernIntegratedState
+from ispom.estimators.modern.integrated.stereo_world import common_pair
+from ispom.estimators.modern.integrated.thinning import shortened, thinned
+from ispom.estimators.modern.integrated.view import Reference
+from ispom.geometry import Array, Pose
+from ispom.solvers.continuous import PosePrior, Solution, solve
+from ispom.types import Decision
+
+USUAL_FRAME_S = 0.1
+"""Of a video with one frame so far."""
+
+
+def limited(setup: Setup, state: ModernIntegratedState) -> tuple[ModernIntegratedState, tuple[Decision, ...]]:
+    """With no more views than can be adjusted together."""
+    count = len(state.window.views)
+    if count <= setup.max_views:
+        return state, ()
+    window, left = thinned(state.window, setup.max_views)
+    then = "the oldest leave unadjusted" if left else "every second between two pairs moves along with the others"
+    settled = state.settled.extended(pose for view in left for pose in view.poses())
+    return replace(state, window=window, settled=settled), (checks.VIEWS.of(count, setup.max_views, then),)
+
+
+def adjusted(
+    setup: Setup, state: ModernIntegratedState
+) -> tuple[ModernIntegratedState, tuple[Decision, ...], list[tuple[int, Pose, bool]]]:
+    """The window with its oldest pair gone, adjusted; why; and the poses in it."""
+    state = _shortened(setup, state)
+    window, meeting = state.window, common_pair(setup, state)
+    if len(window.pairs) < 2 or meeting is None:
+        return state, (), []
+    frame_s = USUAL_FRAME_S if state.interval.median_ns is None else state.interval.median_ns * 1e-9
+    frames, why = setup.knot_frames or USUAL_KNOT_FRAMES, ()
+    # A clock or a rig that is still wrong looks like motion.
+    if not setup.knot_frames and not window.rig.free.any():
+        window, chosen = with_knots(window, frame_s, setup.knot_misfit)
+        frames, why = min(window.knots), (chosen,)
+    problem, used = joint_problem(window, setup.noise, knot_spacing_s(window, frames, frame_s), setup.max_points)
+    if problem is None:
+        return state, (checks.POINTS.of(0, 1),), []
+    solution = solve(problem, setup.iterations)
+    window = _with_solution(window, solution, used, meeting.time_ns)
+    poses = [pose for view in window.views for pose in view.poses()]
+    return replace(state, window=window), (*why, *report(window, solution)), poses
+
+
+def _shortened(setup: Setup, state: ModernIntegratedState) -> ModernIntegratedState:
+    window, left = shortened(state.window, setup.window_pairs)
+    since = window.views[0].time_ns if window.views else 0
+    metric = tuple(item for item in state.metric if item[0] >= since)
+    settled = state.settled.extended(pose for view in left for pose in view.poses())
+    return replace(state, window=window, settled=settled, metric=metric)
+
+
+def _with_solution(window: JointWindow, solution: Solution, used: NDArray[np.int64], reference_ns: int) -> JointWindow:
+    """All poses, points and what is free of the rig, made better; covariances relative to that exposure."""
+    sampled, edge = solution.sampled, window.pairs[1]
+    poses = [Pose(r, p) for r, p in zip(sampled.rotations, sampled.positions, strict=True)]
+    views = tuple(
+        replace(
+            view,
+            world_from_rig=pose,
+            smoothed=view.smoothed if view.smoothed is not None and i < edge and window.truncated else pose,
+            located=True,
+            information=None,
+        )
+        for i, (view, pose) in enumerate(zip(window.views, poses, strict=True))
+    )
+    values = window.table.points.values.copy()
+    values[used] = solution.problem.points.values
+    table = replace(window.table, points=replace(window.table.points, values=values))
+    window = replace(window, rig=solution.problem.rig, views=views, table=table)
+    reference, parameters = _reference(window, reference_ns, solution, used)
+    rig_estimates = (*window.rig_estimates, solution.refined_rig(parameters))[-len(window.pairs) :]
+    return replace(window, reference=reference, rig_estimates=rig_estimates)
+
+
+def _reference(
+    window: JointWindow, time_ns: int, solution: Solution, used: NDArray[np.int64]
+) -> tuple[Reference, Array]:
+    """Covariances of the points that may be seen again, and of the newest pose, relative to a pair's pose."""
+    place = {v.time_ns: i for i, v in enumerate(window.views) if not v.video}
+    here = place[time_ns]
+    pose = window.views[here].world_from_rig
+    parameters = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
+    recent = [next((v.ids for v in reversed(window.views) if v.video == video), used[:0]) for video in (True, False)]
+    chosen = np.flatnonzero(np.isin(window.table.ids[used], np.concatenate(recent)))
+    drift, before = np.zeros((6, 6)), window.reference
+    if before is not None:
+        # The uncertainty of the way from the last such pair, and of that one.
+        there = place.get(before.time_ns, 0)
+        carry = (pose.inverse() @ window.views[there].world_from_rig).adjoint
+        drift = carry @ (before.drift + solution.pose_covariance(there, parameters)) @ carry.T
+    points = solution.point_uncertainty(chosen, parameters)
+    newest = solution.pose_covariance(len(window.views) - 1, parameters)
+    return Reference(time_ns, pose, window.table.ids[used[chosen]], points, newest, drift), parameters

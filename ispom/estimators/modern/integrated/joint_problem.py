@@ -1,0 +1,86 @@
+"""The joint window as one problem over all that both cameras saw, each at its own time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.view import Noise, located_poses, times_s
+from ispom.geometry import Array
+from ispom.solvers.continuous import LEFT, VIDEO, PosePrior, RigModel, RigObservations, SplineProblem
+from ispom.solvers.spline_fit import fitted
+
+MIN_VIEWS = {True: 3, False: 2}
+"""Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
+MIN_POINTS = 12
+"""Fewer points make no problem: twice the least number that a pose takes."""
+HELD = 1e10
+"""Information [1/rad^2, 1/m^2] of a pose that others are relative to: 10 um and 10 urad hold it beside all data."""
+DEPTH_INFORMATION = 1.0
+"""Of the inverse depth that a point begins with [m^2]. A deviation of 1/m is no knowledge for any scene; it only bounds
+the step of a point that is seen without parallax."""
+
+
+def joint_problem(
+    window: JointWindow, noise: Noise, spacing_s: float, most: int
+) -> tuple[SplineProblem | None, NDArray[np.int64]]:
+    """The problem with at most so many points of each camera, and which points of the table take part."""
+    views, video_points = window.views, window.table.ids % 2 == 0
+    place = np.concatenate([window.table.places(v.ids) for v in views])
+    count = np.bincount(place, minlength=len(window.table.ids))
+    used = _longest(count, np.where(video_points, MIN_VIEWS[True], MIN_VIEWS[False]), video_points, most)
+    if len(used) < MIN_POINTS:
+        return None, used
+    points = window.table.select(used).points
+    return SplineProblem(
+        fitted(*located_poses(views, times_s(views, window.rig))[1:], spacing_s),
+        np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9,
+        np.array([v.video for v in views]),
+        points,
+        _observations(window, noise, place, used),
+        window.rig,
+        _rig_prior(window),
+        PosePrior(0, views[0].world_from_rig, np.eye(6) * HELD),
+        np.column_stack([points.values[:, 2], np.full(len(points), DEPTH_INFORMATION)]),
+        loss=noise.loss,
+    ), used
+
+
+def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArray[np.int64]:
+    """Of the points seen often enough, those seen most often: up to `most` of the video and as many of the pairs."""
+    enough = np.flatnonzero(count >= least)
+    order = enough[np.argsort(-count[enough], kind="stable")]
+    return np.sort(np.concatenate([order[video[order]][:most], order[~video[order]][:most]]))
+
+
+def _observations(
+    window: JointWindow, noise: Noise, place: NDArray[np.int64], used: NDArray[np.int64]
+) -> RigObservations:
+    """Those of the points in use, by point, then by exposure; `place` of all observations in the window's table."""
+    views = window.views
+    exposure = np.repeat(np.arange(len(views)), [len(v.ids) for v in views])
+    number = np.full(len(window.table.ids), -1)
+    number[used] = np.arange(len(used))
+    owner = number[place]
+    index = np.flatnonzero(owner >= 0)
+    index = index[np.lexsort((exposure[index], owner[index]))]
+    video = np.array([v.video for v in views])
+    camera = np.where(video[exposure[index]], VIDEO, LEFT)
+    seen = _seen(window)[index]
+    inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
+    inverse[np.isnan(seen[:, 2]), 2] = 0.0
+    return RigObservations(exposure[index], camera, owner[index], np.nan_to_num(seen), inverse)
+
+
+def _seen(window: JointWindow) -> Array:
+    """(O, 3) of all observations in the window: normalised coordinates and disparity, calibration errors removed."""
+    uv = np.concatenate([window.seen(v) for v in window.views])
+    disparity = [v.rectified(window.pair_errors, window.rig.baseline_m) for v in window.views]
+    return np.column_stack([uv, np.concatenate(disparity)])
+
+
+def _rig_prior(window: JointWindow) -> RigModel:
+    """What was known of the rig from observations that are no longer in the window: none counts twice."""
+    complete = window.truncated and len(window.rig_estimates) >= len(window.pairs) - 1
+    return window.rig_estimates[0] if complete else window.calibrated

@@ -1,0 +1,65 @@
+"""How dense the knots of the spline must be to follow the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.estimators.modern.integrated import checks
+from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.view import located_poses, times_s
+from ispom.solvers.spline import ORDER
+from ispom.solvers.spline_fit import fitted, misfits
+from ispom.types import Decision
+
+KNOT_FRAMES = (6.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0)
+"""Video frames from one knot to the next, to choose from."""
+USUAL_KNOT_FRAMES = 2.0
+"""Where the motion cannot tell."""
+MIN_FREEDOM = 2
+"""Degrees of freedom of a misfit that says something."""
+
+
+def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[JointWindow, Decision]:
+    """With the coarsest knots, in frames, that the poses since the last adjustment lie near enough to; and why."""
+    chosen, misfit = KNOT_FRAMES[-1], None
+    for frames in KNOT_FRAMES[:-1]:
+        found = spline_misfit(window, knot_spacing_s(window, frames, frame_s))
+        misfit = misfit if found is None else found
+        if found is not None and found <= max_misfit:
+            chosen = frames
+            break
+    if misfit is None:
+        chosen, misfit = USUAL_KNOT_FRAMES, 0.0
+    # A window has one spacing: that of its liveliest part.
+    knots = (*window.knots, chosen)[1 - len(window.pairs) :]
+    because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", for the motion before")
+    return replace(window, knots=knots), checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
+
+
+def spline_misfit(window: JointWindow, spacing_s: float) -> float | None:
+    """How far the poses located since the last adjustment lie from a spline with such knots.
+
+    Mean square per degree of freedom, in standard deviations of the poses; None where they are too few.
+    """
+    # Pairs take no part: were the clocks apart, they would look like motion that only fine knots can follow.
+    views = tuple(replace(v, located=v.located and v.video) for v in window.views)
+    if sum(v.located for v in views) < ORDER:
+        return None
+    order, times, rotations, positions = located_poses(views, times_s(window.views, window.rig))
+    new = np.array([window.views[i].information is not None for i in order])
+    freedom = new.sum() - (times[new].max() - times[new].min()) / spacing_s if new.any() else 0.0
+    if freedom < MIN_FREEDOM:
+        return None
+    off = misfits(fitted(times, rotations, positions, spacing_s), times, rotations, positions)[new]
+    information = np.stack([window.views[i].information for i in order[new]])
+    return float(np.einsum("ei,eij,ej->", off, information, off)) / (6 * float(freedom))
+
+
+def knot_spacing_s(window: JointWindow, frames: float, frame_s: float) -> float:
+    """Of knots that many video frames apart; of a thinned window, views apart: more knots would not be held."""
+    if not any(v.attached for v in window.views):
+        return frames * frame_s
+    span_s = (window.views[-1].time_ns - window.views[0].time_ns) * 1e-9
+    return frames * max(frame_s, span_s / len(window.views))

@@ -1,0 +1,82 @@
+"""Where the rig is at one exposure: by resection from the points known by now, or as at the view before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
+from ispom.estimators.modern.integrated.state import ModernIntegratedState
+from ispom.estimators.modern.integrated.view import Noise, View
+from ispom.geometry import Array
+from ispom.solvers.pose_covariance import pose_information
+from ispom.solvers.resection import Resection, refine_pose, resect
+from ispom.types import Status
+
+ENOUGH_POINTS = 30
+"""Of points that were adjusted: with so many, an exposure is placed by them alone."""
+INLIER = 8.0
+"""Of a resection: larger reprojection errors, in standard deviations of an observation, are wrong points; wide, as new
+points have depths that are guesses."""
+MIN_INLIER_SHARE = 0.5
+"""A pose refined from a prediction that fewer of its points agree with is sought again by RANSAC."""
+
+
+def located(
+    setup: Setup, state: ModernIntegratedState, view: View
+) -> tuple[ModernIntegratedState, Resection | None, Status]:
+    """The window with one more view, whose pose is that of the points known by now, or that of the view before."""
+    window = state.window
+    if not window.views:
+        if view.video or len(view.ids) < MIN_POINTS:
+            return state, None, Status.INITIALISING
+        return replace(state, window=window.with_view(view)), None, Status.TRACKING
+    found = _resected(setup.noise, window, view)
+    if found is None:
+        view = replace(view, world_from_rig=window.views[-1].world_from_rig, located=False)
+    else:
+        rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
+        pose = found.camera_from_world.inverse() @ rig_from_camera.inverse()
+        view = replace(view, world_from_rig=pose, located=True)
+        view = replace(view, information=_information(setup.noise, window, view))
+    state = replace(state, window=window.with_view(view))
+    # The first frames have no points of known depth yet: the pair just before them says where they are.
+    near = found is None and window.reference is None
+    return state, found, Status.TRACKING if found is not None or near else Status.LOST
+
+
+def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:
+    """camera_from_world by resection from the points known by now."""
+    place = window.table.places(view.ids)
+    known = place >= 0
+    if window.reference is not None:
+        adjusted = known & np.isin(view.ids, window.reference.ids, assume_unique=True)
+        # The depth of a new point is a guess.
+        known = adjusted if adjusted.sum() >= ENOUGH_POINTS else known
+    if known.sum() < MIN_POINTS:
+        return None
+    xyz, seen = window.table.select(place[known]).points.xyz_in_world, window.seen(view)[known]
+    sigma = noise.of(view.video)
+    threshold, scale = INLIER * sigma, noise.loss * sigma
+    predicted = replace(view, world_from_rig=window.predicted(view.time_ns))
+    found = refine_pose(xyz, seen, window.camera_pose(predicted).inverse(), threshold, scale=scale)
+    if found is None or found.inliers.mean() < MIN_INLIER_SHARE:
+        again = resect(xyz, seen, threshold, scale)
+        if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
+            found = again
+    return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
+
+
+def _information(noise: Noise, window: JointWindow, view: View) -> Array:
+    """(6, 6) of a pose by resection, relative to the points."""
+    place = window.table.places(view.ids)
+    return pose_information(
+        view.world_from_rig,
+        window.rig.rig_from_video if view.video else window.rig.rig_from_left,
+        window.table.select(place[place >= 0]).points,
+        window.seen(view)[place >= 0],
+        noise.of(view.video),
+        noise.loss,
+    )

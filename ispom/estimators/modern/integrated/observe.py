@@ -1,0 +1,46 @@
+"""The raw observations of one exposure, and what the methods asked found out about the cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.estimators.modern.integrated.state import ModernIntegratedState
+from ispom.estimators.modern.integrated.view import View
+from ispom.types import Rig, Step, Tracks, TrackStatus
+
+
+def observed(rig: Rig, part: Step, video: bool) -> View:
+    """The tracks that are alive in the Step of the method asked; those of a pair need a disparity."""
+    name = "video" if video else "left"
+    camera, tracks = rig.camera(name), part.tracks.get(name, Tracks.of(np.zeros(0), np.zeros((0, 2))))
+    alive = tracks.status < TrackStatus.LOST
+    if not video:
+        alive &= tracks.disparity_px > 0
+    order = np.flatnonzero(alive)[np.argsort(tracks.ids[alive], kind="stable")]
+    seen = camera.normalise(tracks.uv[order].astype(float))
+    if video:
+        return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan))
+    disparity = tracks.disparity_px[order].astype(float) / camera.fx
+    rate = part.calibration.get("pair_rate", np.zeros(6))
+    return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, rate)
+
+
+def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
+    """With the interval up to this frame, and the lens correction that the monocular method found."""
+    lens = part.calibration.get("lens", state.window.lens_correction)
+    window = replace(state.window, lens_correction=lens)
+    return replace(state, interval=state.interval.after(part.time_ns), window=window)
+
+
+def with_stereo(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
+    """With the stereo method's poses in the window, and what it found to be wrong with the pair: one scale for both."""
+    pair = part.calibration.get("pair", state.window.pair_errors)
+    state = replace(state, window=replace(state.window, pair_errors=pair))
+    known = dict(state.metric)
+    known |= {t: pose for t, pose in part.revised.items() if t in known}
+    if part.world_from_frame is not None:
+        known[part.time_ns] = part.world_from_frame
+        state = replace(state, metric_covariance=part.covariance)
+    return replace(state, metric=tuple(sorted(known.items(), key=lambda item: item[0])))
