@@ -31,12 +31,12 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
     run = read_run_file(options.run)
     config = run.configs()
     options = tyro.cli(Fork, prog="ispom fork", args=arguments, default=replace(options, settings=settings_of(config)))
-    if options.at < 1:
-        raise InputError(f"--at is {options.at}, but exposures count from 1")
-    stages = tuple(stage for stage in run.earlier if stage.until < options.at - 1)
-    here = next((s for s in run.earlier if s.until >= options.at - 1), Stage(0, with_asked(run.methods), config))
-    if options.at > 1:
-        stages = (*stages, replace(here, until=options.at - 1))
+    if options.at < 0:
+        raise InputError(f"--at is {options.at}: give an exposure of the run, counted from 0")
+    stages = tuple(stage for stage in run.earlier if stage.until < options.at)
+    here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_asked(run.methods), config))
+    if options.at:
+        stages = (*stages, replace(here, until=options.at))
     again = Run(
         source=_source(options, run),
         methods=options.methods or run.methods,

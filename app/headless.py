@@ -144,8 +144,8 @@ def _describe(
 
 def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
     if earlier and sequence.grow is None and earlier[-1].until >= len(sequence):
-        at, count = earlier[-1].until + 1, len(sequence)
-        raise InputError(f"--at is {at}, but the source has {count} exposures: give a value from 1 to {count}")
+        at, last = earlier[-1].until, len(sequence) - 1
+        raise InputError(f"--at is {at}, but the last exposure of the source is {last}: give a value from 0 to {last}")
 
 
 def _play(

@@ -202,7 +202,7 @@ class Fork:
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` or `ispom fork` wrote."""
     at: int
-    """First exposure with the given settings, counted from 1 as in the page."""
+    """First exposure with the given settings, counted from 0 as in the page and in steps.csv."""
     methods: tuple[Name, ...] = ()
     """Methods from there on; none given means those of the run. One that did not run before starts there."""
     source: str | None = None

@@ -106,16 +106,16 @@ def run_file(
 
 
 def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
-    """What a fork's file says of `run`, which it is as up to the stage's end; the exposure `at` counts from 1."""
+    """What a fork's file says of `run`, which it is as up to the stage's end; the exposure `at` counts from 0."""
     config = {name: asdict(stage.config.of(name)) for name in with_asked(stage.methods)}
-    return {"run": run, "at": stage.until + 1, "methods": list(stage.methods), "config": config}
+    return {"run": run, "at": stage.until, "methods": list(stage.methods), "config": config}
 
 
 def _stage(entry: Mapping[str, Any]) -> Stage:
     at, methods = entry.get("at"), entry.get("methods")
     if not isinstance(at, int) or at < 1 or not isinstance(methods, list) or not methods:
         raise InputError(f"{RUN} says of a fork {str(entry)[:60]!r}: restore the file, or run again")
-    return Stage(at - 1, in_order(str(name) for name in methods), _config(entry.get("config"), "forked.config"))
+    return Stage(at, in_order(str(name) for name in methods), _config(entry.get("config"), "forked.config"))
 
 
 def _config(plain: Any, where: str) -> Config:

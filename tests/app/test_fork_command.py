@@ -60,8 +60,8 @@ def test_a_fork_of_a_fork_needs_no_grandparent(parent: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--at", "0"), "--at is 0, but exposures count from 1"),
-        (("--at", "99"), "--at is 99, but the source has 9 exposures: give a value from 1 to 9"),
+        (("--at", "-1"), "--at is -1: give an exposure of the run, counted from 0"),
+        (("--at", "99"), "--at is 99, but the last exposure of the source is 8: give a value from 0 to 8"),
         (("--at", "2", "--source", "nowhere"), "nowhere, the source of the run, is not there: give --source"),
     ],
 )
