@@ -54,21 +54,21 @@ class _Writer:
             return self._array(value, points)
         if isinstance(value, np.generic):
             return value.item()
+        if isinstance(value, tuple | list | frozenset):
+            return [self.tree(item, points) for item in value]
+        if (names := _field_names().get(type(value))) is not None:
+            return self._fields(value, names, points or isinstance(value, POINTS))
         if isinstance(value, Enum):
             return {"enum": [type(value).__name__, value.value]}
         if isinstance(value, Mapping):
             return {"map": [[key, self.tree(item, points)] for key, item in value.items()]}
-        if isinstance(value, tuple | list | frozenset):
-            return [self.tree(item, points) for item in value]
-        if is_dataclass(value) and type(value).__name__ in _classes():
-            return self._fields(value, points or isinstance(value, POINTS))
         raise TypeError(f"a record holds a {type(value).__name__}, which has no encoding")
 
-    def _fields(self, value: Any, points: bool) -> Any:
+    def _fields(self, value: Any, names: tuple[str, ...], points: bool) -> Any:
         if id(value) in self._seen:
             return {"same": self._seen[id(value)]}
         # Numbered after what is inside, as the reader meets them.
-        found = [self.tree(getattr(value, f.name), points or f.name in POINT_FIELDS) for f in fields(value)]
+        found = [self.tree(getattr(value, name), points or name in POINT_FIELDS) for name in names]
         self._seen[id(value)] = len(self._seen)
         return {"class": type(value).__name__, "is": found}
 
@@ -123,3 +123,9 @@ def _classes() -> dict[str, type]:
             found[kind.__name__] = kind
             waiting += get_type_hints(kind).values() if is_dataclass(kind) else ()
     return found
+
+
+@cache
+def _field_names() -> dict[type, tuple[str, ...]]:
+    """Of those that are dataclasses: asking each value anew takes longer than writing it."""
+    return {kind: tuple(f.name for f in fields(kind)) for kind in _classes().values() if is_dataclass(kind)}

@@ -1,8 +1,10 @@
-"""The exposures of one run within a budget of memory: the newest in memory, older ones in temporary files.
+"""The exposures of one run within a budget of memory: all in temporary files, and the newest in memory as well.
 
-The rule: what no longer fits into `memory_bytes` goes to disk, the oldest first. There, tracks, landmarks and residuals
-take at most `disk_bytes`: beyond, the oldest exposures lose theirs, and keep poses, revisions, statuses and decisions.
-The files have no name and vanish with the program, however that ends. Images are read from the sequence again.
+The rule: every exposure goes to disk once, when it comes, so that each costs the same whether the budget is full or
+not; what no longer fits into `memory_bytes` is then only forgotten there, the oldest first. On disk, tracks, landmarks
+and residuals take at most `disk_bytes`: beyond, the oldest exposures lose theirs, and keep poses, revisions, statuses
+and decisions. The files have no name and vanish with the program, however that ends. Images are read from the sequence
+again.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ class History:
 
     def __len__(self) -> int:
         """Exposures so far, wherever they are."""
-        return self._facts.end + len(self._recent)
+        return self._facts.end
 
     def __iter__(self) -> Iterator[ExposureRecord]:
         return (self[i] for i in range(len(self)))
@@ -50,7 +52,7 @@ class History:
         """The record of an exposure; IndexError beyond the last. Negative indices count from the end."""
         with self._lock:
             index = index if index >= 0 else len(self) + index
-            first = self._facts.end
+            first = len(self) - len(self._recent)
             if index >= first:
                 return self._recent[index - first][0]
             facts = self._facts.read(index)
@@ -63,32 +65,29 @@ class History:
 
     def append(self, record: ExposureRecord) -> None:
         """Adds the next exposure. Its record alone stays in memory whatever the budget."""
-        size = size_bytes(record)
+        size, (facts, points) = size_bytes(record), encode(record)
         with self._lock:
+            self._store(record.index, facts, points)
             self._recent.append((record, size))
             self.used_bytes += size
             while self.used_bytes > self._memory_bytes and len(self._recent) > 1:
-                old, size = self._recent[0]
-                self._store(old)
-                self._recent.popleft()
-                self.used_bytes -= size
+                self.used_bytes -= self._recent.popleft()[1]
 
     @property
     def kept_points(self) -> int:
-        """The first exposure that still has its tracks and landmarks."""
-        return self._points[0].first if self._points else self._facts.end
+        """The first exposure from which on all have their tracks and landmarks."""
+        return self._points[0].first if self._points else len(self) - len(self._recent)
 
-    def _store(self, record: ExposureRecord) -> None:
-        facts, points = encode(record)
+    def _store(self, index: int, facts: bytes, points: bytes) -> None:
         if not self._points or self._points[-1].size + len(points) > self._segment_bytes:
-            self._points.append(_Blobs(record.index))
+            self._points.append(_Blobs(index))
             if len(self._points) > SEGMENTS:
                 self._points.popleft()
         try:
             self._points[-1].append(points)
         except OSError as fault:
             if not self._refused:
-                log.warning("the history gives up the tracks of older exposures: %s", fault.strerror)
+                log.warning("the history keeps older exposures without their tracks: %s", fault.strerror)
             self._refused = True
             self._points.clear()
         try:

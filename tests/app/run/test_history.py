@@ -51,6 +51,18 @@ def test_memory_stays_within_the_budget_and_everything_is_still_there() -> None:
     assert_same(wanted, list(kept))
 
 
+@pytest.mark.parametrize("budget", [0, 200_000, 10**9])
+def test_an_exposure_costs_the_same_work_whether_the_budget_is_full_or_not(
+    monkeypatch: pytest.MonkeyPatch, budget: int
+) -> None:
+    encoded = list[int]()
+    monkeypatch.setattr(module, "encode", lambda record: (encoded.append(record.index), encode(record))[1])
+    kept = History(memory_bytes=budget)
+    for record in records(40):
+        kept.append(record)
+        assert encoded == list(range(record.index + 1))
+
+
 def test_beyond_the_budget_of_the_disk_the_oldest_lose_their_points_first() -> None:
     wanted = records(120)
     points = sum(len(encode(record)[1]) for record in wanted)
