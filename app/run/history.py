@@ -13,8 +13,10 @@ import logging
 from array import array
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from tempfile import TemporaryFile
 from threading import Lock
+from typing import Protocol
 
 from .encoding import decode, encode
 from .record import ExposureRecord, size_bytes
@@ -26,16 +28,45 @@ SEGMENTS = 16
 """Of so many pieces of the disk's budget, the oldest is given up when it is used up."""
 
 
+class Records(Protocol):
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> ExposureRecord: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The first `count` exposures of another run, with what these methods said."""
+
+    records: Records
+    count: int
+    methods: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, index: int, /) -> ExposureRecord:
+        record = self.records[index]
+        if record.statuses.keys() <= set(self.methods):
+            return record
+        steps = tuple(step for step in record.steps if step.method in self.methods)
+        statuses = {m: status for m, status in record.statuses.items() if m in self.methods}
+        return replace(record, steps=steps, statuses=statuses)
+
+
 class History:
     """Records by index. Appended to by one thread, read by any; what was read once may be read again later."""
 
-    def __init__(self, memory_bytes: int = MEMORY_BYTES, disk_bytes: int = DISK_BYTES) -> None:
+    def __init__(
+        self, memory_bytes: int = MEMORY_BYTES, disk_bytes: int = DISK_BYTES, past: Past | None = None
+    ) -> None:
+        """It goes on after a `past`, whose records are not copied."""
+        self._past = past
         self._memory_bytes, self._segment_bytes = memory_bytes, disk_bytes // SEGMENTS
         self._recent: deque[tuple[ExposureRecord, int]] = deque()
         """The newest records, with their sizes."""
         self.used_bytes = 0
         """Of memory, by records."""
-        self._facts = _Blobs(0)
+        self._facts = _Blobs(len(past) if past is not None else 0)
         self._points: deque[_Blobs] = deque()
         self._refused = False
         """Whether the disk did not take something."""
@@ -55,13 +86,15 @@ class History:
             first = len(self) - len(self._recent)
             if index >= first:
                 return self._recent[index - first][0]
+            if self._past is not None and index < self._facts.first:
+                return self._past[index]
             facts = self._facts.read(index)
             points = next((blobs.read(index) for blobs in self._points if blobs.first <= index < blobs.end), None)
         return decode(facts, points)
 
     @property
     def last(self) -> ExposureRecord | None:
-        return self._recent[-1][0] if self._recent else None
+        return self._recent[-1][0] if self._recent else self[-1] if len(self) else None
 
     def append(self, record: ExposureRecord) -> None:
         """Adds the next exposure. Its record alone stays in memory whatever the budget."""
@@ -70,8 +103,18 @@ class History:
             self._store(record.index, facts, points)
             self._recent.append((record, size))
             self.used_bytes += size
-            while self.used_bytes > self._memory_bytes and len(self._recent) > 1:
-                self.used_bytes -= self._recent.popleft()[1]
+            self._forget()
+
+    def limit(self, memory_bytes: int) -> None:
+        """Another budget of memory from now on."""
+        with self._lock:
+            self._memory_bytes = memory_bytes
+            self._forget()
+
+    def _forget(self) -> None:
+        """What does not fit is on disk only."""
+        while self.used_bytes > self._memory_bytes and len(self._recent) > 1:
+            self.used_bytes -= self._recent.popleft()[1]
 
     @property
     def kept_points(self) -> int:

@@ -52,6 +52,11 @@ class RunModel:
             methods[step.method] = MethodModel(poses, points, covariance)
         return RunModel(times, methods)
 
+    def of(self, methods: Iterable[str]) -> RunModel:
+        """What is known of these methods; nothing yet of one that did not run."""
+        none = RunModel.start(methods).methods
+        return RunModel(self.times, {m: self.methods.get(m, nothing) for m, nothing in none.items()})
+
     def with_final(self, trajectories: Mapping[str, Trajectory]) -> RunModel:
         """With the final trajectories in place of the poses known so far."""
         index, methods = int(self.times.indices(slice(-1, None)).max(initial=0)), dict(self.methods)

@@ -46,6 +46,45 @@ class Restart:
 
 
 @dataclass(frozen=True)
+class Fork:
+    """At the exposure that is shown: run on from that exact state with these methods and settings, as a branch beside
+    the run, which is kept."""
+
+    methods: tuple[str, ...]
+    config: Config
+    name: str = ""
+    """Of the branch; empty for a made-up one."""
+
+
+@dataclass(frozen=True)
+class ShowBranch:
+    """Show another branch, at the same exposure."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class RenameBranch:
+    number: int
+    name: str
+
+
+@dataclass(frozen=True)
+class HideBranch:
+    """Draw a branch beside the shown one, or not."""
+
+    number: int
+    hidden: bool
+
+
+@dataclass(frozen=True)
+class DeleteBranch:
+    """Forget a branch that is not shown. Those forked from it stay."""
+
+    number: int
+
+
+@dataclass(frozen=True)
 class Open:
     """Open another source, and play it: `sim:NAME`, an address, or a path."""
 
@@ -85,4 +124,5 @@ class Shutdown:
     """Close the recording and end the worker."""
 
 
-Command = Play | StepBy | Seek | Speed | Restart | Open | Record | StopRecording | Hide | Notify | Shutdown
+OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch
+Command = Play | StepBy | Seek | Speed | Restart | OfBranches | Open | Record | StopRecording | Hide | Notify | Shutdown

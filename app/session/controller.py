@@ -12,6 +12,7 @@ from ..options import SourceOptions
 from ..run.playback import Playback
 from . import commands as do
 from . import moves
+from .branch_desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .opening import SourceOpener
@@ -19,7 +20,7 @@ from .player import Player
 from .recent import RecentSources
 from .recording_desk import RecordingDesk
 from .recordings import list_recordings
-from .state import NoticeAdded, Opening, OpeningFailed, Restored, changed
+from .state import NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
 from .store import Store
 from .viewers import Viewers
 
@@ -41,6 +42,7 @@ class Controller:
         recordings: RecordingDesk,
         viewers: Viewers,
         compiling: Compiling,
+        branches: BranchDesk,
         *,
         opener: SourceOpener,
         first: do.Open,
@@ -51,7 +53,7 @@ class Controller:
     ) -> None:
         """`first` is opened at the start; `methods` None means the usual ones of each source."""
         self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
-        self._compiling, self._opener, self._recent = compiling, opener, recent
+        self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay = first, autoplay
         self._wanted, self._history_bytes = methods, history_bytes
 
@@ -77,6 +79,17 @@ class Controller:
                 player.move(changed(speed=factor))
             case do.Restart(methods, config):
                 self._restart(methods, config)
+            case do.Fork(methods, config, name):
+                self._show(*self._branches.fork(methods, config, name))
+                store.set(playing=True)
+            case do.ShowBranch(number):
+                self._show(*self._branches.show(number))
+            case do.RenameBranch(number, name):
+                self._branches.rename(number, name)
+            case do.HideBranch(number, hidden):
+                self._branches.hide(number, hidden)
+            case do.DeleteBranch(number):
+                self._branches.delete(number)
             case do.Open(source, options):
                 if self._open(source, options):
                     store.set(playing=True)
@@ -154,11 +167,20 @@ class Controller:
         self._stop_recording()
         self._compiling.begin(playback)
         run = self._player.run = CurrentRun(playback, self._history_bytes)
+        self._branches.begin(run)
         if playback.sequence.prepare is not None:
             playback.sequence.prepare(0)
         self._viewers.open(run.opened, run.history)
         self._player.move(run.opened)
         self._compiling.explain()
+
+    def _show(self, run: CurrentRun, resumed: Resumed) -> None:
+        """Another branch, from now on."""
+        self._stop_recording()
+        self._player.run = run
+        self._compiling.begin(run.playback)
+        self._viewers.open(run.opened, run.history)
+        self._player.move(changed(playing=False), resumed)
 
     def _record(self, name: str) -> None:
         if self._player.run is None:
@@ -170,7 +192,7 @@ class Controller:
         """The file is closed when all of the run so far is written, which may take a while."""
         run = self._player.run
         if self._recordings.recording and run is not None:
-            self._recordings.stop(run.playback.finish() if run.history else None)
+            self._recordings.stop(run.finish() if run.history else None)
 
     def _watch_recordings(self) -> None:
         """Shows how a recording goes, and what became of it."""

@@ -1,43 +1,109 @@
-"""The run that the session is at: what computes it, and what is known of it so far."""
+"""A run that the session holds: what computes it, what is known of it so far, and states to fork it from."""
 
 from __future__ import annotations
 
 from threading import Thread
 
+from ispom.methods import Config
+
+from ..run.checkpoints import Checkpoint, Checkpoints
 from ..run.events import Finished, Opened, Stepped
-from ..run.history import History
+from ..run.history import History, Past
 from ..run.model import RunModel
 from ..run.playback import Playback
 from ..run.record import ExposureRecord
+from ..run.tally import Tally
+
+REST_SHARE = 16
+"""Of its memory, a run that is not on the screen keeps one part in so many."""
 
 
 class CurrentRun:
-    """A new one for each start. Stepped by the worker; `history` and `known_at` are for any thread."""
+    """A new one for each start and each fork. Stepped by the worker; `history` and `known_at` are for any thread."""
 
-    def __init__(self, playback: Playback, memory_bytes: int) -> None:
+    def __init__(
+        self,
+        playback: Playback,
+        memory_bytes: int,
+        past: Past | None = None,
+        checkpoints: Checkpoints | None = None,
+    ) -> None:
+        """Half of the memory is for the newest exposures, half for states. A fork has a `past`, the exposures that it
+        did not compute itself, and `checkpoints` of it, at the last of which its playback stands.
+        """
         self.playback = playback
         self.opened: Opened = playback.opened
-        self.history = History(memory_bytes)
-        self._model = RunModel.start(self.opened.methods)
+        self._memory_bytes = memory_bytes
+        self.history = History(memory_bytes // 2, past=past)
+        self.checkpoints = checkpoints or Checkpoints(memory_bytes // 2)
+        origin = self.checkpoints.nearest(playback.position)
+        self._model = RunModel.start(self.opened.methods) if origin is None else origin.model.of(self.opened.methods)
+        self.tally = Tally() if origin is None else origin.tally
+        if past is not None:
+            for index in range(playback.position, len(past)):
+                self._learn(past[index])
+
+    def forked(self, at: int, methods: tuple[str, ...], config: Config) -> CurrentRun:
+        """A run that is as this one up to exposure `at`, of those computed, and has these methods and settings from
+        there on. InputError as `Playback.forked`."""
+        checkpoints = self.checkpoints.until(at)
+        nearest = checkpoints.nearest(at)
+        playback = self.playback.forked(at, methods, config, nearest.snapshot if nearest is not None else None)
+        return CurrentRun(playback, self._memory_bytes, Past(self.history, at, playback.methods), checkpoints)
+
+    @property
+    def catching_up(self) -> bool:
+        """Whether exposures that are known have to be run through again, to reach the state that a fork begins with."""
+        return self.playback.position < len(self.history)
+
+    def catch_up(self) -> None:
+        """Runs through one of them. InputError as `Playback.step`."""
+        self.playback.step()
 
     def step(self) -> tuple[Stepped, ExposureRecord]:
         """Computes the next exposure and keeps what was said of it. InputError as `Playback.step`."""
+        self.checkpoints.offer(self.playback.position, self._checkpoint)
         event = self.playback.step()
         record = ExposureRecord.of(event, self.history.last)
         self.history.append(record)
         # After the history: who finds an exposure in the model finds its record, too.
-        self._model = self._model.after(record.index, record.time_ns, record.steps)
+        self._learn(record)
         return event, record
+
+    def _learn(self, record: ExposureRecord) -> None:
+        self._model = self._model.after(record.index, record.time_ns, record.steps)
+        self.tally = self.tally.after(record.steps, record.errors_m)
+
+    def _checkpoint(self) -> Checkpoint:
+        return Checkpoint(self.playback.snapshot, self._model, self.tally)
 
     def known_at(self, index: int) -> RunModel:
         """What was known after exposure `index`."""
         model, history = self._model, self.history
         return model if index + 1 >= len(history) else model.as_known_at(index, lambda i: history[i].steps)
 
+    def rest(self) -> None:
+        """Gives most of its memory back; older exposures are read from disk, and more of them are replayed."""
+        self._limit(self._memory_bytes // REST_SHARE)
+
+    def wake(self) -> None:
+        """Takes its memory again."""
+        self._limit(self._memory_bytes)
+
+    def _limit(self, memory_bytes: int) -> None:
+        self.history.limit(memory_bytes // 2)
+        self.checkpoints.limit(memory_bytes // 2)
+
+    def finish(self) -> Finished:
+        """The trajectories as of the last computed exposure."""
+        while self.catching_up:
+            self.catch_up()
+        return self.playback.finish()
+
     def finished_within(self, timeout_s: float) -> Finished | None:
         """The trajectories as of the last computed exposure, be the worker busy; None where that takes longer."""
         found: list[Finished] = []
-        finishing = Thread(target=lambda: found.append(self.playback.finish()), name="finish", daemon=True)
+        finishing = Thread(target=lambda: found.append(self.finish()), name="finish", daemon=True)
         finishing.start()
         finishing.join(timeout_s)
         return found[0] if found else None

@@ -42,6 +42,8 @@ class Player:
         run, state = self.run, self._store.state
         if run is None:
             self._store.set(playing=False, target=None)
+        elif run.catching_up and (state.target is not None or (state.playing and state.index + 1 >= state.computed)):
+            self._compute(run)
         elif state.target is not None:
             self._compute(run)
             if self._store.state.computed > state.target:
@@ -63,21 +65,25 @@ class Player:
             sequence = run.playback.sequence
             self._store.emit(changed(total=len(sequence), notes=sequence.notes))
             if run.playback.done:
-                self._finish(run.playback.finish())
+                self._finish(run.finish())
         return found
 
     def _compute(self, run: CurrentRun) -> None:
         if not self._compiling.ready(run.playback):
             return
+        if run.catching_up:
+            self._store.busy(f"replaying exposure {run.playback.position} up to the fork at {len(run.history)}")
+            run.catch_up()
+            return
         self._store.busy(f"{run.doing(self._store.state.source)} exposure {run.playback.position}")
         event, record = run.step()
-        self._store.emit(Computed(record))
+        self._store.emit(Computed(record, run.tally))
         if event.skipped:
             self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self._recordings.offer(event)
         if run.playback.done:
-            self._finish(run.playback.finish())
+            self._finish(run.finish())
         self._store.set(activity=None)
 
     def _finish(self, finished: Finished) -> None:

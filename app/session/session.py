@@ -16,6 +16,7 @@ from ..run.history import MEMORY_BYTES, History
 from ..run.model import RunModel
 from ..run.playback import Builder
 from . import commands as do
+from .branch_desk import BranchDesk
 from .compiling import Compiling
 from .controller import CLOSE_S, Controller
 from .current_run import CurrentRun
@@ -74,12 +75,14 @@ class Session:
         compiler = Compiling(self._store, compiling)
         self._recordings = RecordingDesk(recordings_dir)
         self._player = Player(self._store, viewers, self._recordings, compiler)
+        self._branches = BranchDesk(self._store)
         controller = Controller(
             self._store,
             self._player,
             self._recordings,
             viewers,
             compiler,
+            self._branches,
             opener=SourceOpener(opener, builder, variant),
             first=do.Open(source),
             autoplay=autoplay,
@@ -104,6 +107,10 @@ class Session:
     def run(self) -> CurrentRun | None:
         """The run that is on the screen. Another object for each start: readers take it once, and stay with it."""
         return self._player.run
+
+    def branch(self, number: int) -> CurrentRun | None:
+        """The run of a branch; None where it was deleted."""
+        return self._branches.run(number)
 
     @property
     def history(self) -> History:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from ispom.methods import Config, possible_methods
 
 from ..options import SourceOptions
 from ..run.events import Finished, Opened
 from ..run.record import ExposureRecord, MethodStatus
+from ..run.tally import Tally
+from .branches import FIRST, Branch
 
 MAX_NOTICES = 5
 
@@ -78,6 +80,10 @@ class State:
     playing: bool = False
     speed: float | None = 1.0
     """Times the recorded time; None for as fast as possible."""
+    branches: tuple[Branch, ...] = ()
+    """Of the source, since its run was started; the first is that run."""
+    branch: int = 0
+    """The number of the one that is shown."""
     target: int | None = None
     """The exposure that a seek is computing towards."""
     ended: bool = False
@@ -136,6 +142,19 @@ class Computed:
     """One more exposure is in the history."""
 
     record: ExposureRecord
+    tally: Tally
+    """Of the branch, this exposure included."""
+
+
+@dataclass(frozen=True, eq=False)
+class Resumed:
+    """Another branch is shown, as far as it came."""
+
+    opened: Opened
+    branch: int
+    computed: int
+    displayed: ExposureRecord | None
+    ended: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +179,9 @@ class Changed:
     values: Mapping[str, object]
 
 
-Event = Opening | OpeningFailed | Restored | Opened | Computed | Displayed | Finished | NoticeAdded | Changed
+Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
-_CHANGEABLE |= {"source_options", "total", "notes"}
+_CHANGEABLE |= {"source_options", "total", "notes", "branches"}
 
 
 def changed(**values: object) -> Changed:
@@ -185,6 +204,8 @@ def reduce(state: State, event: Event) -> State:
                 ended=False,
                 displayed=None,
                 computed=0,
+                branches=(),
+                branch=0,
             )
         case OpeningFailed(reason):
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
@@ -200,13 +221,19 @@ def reduce(state: State, event: Event) -> State:
                 methods=methods,
                 config=config,
                 run=state.run + 1,
+                branches=state.branches or (Branch(0, FIRST),),
                 recording_id=recording_id,
                 total=len(sequence),
                 start_ns=int(sequence.times_ns[0]) if len(sequence) else 0,
                 activity=None,
             )
-        case Computed(record):
-            return replace(state, displayed=record, computed=record.index + 1)
+        case Resumed(opened, branch, computed, displayed, ended):
+            shown = replace(state, branch=branch, computed=computed, displayed=displayed, ended=ended, target=None)
+            return reduce(shown, opened)
+        case Computed(record, tally):
+            computed = record.index + 1
+            branches = _with_branch(state, computed=computed, tally=tally)
+            return replace(state, displayed=record, computed=computed, branches=branches)
         case Displayed(record):
             return replace(state, displayed=record)
         case Finished():
@@ -216,3 +243,8 @@ def reduce(state: State, event: Event) -> State:
             return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
         case Changed(values):
             return replace(state, **values)  # type: ignore[arg-type]
+
+
+def _with_branch(state: State, **values: Any) -> tuple[Branch, ...]:
+    """The branches, with new values of the one that is shown."""
+    return tuple(replace(b, **values) if b.number == state.branch else b for b in state.branches)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from ispom_app.run.events import Finished, Opened, Stepped
 from ispom_app.run.record import ExposureRecord
+from ispom_app.run.tally import Tally
 from ispom_app.session.state import (
     MAX_NOTICES,
     Computed,
@@ -38,7 +39,7 @@ def test_a_run_from_opening_to_its_end():
     assert (state.phase, state.total, state.run) == ("ready", len(SEQUENCE), 1)
     assert state.possible == names()
     first, second = moment(0), moment(1)
-    state = reduce(reduce(state, Computed(first)), Computed(second))
+    state = reduce(reduce(state, Computed(first, Tally())), Computed(second, Tally()))
     assert (state.computed, state.index) == (2, 1)
     state = reduce(state, Displayed(first))
     assert (state.computed, state.index) == (2, 0)
@@ -48,7 +49,7 @@ def test_a_run_from_opening_to_its_end():
 
 def test_a_second_run_starts_empty_and_keeps_what_was_told():
     state = reduce(reduce(State("double"), OPENED), NoticeAdded("careful"))
-    state = reduce(reduce(state, Computed(moment(0))), Opening("double"))
+    state = reduce(reduce(state, Computed(moment(0), Tally())), Opening("double"))
     assert state.displayed is None and state.computed == 0 and state.notices[0].text == "careful"
     assert reduce(state, OPENED).run == 2
 
