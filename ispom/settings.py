@@ -84,8 +84,16 @@ def _plain_value(setting: Setting, value: Any, where: str) -> Any:
 
 
 def _field_docs(config: type) -> dict[str, str]:
-    body = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0].body  # type: ignore[attr-defined]
+    """By field, those of the dataclasses that this one extends included."""
     docs = {}
+    for base in reversed(config.__mro__):
+        if "__annotations__" in vars(base):
+            docs |= _own_docs(base)
+    return docs
+
+
+def _own_docs(config: type) -> dict[str, str]:
+    body, docs = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0].body, {}  # type: ignore[attr-defined]
     for statement, following in pairwise(body):
         if isinstance(statement, ast.AnnAssign) and isinstance(following, ast.Expr):
             docs[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]

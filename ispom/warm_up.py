@@ -27,7 +27,7 @@ SPEED_M_PER_FRAME = 0.13
 
 def warm_up() -> None:
     """Runs every method that has compiled parts, so that each of them is there for the types it is used with."""
-    rig = _rig()
+    rig = flight_rig()
     exposures = flight(rig)
     config = Config().with_settings("monocular.paper", MonocularConfig(local_bundle=True))
     ensemble = build(config, (*default_methods(rig), "monocular.paper"), rig)
@@ -64,7 +64,8 @@ def flight(rig: Rig) -> list[Exposure]:
     return found
 
 
-def _rig() -> Rig:
+def flight_rig() -> Rig:
+    """320 x 240 pixels: a pair of 0.3 m, and a video camera beside it whose lens distorts."""
     pair = Rig.stereo(Camera(320, 240, 230.0, 230.0, 159.5, 119.5), 0.3)
     video = Camera(320, 240, 226.0, 227.0, 161.0, 118.5, (-0.05, 0.01, 0.0, 0.0))
     offset = Pose.from_rotvec(np.array([0.01, -0.02, 0.01]), np.array([0.02, -0.04, 0.03]))

@@ -22,6 +22,7 @@ LAYERS = (
     {"methods"},
     {"ensemble"},
     {"warm_up"},
+    {"testing"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}

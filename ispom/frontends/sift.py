@@ -16,10 +16,19 @@ class Features:
     uv: NDArray[np.float32]
     """(N, 2) [px]."""
     descriptors: NDArray[np.float32]
-    """(N, 128), RootSIFT (Arandjelovic & Zisserman 2012)."""
+    """(N, 128), RootSIFT (Arandjelovic & Zisserman 2012); (N, 0) of points that are tracked."""
 
     def __len__(self) -> int:
         return len(self.uv)
+
+    @property
+    def described(self) -> bool:
+        return self.descriptors.shape[1] > 0
+
+    def after(self, uv: NDArray[np.float32]) -> Features:
+        """With places (M, 2) before these, whose descriptors match none."""
+        blank = np.zeros((len(uv), self.descriptors.shape[1]), np.float32)
+        return Features(np.concatenate([uv, self.uv]), np.concatenate([blank, self.descriptors]))
 
 
 SEARCH_WIDTH_PX = 800

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -50,8 +51,10 @@ def correspondences(
 def _described(
     reference: Cloud | None, left: Image, most: int
 ) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
-    """SIFT features, matched and refined."""
+    """SIFT features, matched and refined; points that were tracked, and have no descriptors, are tracked once more."""
     features = sift.detect_and_describe(left, most)
+    if reference is not None and not reference.features.described:
+        return _followed(reference, left, lambda _: features)
     previous = np.full(len(features), -1, np.int64)
     if reference is None:
         return features, previous, np.zeros(0, np.uint8)
@@ -65,14 +68,25 @@ def _tracked(
     reference: Cloud | None, left: Image, most: int
 ) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
     """Points tracked by KLT, and new corners between them."""
+
+    def between(uv: NDArray[np.float32]) -> sift.Features:
+        fresh = corners.detect(left, most - len(uv), uv)
+        return sift.Features(fresh, np.zeros((len(fresh), 0), np.float32))
+
+    return _followed(reference, left, between)
+
+
+def _followed(
+    reference: Cloud | None, left: Image, between: Callable[[NDArray[np.float32]], sift.Features]
+) -> tuple[sift.Features, NDArray[np.int64], NDArray[np.uint8]]:
+    """The reference's points as KLT finds them, then new ones that are chosen knowing those."""
     uv, ended, previous = np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.int64)
     if reference is not None:
         uv, ended = Klt(levels=4).track(reference.grey, left, reference.features.uv)
         previous = np.flatnonzero(ended == TrackStatus.ALIVE)
         uv = uv[previous]
-    fresh = corners.detect(left, most - len(uv), uv)
-    features = sift.Features(np.concatenate([uv, fresh]), np.zeros((len(uv) + len(fresh), 0), np.float32))
-    return features, np.concatenate([previous, np.full(len(fresh), -1, np.int64)]), ended
+    fresh = between(uv)
+    return fresh.after(uv), np.concatenate([previous, np.full(len(fresh), -1, np.int64)]), ended
 
 
 def _refined(reference: Cloud, left: Image, features: sift.Features, pairs: NDArray[np.int64]) -> sift.Features:

@@ -1,0 +1,146 @@
+"""A method under test: its estimator stepped by hand, and sentences about what goes wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn
+
+from ispom.ensemble import Member
+from ispom.estimator import Method
+from ispom.methods import method as registered
+from ispom.methods import with_asked
+from ispom.testing.values import digest
+from ispom.types import Exposure, Rig, Sequence, Step, StereoPair, Trajectory
+from ispom.warm_up import flight, flight_rig
+
+
+@dataclass(frozen=True, eq=False)
+class Numbered:
+    """An exposure, and how sentences call it."""
+
+    exposure: Exposure
+    place: str
+    """exposure 12, exposure 12 without texture"""
+
+    def like(self, exposure: Exposure, how: str) -> Numbered:
+        """Another one in its place."""
+        return Numbered(exposure, f"{self.place} {how}")
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What is tested, and on what."""
+
+    method: Method
+    settings: Any
+    rig: Rig
+    exposures: tuple[Numbered, ...]
+    """Those that the method uses."""
+
+    @staticmethod
+    def of(method: Method, settings: Any, sequence: Sequence | None) -> Trial:
+        """On the exposures of a sequence, or of a flight past balls."""
+        rig = flight_rig() if sequence is None else sequence.rig
+        found = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
+        used = tuple(Numbered(e, f"exposure {i}") for i, e in enumerate(found) if method.uses(e))
+        with told(method, "cannot make its default settings"):
+            chosen = method.config() if settings is None else settings
+        return Trial(method, chosen, rig, used)
+
+    def build(self, settings: Any = None, rig: Rig | None = None) -> Built:
+        """A new estimator with these settings, and new ones of those that it asks with their defaults."""
+        rig = rig or self.rig
+        members = {n: Member(m := registered(n), m.config().build(rig)) for n in with_asked(self.method.asks.values())}
+        with told(self.method, "cannot be built"):
+            members[self.method.name] = Member(self.method, (settings or self.settings).build(rig))
+        return Built(self.method, members)
+
+    def fail(self, what: str, place: str = "") -> NoReturn:
+        fail(self.method, what, place)
+
+    def require(self, kept: object, what: str, place: str = "") -> None:
+        """AssertionError, a sentence that says what the method does, where the contract is not kept."""
+        if not kept:
+            self.fail(what, place)
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """An estimator and those that it asks, stepped together; its state is the States of all, by name."""
+
+    method: Method
+    members: Mapping[str, Member]
+
+    def start(self) -> dict[str, Any]:
+        return {name: member.estimator.start() for name, member in self.members.items()}
+
+    def step(self, state: Mapping[str, Any], numbered: Numbered) -> tuple[dict[str, Any], Step]:
+        after, steps, exposure = dict(state), dict[str, Step](), numbered.exposure
+        images, before = _images(exposure), [image.copy() for image in _images(exposure)]
+        for name, member in self.members.items():
+            if member.method.uses(exposure):
+                with told(self.method, "cannot step", numbered.place):
+                    after[name], step = member.estimator.step(after[name], exposure, *member.asked(steps))
+                    steps[name] = replace(step, method=name)
+        if any((now != then).any() for now, then in zip(images, before, strict=True)):
+            fail(self.method, "writes into the images that it is given", numbered.place)
+        return after, steps[self.method.name]
+
+    def finish(self, state: Mapping[str, Any], place: str) -> Trajectory:
+        found = dict[str, Trajectory]()
+        for name, member in self.members.items():
+            with told(self.method, "cannot finish after", place):
+                found[name] = member.estimator.finish(state[name], *member.asked(found))
+        return found[self.method.name]
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A whole run, with all that was between."""
+
+    built: Built
+    states: tuple[dict[str, Any], ...]
+    """One more than there are exposures."""
+    digests: tuple[bytes, ...]
+    """Of the states, as they were when they were new."""
+    steps: tuple[Step, ...]
+
+
+def walked(built: Built, exposures: Iterable[Numbered], state: Mapping[str, Any] | None = None) -> Walk:
+    """Through all exposures, from the start or from a state."""
+    states, steps = [dict(built.start() if state is None else state)], list[Step]()
+    digests = [_digest(built, states[0], "the start")]
+    for numbered in exposures:
+        after, step = built.step(states[-1], numbered)
+        states.append(after)
+        steps.append(step)
+        digests.append(_digest(built, after, numbered.place))
+    return Walk(built, tuple(states), tuple(digests), tuple(steps))
+
+
+@contextmanager
+def told(method: Method, what: str, place: str = "") -> Iterator[None]:
+    """Any exception as a failure of the method."""
+    try:
+        yield
+    except Exception as fault:
+        raise AssertionError(_sentence(method, f"{what} ({type(fault).__name__}: {fault})", place)) from fault
+
+
+def fail(method: Method, what: str, place: str = "") -> NoReturn:
+    raise AssertionError(_sentence(method, what, place))
+
+
+def _sentence(method: Method, what: str, place: str) -> str:
+    return f"{method.name} {what}, at {place}" if place else f"{method.name} {what}"
+
+
+def _digest(built: Built, state: Any, place: str) -> bytes:
+    with told(built.method, "has a State that is not made of plain values", place):
+        return digest(state)
+
+
+def _images(exposure: Exposure) -> list[Any]:
+    return [exposure.left, exposure.right] if isinstance(exposure, StereoPair) else [exposure.image]
