@@ -45,9 +45,12 @@ LEAST_HISTORY_MB = 20
 def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
     """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user, told in
     one sentence."""
-    description = "Compare image-only position-and-orientation estimators."
+    description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
     try:
-        command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
+        try:
+            command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
+        finally:
+            sys.stdout.flush()  # of a help text, here, where a reader that left is no fault
         for fault in faults():
             sys.stderr.write(f"ispom: {fault}\n")
         code = _execute(command, arguments if arguments is not None else sys.argv[1:], builder)

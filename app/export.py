@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 
-from ispom.errors import InputError
+from ispom.errors import InputError, printable
 from ispom.io.colmap import colmap_model
 from ispom.io.euroc import euroc_text
 from ispom.io.files import exists
@@ -41,7 +41,7 @@ def export(options: Export) -> int:
         raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
     folder = options.out or run / "export" / options.format
     if exists(run / MARKER):
-        sys.stdout.write(f"{run} is not complete: what there is of it is exported\n")
+        _say(f"{run} is not complete: the part that was computed is exported")
     failures: list[InputError] = []
     for method in methods:
         try:
@@ -52,12 +52,16 @@ def export(options: Export) -> int:
         claim_folder(folder, f"export {options.format}")
         for name, content in files.items():
             write_whole(folder / name, content)
-        sys.stdout.write(f"{method}: {summary}: {', '.join(files)}\n")
+        _say(f"{method}: {summary}: {', '.join(files)}")
     if len(failures) < len(methods):
-        sys.stdout.write(f"in {folder}\n")
+        _say(f"in {folder}")
     if failures:
         raise failures[0]
     return 0
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(f"{printable(line)}\n")
 
 
 def _methods(options: Export) -> list[str]:

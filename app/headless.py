@@ -255,6 +255,6 @@ def _reason(error: BaseException, playback: Playback) -> str:
 
 def _print(folder: RunFolder, sequence: Sequence, ended: str) -> None:
     """`ended` is how a condition ended the run, or that it did not; empty where there was none."""
-    notes = [*sequence.notes, *([printable(ended)] if ended else [])]
-    lines = [*notes, summary(json.loads((folder.path / METRICS).read_text())), f"in {folder.path}"]
+    notes = map(printable, (*sequence.notes, *([ended] if ended else [])))
+    lines = [*notes, summary(json.loads((folder.path / METRICS).read_text())), printable(f"in {folder.path}")]
     sys.stdout.write("\n".join(lines) + "\n")

@@ -8,7 +8,7 @@ from ispom.errors import InputError
 from ispom.io.whole import write_whole
 
 MARKER = ".written-by-ispom"
-"""Holds the command that a folder's files are from."""
+"""In a folder that a command may write again; what `ispom run` marks so is called INCOMPLETE, until it is complete."""
 _HEAD_BYTES = 4096
 
 
@@ -39,6 +39,16 @@ def require_own(path: Path, signature: str) -> None:
     raise InputError(f"{path} exists and is no earlier output of this command: give another name, or remove it first")
 
 
+def signature(command: str) -> str:
+    """The line by which a folder's mark says which command the folder belongs to."""
+    return f"Written by `ispom {command}`"
+
+
+def is_signed(mark: Path, command: str) -> bool:
+    """Whether this file is there, and says that its folder belongs to the command. OSError where unreadable."""
+    return mark.is_file() and signature(command) in mark.read_text(encoding="utf-8", errors="replace")
+
+
 def claim_folder(path: Path, command: str) -> None:
     """Makes the folder, or takes one that is empty or the same command's earlier output.
 
@@ -46,12 +56,13 @@ def claim_folder(path: Path, command: str) -> None:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-        marker = path / MARKER
-        ours = marker.is_file() and marker.read_text(encoding="utf-8", errors="replace").strip() == command
-        other = None if ours else next(iter(sorted(entry.name for entry in path.iterdir())), None)
+        mark = path / MARKER
+        other = None
+        if not is_signed(mark, command):
+            other = next(iter(sorted(entry.name for entry in path.iterdir())), None)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{path} cannot be made ({reason}): give another folder") from None
+        raise InputError(f"{path} cannot be created ({reason}): give another folder") from None
     if other is not None:
         raise InputError(f"{path} is not empty (it holds {other}): give a new or empty folder")
-    write_whole(marker, f"{command}\n")
+    write_whole(mark, f"{signature(command)}.\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ispom.errors import InputError
+from ispom.errors import InputError, printable
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum, tum_text
 from ispom.types import Rig, Trajectory
@@ -44,7 +44,7 @@ def repair(options: Repair) -> int:
             lines, problems = _repair_run(folder) if is_incomplete(folder) else _repair_recordings(folder)
     except OSError as error:
         raise InputError(f"{folder} cannot be repaired ({error.strerror}): see to its permissions") from None
-    sys.stdout.write("".join(f"{line}\n" for line in lines or [f"{folder}: nothing to repair"]))
+    sys.stdout.write("".join(f"{printable(line)}\n" for line in lines or [f"{folder}: nothing to repair"]))
     if problems:
         raise InputError("; ".join(problems))
     return 0

@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ispom.errors import printable
 from ispom.evaluation.comparison import local_scale
 from ispom.io.trajectories import TrajectoryFile
 
@@ -42,8 +43,8 @@ ROWS = {
 def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> None:
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for name, text in protocol.items():
-        console.print(f"{name}: {text}")
-    table = Table("", *(item.name for item in items), pad_edge=False)
+        console.print(_plain(f"{name}: {text}"))
+    table = Table("", *(_plain(item.name) for item in items), pad_edge=False)
     for column in table.columns[1:]:
         column.justify, column.overflow = "right", "fold"
     columns = [item.measures for item in items]
@@ -52,7 +53,12 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
         table.add_row(title, *("-" if value is None else format(value, form) for value in values))
     console.print(table)
     for note in notes:
-        console.print(note)
+        console.print(_plain(note))
+
+
+def _plain(text: str) -> str:
+    """Without control characters, however long."""
+    return "".join(map(printable, text))
 
 
 def json_text(reference: TrajectoryFile, protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> str:

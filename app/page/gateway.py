@@ -72,7 +72,7 @@ class Gateway:
 
     async def _listen(self, app: web.Application) -> AsyncIterator[None]:
         """Hears of what happens in other threads, as long as the server runs."""
-        self._assets = asyncio.create_task(asyncio.to_thread(self._to.assets))
+        self._assets = self._unpacking()
         self._states, self._grown = Wakeup(), Wakeup()
         self._to.session.changes.add(self._states.ring)
         self._to.live.grown.add(self._grown.ring)
@@ -80,6 +80,9 @@ class Gateway:
         self._to.session.changes.remove(self._states.ring)
         self._to.live.grown.remove(self._grown.ring)
         self._assets.cancel()
+
+    def _unpacking(self) -> asyncio.Task[Path]:
+        return asyncio.create_task(asyncio.to_thread(self._to.assets))
 
     async def _say_goodbye(self, app: web.Application) -> None:
         for socket in set(self._sockets):
@@ -117,6 +120,8 @@ class Gateway:
         return await send_one_of(request, PAGE, PAGE_FILES, SECURITY)
 
     async def _viewer_file(self, request: web.Request) -> web.StreamResponse:
+        if self._assets.done() and self._assets.exception() is not None:
+            self._assets = self._unpacking()  # the disk may have room by now
         try:
             folder = await asyncio.shield(self._assets)
         except OSError as fault:

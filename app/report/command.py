@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ispom.errors import InputError
+from ispom.errors import InputError, printable
 
 from ..options import Report
 from ..outputs import require_own, write_file
@@ -27,7 +27,7 @@ def report(options: Report) -> int:
     folders = [folder.expanduser() for folder in options.runs]
     runs = [read_run(folder, label) for folder, label in zip(folders, _labels(folders), strict=True)]
     write_file(options.out, page(runs), GENERATOR)
-    sys.stdout.write(f"{options.out} ({options.out.stat().st_size / 1e6:.1f} MB)\n")
+    sys.stdout.write(f"{printable(str(options.out))} ({options.out.stat().st_size / 1e6:.1f} MB)\n")
     return 0
 
 

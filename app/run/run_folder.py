@@ -12,12 +12,11 @@ from ispom.errors import InputError
 from ispom.io.whole import PART, part_of, replace_whole
 from ispom.methods import names
 
+from ..outputs import is_signed, signature
 from .lock import LOCK, locked
 
 MARKER = "INCOMPLETE"
 """The file that says that a run is not complete, and in its first line why."""
-SIGNATURE = "Written by `ispom run`, which removes this file when the run is complete."
-"""By this line a folder is known as ours."""
 RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
 LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
 
@@ -50,7 +49,7 @@ class RunFolder:
         except (OSError, ValueError) as error:
             self._claim.close()
             reason = error.strerror if isinstance(error, OSError) else error
-            raise InputError(f"{path} cannot be made ({reason}): give another --out") from None
+            raise InputError(f"{path} cannot be created ({reason}): give another --out") from None
         except InputError:
             self._claim.close()
             raise
@@ -65,7 +64,7 @@ class RunFolder:
             except FileExistsError:
                 continue
             except OSError as error:
-                raise InputError(f"{path} cannot be made ({error.strerror}): give another --out") from None
+                raise InputError(f"{path} cannot be created ({error.strerror}): give another --out") from None
             return RunFolder(candidate)
         raise AssertionError("there are always more numbers")
 
@@ -123,13 +122,13 @@ class RunFolder:
         (self.path / MARKER).unlink()
 
     def _mark(self, reason: str) -> None:
-        replace_whole(self.path / MARKER, f"{reason}\n{SIGNATURE}\n")
+        signed = f"{signature('run')}, which removes this file when the run is complete."
+        replace_whole(self.path / MARKER, f"{reason}\n{signed}\n")
 
 
 def is_incomplete(path: Path) -> bool:
     """Whether `ispom run` wrote to this folder and did not come to its end. OSError where that cannot be read."""
-    marker = path / MARKER
-    return marker.is_file() and SIGNATURE in marker.read_text(encoding="utf-8", errors="replace")
+    return is_signed(path / MARKER, "run")
 
 
 def _require_free(path: Path) -> list[Path]:

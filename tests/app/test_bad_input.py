@@ -246,7 +246,7 @@ def test_options_that_do_not_exist(option: tuple[str, ...], tmp_path: Path) -> N
 def test_unwritable_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("kept")
     told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "file" / "out"))
-    assert "file/out cannot be made" in told and "give another --out" in told
+    assert "file/out cannot be created" in told and "give another --out" in told
     assert (tmp_path / "file").read_text() == "kept"
 
 

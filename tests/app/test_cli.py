@@ -100,11 +100,12 @@ def test_a_root_that_is_no_folder_is_refused(served: list, capsys: pytest.Captur
     assert "--root is /no/such/folder, which is not a folder" in capsys.readouterr().err
 
 
-def test_a_reader_that_stops_reading_is_no_traceback(tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", [["sources"], ["--help"]])
+def test_a_reader_that_stops_reading_is_no_traceback(tmp_path: Path, words: list[str]) -> None:
     """`ispom ... | head`: the pipe is closed before anything is written."""
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "-m", "ispom_app", "sources", str(make_drive(tmp_path))]
+    command = [sys.executable, "-m", "ispom_app", *words, str(make_drive(tmp_path))]
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, timeout=120, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, b"")

@@ -178,7 +178,7 @@ def test_an_incomplete_run_is_exported_and_told(run: Path, capsys: pytest.Captur
         (("landmarks.npz", None), "ply", "landmarks.npz is missing"),
         (("landmarks.npz", "x"), "csv", "is damaged"),
         (("rig.yaml", "left: 1"), "colmap", "left"),
-        (("export", "a file in the way"), "tum", "cannot be made"),
+        (("export", "a file in the way"), "tum", "cannot be created"),
     ],
 )
 def test_a_mistake_is_one_sentence(

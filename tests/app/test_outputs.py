@@ -51,5 +51,5 @@ def test_a_folder_with_anything_else_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds stereo\.tum"):
         claim_folder(tmp_path / "mine", "export tum")
     assert not (tmp_path / "mine" / MARKER).exists()
-    with pytest.raises(InputError, match="cannot be made"):
+    with pytest.raises(InputError, match="cannot be created"):
         claim_folder(tmp_path / "mine" / "stereo.tum", "export tum")

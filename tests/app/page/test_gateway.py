@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,24 @@ def test_everything_comes_through_one_port_under_any_base(tmp_path: Path, panels
             assert (await ws.receive_json())["phase"] == "opening"
 
     serving(tmp_path, check, viser=panels, base=base)
+
+
+def test_viewer_files_that_could_not_be_unpacked_are_tried_again(tmp_path: Path):
+    tries = list[int]()
+
+    def assets() -> Path:
+        tries.append(1)
+        if len(tries) == 1:
+            raise OSError("No space left on device")
+        return tmp_path
+
+    async def check(at: Served) -> None:
+        at.gateway._to = replace(at.gateway._to, assets=assets)
+        at.gateway._assets = at.gateway._unpacking()
+        statuses = [await at.status(f"/rerun/{name}") for name in ("re_viewer_bg.wasm", "re_viewer_bg.wasm")]
+        assert statuses == [503, 200] and len(tries) == 2
+
+    serving(tmp_path, check)
 
 
 def test_a_base_without_its_slash_leads_to_the_page(tmp_path: Path):

@@ -87,7 +87,7 @@ def test_the_same_name_in_the_same_second_is_given_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["x" * 300, "nul\0", "file", "file/inside"])
 def test_a_place_that_cannot_be_a_folder_is_one_sentence(name: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("kept")
-    with pytest.raises(InputError, match=r"cannot be made \(.*\): give another --out$"):
+    with pytest.raises(InputError, match=r"cannot be created \(.*\): give another --out$"):
         RunFolder(tmp_path / name)
     assert (tmp_path / "file").read_text() == "kept"
 
