@@ -55,7 +55,10 @@ def _records(path: Path, file: TextIOWrapper, columns: tuple[str, ...]) -> Itera
 
 
 def _joined(folder: Path, steps: Iterator[Record], decisions: Iterator[Record]) -> Iterator[MethodRow]:
-    """Each step with its decisions; both files are in the same order, and are read side by side."""
+    """Each step with its decisions; both files are in the same order, and are read side by side.
+
+    Of a run whose disk was full, either file may end first.
+    """
     cells = itemgetter(1)
     groups = groupby(decisions, lambda record: (cells(record)["exposure"], cells(record)["method"]))
     place, group = next(groups, (None, iter(())))
@@ -71,9 +74,11 @@ def _joined(folder: Path, steps: Iterator[Record], decisions: Iterator[Record]) 
         yield MethodRow(exposure, time_ns, row["method"], _values(folder, line, row, said))
         if said:
             place, group = next(groups, (None, iter(())))
-    if place is not None:
-        line, row = next(group)
-        raise _wrong(folder / DECISIONS, line, "exposure", row)
+    while place is not None:
+        for line, row in group:
+            if _whole(folder / DECISIONS, line, row, "exposure") <= latest:
+                raise _wrong(folder / DECISIONS, line, "exposure", row)
+        place, group = next(groups, (None, iter(())))
 
 
 def _values(folder: Path, line: int, row: Mapping[str, str], decisions: Iterable[Record]) -> Mapping[str, Compared]:

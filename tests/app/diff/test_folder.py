@@ -78,3 +78,14 @@ def test_a_file_that_is_no_text_is_told(folder: Path) -> None:
         file.write(b"\xff\xfe\n")
     with pytest.raises(InputError, match="is no CSV"), run_rows(folder) as found:
         list(found)
+
+
+@pytest.mark.parametrize("name", [STEPS, DECISIONS])
+def test_either_file_may_end_first(folder: Path, name: str) -> None:
+    """As they do where the disk was full."""
+    lines = (folder / name).read_text().splitlines(keepends=True)
+    (folder / name).write_text("".join(line for line in lines if not line.startswith(("42,", "43,"))))
+    with run_rows(folder) as found:
+        read = list(found)
+    last = {row.exposure for row in read if "parallax" in row.values}
+    assert max(last) == 41 and max(row.exposure for row in read) == (41 if name == STEPS else 43)
