@@ -43,8 +43,9 @@ def measured(method: str, seeds: int, folder: Path) -> dict[str, Any]:
         if not len(runs[0].times_ns):
             return {}
     found = {name: consistency(runs, part) for name, part in PARTS.items()}
-    told: dict[str, Any] = {n: {**asdict(c), "sigma_factor": c.sigma_factor} for n, c in found.items() if c is not None}
-    return told | {"per_axis": _per_axis(runs)} if told else {}
+    given = {name: c for name, c in found.items() if c is not None}
+    summary: dict[str, Any] = {n: {**asdict(c), "sigma_factor": c.sigma_factor} for n, c in given.items()}
+    return summary | {"per_axis": _per_axis(runs)} if summary else {}
 
 
 def _errors(sequence: Sequence, method: str) -> Errors:

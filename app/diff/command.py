@@ -45,9 +45,9 @@ def diff(options: Diff) -> int:
         if news is not None and (len(first) < options.count or news.exposure is None):
             first.append(news)
     if options.json:
-        told = {"alike": not first, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
-        told |= {"settings": [asdict(s) for s in settings], "apart": apart, "first": [asdict(d) for d in first]}
-        sys.stdout.write(json.dumps(told, indent=2) + "\n")
+        report = {"alike": not first, "runs": [str(a), str(b)], "methods": methods, "tolerance": options.tolerance}
+        report |= {"settings": [asdict(s) for s in settings], "apart": apart, "first": [asdict(d) for d in first]}
+        sys.stdout.write(json.dumps(report, indent=2) + "\n")
     else:
         text = [*_notes(a, b, settings), *_text(first, apart, methods)]
         sys.stdout.write("".join(f"{printable(line)}\n" for line in text))

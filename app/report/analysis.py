@@ -15,7 +15,7 @@ from ispom.methods import method as registered
 from ispom.types import Trajectory
 
 from .folder import Run
-from .steps import Said, Steps
+from .steps import DecisionRow, Steps
 
 WINDOW_NS = 1_000_000_000
 """Over which lengths are compared; a fifth of a run that is shorter than five of them."""
@@ -34,7 +34,7 @@ class Errors:
     rotation_deg: np.ndarray
 
 
-def drawn(run: Run, method: str) -> tuple[Trajectory, str]:
+def plotted(run: Run, method: str) -> tuple[Trajectory, str]:
     """The trajectory in the truth's world, and how it was brought there: as in metrics.json, so that the numbers agree.
 
     Without truth the monocular one is brought to the best metric one, whose unit it lacks.
@@ -62,7 +62,7 @@ def errors(run: Run, method: str) -> Errors | None:
     """None without truth, or with too few poses."""
     if run.truth is None:
         return None
-    own, true = associate(drawn(run, method)[0], run.truth)
+    own, true = associate(plotted(run, method)[0], run.truth)
     if len(own) < MIN_POSES:
         return None
     away = np.linalg.norm(own.translations - true.translations, axis=1)
@@ -104,16 +104,16 @@ def step_scale(run: Run, method: str) -> tuple[np.ndarray, np.ndarray] | None:
     return own.times_ns[after[moving]], ratio
 
 
-def mattered(run: Run) -> list[Said]:
+def notable(run: Run) -> list[DecisionRow]:
     """Failed requirements that state a consequence, or that nearly always pass."""
     outcomes: dict[tuple[str, str], list[bool]] = {}
-    for said in run.decisions:
-        outcomes.setdefault((said.method, said.decision.name), []).append(said.decision.passed)
+    for row in run.decisions:
+        outcomes.setdefault((row.method, row.decision.name), []).append(row.decision.passed)
     routine = {key for key, passed in outcomes.items() if np.mean(passed) < ROUTINE}
     return [
-        said
-        for said in run.decisions
-        if said.decision.failed and (said.decision.consequence or (said.method, said.decision.name) not in routine)
+        row
+        for row in run.decisions
+        if row.decision.failed and (row.decision.consequence or (row.method, row.decision.name) not in routine)
     ]
 
 

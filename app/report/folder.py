@@ -22,7 +22,7 @@ from ispom.types import Rig, Trajectory
 
 from ..run.run_file import read_run_file
 from ..run.run_folder import DECISIONS, MARKER, STEPS
-from .steps import Said, Steps, read_decisions, read_steps
+from .steps import DecisionRow, Steps, read_decisions, read_steps
 
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
 
@@ -46,7 +46,7 @@ class Run:
     """World_from_FRAME."""
     steps: Mapping[str, Steps]
     """steps.csv by method; empty where the folder has none."""
-    decisions: tuple[Said, ...]
+    decisions: tuple[DecisionRow, ...]
     sha256: Mapping[str, str]
     """By file name."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from ispom.types import Trajectory
 
 from .. import colours
-from .analysis import drawn
+from .analysis import plotted
 from .folder import Run
 from .traces import MAX_POINTS, Figure, colour_of, line, rounded
 
@@ -45,7 +45,7 @@ def in_planes(run: Run, most: int = MAX_POINTS) -> Figure:
                 | {"customdata": rounded(seconds), "hovertemplate": "%{x} m, %{y} m at %{customdata} s"}
                 | _marked(trajectory)
             )
-    how = "; ".join(f"{method}: {drawn(run, method)[1]}" for method in run.trajectories)
+    how = "; ".join(f"{method}: {plotted(run, method)[1]}" for method in run.trajectories)
     return Figure(f"{run.label}: path", traces, layout, f"Aligned: {how}.")
 
 
@@ -67,7 +67,7 @@ def _placed(run: Run) -> Iterator[tuple[str, str, Trajectory]]:
         last = max((t.times_ns[-1] for t in run.trajectories.values() if len(t)), default=run.truth.times_ns[-1])
         yield "truth", colours.css(colours.TRUTH), run.truth.select(run.truth.times_ns <= last)
     for method in run.trajectories:
-        yield method, colour_of(method), drawn(run, method)[0]
+        yield method, colour_of(method), plotted(run, method)[0]
 
 
 def _marked(trajectory: Trajectory) -> dict[str, Any]:

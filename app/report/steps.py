@@ -41,7 +41,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Said:
+class DecisionRow:
     """One decision, and when."""
 
     exposure: int
@@ -60,7 +60,7 @@ def read_steps(path: Path) -> dict[str, Steps]:
     return {method: _steps(path, found[method]) for method in names() if method in found}
 
 
-def read_decisions(path: Path) -> tuple[Said, ...]:
+def read_decisions(path: Path) -> tuple[DecisionRow, ...]:
     """In the order of the file; InputError names the line that is wrong."""
     found = []
     for line, row in _rows(path, DECISION_COLUMNS):
@@ -82,7 +82,7 @@ def read_decisions(path: Path) -> tuple[Said, ...]:
             row["about"],
         )
         exposure, time_ns = _whole(path, line, row, "exposure"), _whole(path, line, row, "time_ns")
-        found.append(Said(exposure, time_ns, row["method"], decision))
+        found.append(DecisionRow(exposure, time_ns, row["method"], decision))
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ispom.types import TrackStatus
 
 from ..run.quantities import DROPPED
-from .analysis import changes, mattered
+from .analysis import changes, notable
 from .blocks import Block, Details, MethodName, Paragraph, Table
 from .folder import Run
 
@@ -83,17 +83,17 @@ def _events(run: Run) -> list[list[Any]]:
             if before:
                 time_s = float(run.seconds(steps.times_ns[row]))
                 found.append([int(steps.exposures[row]), time_s, MethodName(method), f"{before} → {after}", ""])
-    for said in mattered(run):
-        what = str(said.decision).removesuffix(f" ({said.decision.consequence})")
-        time_s = (said.time_ns - run.first_ns) * 1e-9
-        found.append([said.exposure, time_s, MethodName(said.method), what, said.decision.consequence])
+    for row in notable(run):
+        what = str(row.decision).removesuffix(f" ({row.decision.consequence})")
+        time_s = (row.time_ns - run.first_ns) * 1e-9
+        found.append([row.exposure, time_s, MethodName(row.method), what, row.decision.consequence])
     return found
 
 
 def _checks(run: Run) -> Table:
     grouped: dict[tuple[str, str], list[Any]] = {}
-    for said in run.decisions:
-        grouped.setdefault((said.method, said.decision.name), []).append(said.decision)
+    for row in run.decisions:
+        grouped.setdefault((row.method, row.decision.name), []).append(row.decision)
     rows = []
     for (method, name), found in grouped.items():
         values = [d.value for d in found]

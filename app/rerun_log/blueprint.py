@@ -90,7 +90,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[st
     layers = {
         "truth": ["world/truth"],
         "cameras": [*(f"world/{m}/camera" for m in methods), "world/truth/rig"],
-        "spread": [f"world/{m}/spread" for m in methods],
+        "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
     }

@@ -89,7 +89,7 @@ def statuses() -> rr.AnnotationContext:
     return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])
 
 
-def drawn(tracks: Tracks, camera: Camera) -> Tracks:
+def thinned(tracks: Tracks, camera: Camera) -> Tracks:
     """At most MOST_MARKERS of them, the same number in every part of the image where there are so many; of those in one
     part the longest known, so that they stay from one exposure to the next."""
     if len(tracks) <= MOST_MARKERS:

@@ -5,7 +5,7 @@ from __future__ import annotations
 LAYERS = {
     "truth": "true path",
     "cameras": "camera frusta",
-    "spread": "95 % ellipsoids of the poses",
+    "uncertainty": "95 % ellipsoids of the poses",
     "key_frames": "key frames",
     "clouds": "point clouds",
     "tracks": "tracks on images",

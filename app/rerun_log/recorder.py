@@ -6,7 +6,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
     /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it changed
     /world/METHOD/camera                     the pose now
-    /world/METHOD/spread                     what holds its position with 95 %, where the method tells a covariance
+    /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
     /video, /left                            image, tracks, trails, legend; left also disparity
     /plots/{error,scale,inliers,residual,ms}/METHOD...
@@ -75,12 +75,12 @@ class Recorder:
             return
         camera = self.opened.sequence.rig.camera(name)
         recent = self._recent[name] = [*self._recent.get(name, []), tracks][-entities.TRAIL_LENGTH - 1 :]
-        drawn = entities.drawn(tracks, camera)
-        yield Entry(f"{name}/tracks", entities.points(drawn, camera))
-        yield Entry(f"{name}/trails", entities.trails([*recent[:-1], drawn], camera))
+        shown = entities.thinned(tracks, camera)
+        yield Entry(f"{name}/tracks", entities.points(shown, camera))
+        yield Entry(f"{name}/trails", entities.trails([*recent[:-1], shown], camera))
         yield Entry(f"{name}/legend", entities.legend(tracks, camera))
         if name == "left":
-            yield Entry(f"{name}/disparity", entities.disparities(drawn, camera))
+            yield Entry(f"{name}/disparity", entities.disparities(shown, camera))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)

@@ -36,7 +36,7 @@ class World:
         self._drawn_frames: dict[str, Frame] = {}
         """Of the cameras that are drawn now."""
         self._drawn_points = {m: PointMap() for m in opened.methods}
-        self._spreads: set[str] = set()
+        self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
 
     def opening(self) -> Iterator[Entry]:
@@ -60,7 +60,7 @@ class World:
             changed = poses.drawn_blocks() if resized else self._changed(step.method, before)
             yield from self._path_blocks(step.method, changed)
             yield from self._pose(step, resized)
-            yield from self._spread(step)
+            yield from self._uncertainty(step)
             if step.key_frame:
                 yield from self._cloud(step.method)
 
@@ -105,13 +105,13 @@ class World:
         elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
             yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
 
-    def _spread(self, step: Step) -> Iterator[Entry]:
-        found, place = uncertainty.of_step(step), f"world/{step.method}/spread"
+    def _uncertainty(self, step: Step) -> Iterator[Entry]:
+        found, place = uncertainty.of_step(step), f"world/{step.method}/uncertainty"
         if found is not None:
             yield Entry(place, entities.ellipsoid(found, colours.of(step.method)))
-        elif step.method in self._spreads:
+        elif step.method in self._ellipsoids:
             yield Entry(place, rr.Clear(recursive=False))
-        (self._spreads.discard if found is None else self._spreads.add)(step.method)
+        (self._ellipsoids.discard if found is None else self._ellipsoids.add)(step.method)
 
     def _camera(self, method: str) -> Entry:
         frame, colour = self.model.methods[method].poses.frame, colours.of(method)

@@ -146,11 +146,11 @@ class MethodScene:
         if row is None:
             if self._camera is not None:
                 self._camera.visible = False
-            self._draw_spread(None, None)
+            self._draw_uncertainty(None, None)
             return
         own = known.poses.pose(row)
         self._draw_camera(self._placement.apply_pose(own), "cameras" not in hidden)
-        self._draw_spread(own, None if "spread" in hidden else known.covariance)
+        self._draw_uncertainty(own, None if "uncertainty" in hidden else known.covariance)
 
     def _draw_camera(self, pose: Pose, visible: bool) -> None:
         if self._camera is None:
@@ -167,14 +167,14 @@ class MethodScene:
         self._camera.scale = CAMERA * self._placement.scale * self._size.camera
         self._camera.visible = visible
 
-    def _draw_spread(self, pose: Pose | None, covariance: Array | None) -> None:
+    def _draw_uncertainty(self, pose: Pose | None, covariance: Array | None) -> None:
         found = ellipsoid(pose, covariance) if pose is not None and covariance is not None else None
         if found is None:
-            self._api.remove_by_name(f"{self._root}/spread")
+            self._api.remove_by_name(f"{self._root}/uncertainty")
             return
         placed = self._placement.apply_pose(found.pose)
         self._api.add_icosphere(
-            f"{self._root}/spread",
+            f"{self._root}/uncertainty",
             color=self._colour,
             subdivisions=2,
             opacity=0.4,

@@ -28,7 +28,7 @@ def scheme(address: str) -> str:
 def without_secrets(source: str) -> str:
     """The source without the user's name and password that an address may hold, and without its query's values.
 
-    A password may hold @ and / itself: what stands before the last @ is left out, in doubt a part of the path, too.
+    A password may hold @ and / itself: what stands before the last @ is removed, in doubt a part of the path, too.
     """
     found = _SCHEME.match(source)
     if found is None:

@@ -14,7 +14,7 @@ from PIL import Image as Header
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.camera import MAX_PIXELS
 from ispom.io.files import names, read_bytes
-from ispom.sequences.quiet import silenced
+from ispom.sequences.decoder_output import silenced
 from ispom.types import Image
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})

@@ -18,7 +18,7 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.io.camera import read_camera
 from ispom.sequences.address import DEVICE, SCHEMES, is_address, is_device, scheme, without_secrets
-from ispom.sequences.quiet import silenced
+from ispom.sequences.decoder_output import silenced
 from ispom.sequences.spool import Spool
 from ispom.sequences.stream import size_of
 from ispom.types import Camera, Exposure, Image, Rig, Sequence, VideoFrame

@@ -13,8 +13,8 @@ import numpy as np
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists, read_head
+from ispom.sequences.decoder_output import silenced
 from ispom.sequences.folder import CAMERA, CAMERA_ENTRIES, read_settings
-from ispom.sequences.quiet import silenced
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
 from ispom.types import Image

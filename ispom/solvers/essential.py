@@ -64,7 +64,7 @@ def _refine_sampson(pose: Pose, x1: Array, x2: Array, scale: float, iterations: 
         line2, line1 = h1 @ essential.T, h2 @ essential
         norm = np.maximum(np.sqrt((line2[:, :2] ** 2).sum(1) + (line1[:, :2] ** 2).sum(1)), 1e-12)
         residual = (h2 * line2).sum(1) / norm
-        # The derivative of the normalising term is second order at small residuals, and left out.
+        # The derivative of the normalising term is second order at small residuals: neglected.
         x2r = h1 @ rotation.T
         by_rotation = np.cross(x2r, np.cross(h2, t))
         by_translation = np.cross(x2r, h2) @ tangent.T

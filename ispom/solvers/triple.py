@@ -44,7 +44,7 @@ def solve_triple(x1: Array, x2: Array, x3: Array, threshold: float, min_parallax
     """From normalised coordinates (N, 2) of the same points in three images. None where a step fails.
 
     Relative pose of 1 and 3, forward intersection, resection of 2. Points seen under less than
-    `min_parallax_rad` are too uncertain to resect from and are left out, unless few would remain.
+    `min_parallax_rad` are too uncertain to resect from and are skipped, unless few would remain.
     """
     relative = relative_pose(x1, x3, threshold)
     if relative is None:

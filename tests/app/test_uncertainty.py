@@ -50,15 +50,15 @@ def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
     for index, given in enumerate((step, replace(step, covariance=None), replace(step, covariance=None))):
         event = Stepped(index, sequence[index], (given,), {"stereo": Similarity()}, {})
         entries = {entry.path: entry.value for entry in recorder.batch(event).entries if hasattr(entry, "value")}
-        logged.append(entries.get("world/stereo/spread"))
+        logged.append(entries.get("world/stereo/uncertainty"))
         assert ("95 % confidence" in report(ExposureRecord.of(event, None), 1)) == (index == 0)
     assert isinstance(logged[0], rr.Ellipsoids3D) and isinstance(logged[1], rr.Clear) and logged[2] is None
 
 
 def test_it_is_a_layer_that_can_be_hidden():
     opened = Opened(doubles.sequence(), ("stereo",), Config(), None)
-    hidden = blueprint.hidden_paths(opened.methods, {"spread"})
-    assert any("/overrides/world/stereo/spread/" in path for path in hidden)
+    hidden = blueprint.hidden_paths(opened.methods, {"uncertainty"})
+    assert any("/overrides/world/stereo/uncertainty/" in path for path in hidden)
 
 
 def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ispom_app.report import analysis, moments
 from ispom_app.report.folder import Run
-from ispom_app.report.steps import NUMBERS, Said, Steps
+from ispom_app.report.steps import NUMBERS, DecisionRow, Steps
 from ispom_app.report.traces import ALL_POINTS, MAX_POINTS, points_per_line, thinned
 
 from ispom.geometry import Pose
@@ -37,7 +37,7 @@ def test_a_moved_copy_of_the_truth_has_no_error() -> None:
     moved = truth.moved(left=Pose.from_rotvec(np.array([0.3, -1.0, 0.2]), np.array([4.0, 5.0, -6.0])))
     found = analysis.errors(run(moved), "stereo")
     assert found is not None and found.position_m.max() < 1e-9 and found.rotation_deg.max() < 1e-5
-    assert analysis.drawn(run(moved), "stereo")[1] == "se3 to truth, 100 poses"
+    assert analysis.plotted(run(moved), "stereo")[1] == "se3 to truth, 100 poses"
 
 
 def test_orientation_on_a_straight_path_is_that_of_the_poses() -> None:
@@ -61,8 +61,8 @@ def test_routine_tests_do_not_hide_what_mattered() -> None:
     asked = [Decision("parallax", 1.0, 2.0, i % 5 == 0) for i in range(20)]
     trouble = [Decision("points", 3.0, 12.0, False, consequence="not located"), Decision("cost", 2.0, 1.0, False)]
     fine = [Decision("cost", 0.5, 1.0, True)] * 9
-    said = tuple(Said(i, i, "stereo", decision) for i, decision in enumerate([*asked, *trouble, *fine]))
-    assert [s.decision for s in analysis.mattered(run(straight(), decisions=said))] == trouble
+    said = tuple(DecisionRow(i, i, "stereo", decision) for i, decision in enumerate([*asked, *trouble, *fine]))
+    assert [s.decision for s in analysis.notable(run(straight(), decisions=said))] == trouble
 
 
 def test_the_worst_moments_are_the_worst() -> None:

@@ -1,4 +1,4 @@
-"""One unreadable image in a long run is left out and told; several end it."""
+"""One unreadable image in a long run is skipped and reported; several end it."""
 
 from __future__ import annotations
 

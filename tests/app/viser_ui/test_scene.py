@@ -110,16 +110,16 @@ def test_an_exposure_sends_what_it_changed(scene: Scene, spy: Spy, run) -> None:
             assert again["path"] <= 2 and again["key_frames"] <= 2 and again["cloud"] <= 2
     spy.sent.clear()
     scene.show(models[-1], records[-1], frozenset())
-    assert not {name for name in spy.sent if not name.endswith("/spread")}
+    assert not {name for name in spy.sent if not name.endswith("/uncertainty")}
 
 
 def test_hidden_layers_are_not_there_and_come_back(scene: Scene, spy: Spy, run) -> None:
     _, records, models = run
-    hidden = frozenset({"clouds", "key_frames", "spread", "cameras", "truth", "stereo"})
+    hidden = frozenset({"clouds", "key_frames", "uncertainty", "cameras", "truth", "stereo"})
     scene.show(models[-1], records[-1], frozenset())
     everything = set(spy.handles)
     scene.show(models[-1], records[-1], hidden)
-    assert not any(f"/{layer}" in name for name in spy.handles for layer in ("cloud", "key_frames", "spread"))
+    assert not any(f"/{layer}" in name for name in spy.handles for layer in ("cloud", "key_frames", "uncertainty"))
     assert not spy.handles["/monocular/camera"].visible and spy.handles["/monocular"].visible
     assert not spy.handles["/stereo"].visible and not spy.handles["/truth"].visible
     scene.show(models[-1], records[-1], frozenset())
