@@ -31,3 +31,12 @@ def locked(path: Path) -> Iterator[None]:
         with suppress(OSError):  # a lock file that stays behind is nobody's
             place.unlink(missing_ok=True)
         lock.release()
+
+
+def is_locked(path: Path) -> bool:
+    """Whether somebody is writing this file, or into this folder. OSError as `locked`."""
+    try:
+        with locked(path):
+            return False
+    except InputError:
+        return True

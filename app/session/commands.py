@@ -106,6 +106,11 @@ class StopRecording:
 
 
 @dataclass(frozen=True)
+class RepairRecordings:
+    """Finish the recordings that a stopped app left unfinished: they get their index, and their name."""
+
+
+@dataclass(frozen=True)
 class Hide:
     """Draw all but these layers and methods."""
 
@@ -125,4 +130,18 @@ class Shutdown:
 
 
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch
-Command = Play | StepBy | Seek | Speed | Restart | OfBranches | Open | Record | StopRecording | Hide | Notify | Shutdown
+Command = (
+    Play
+    | StepBy
+    | Seek
+    | Speed
+    | Restart
+    | OfBranches
+    | Open
+    | Record
+    | StopRecording
+    | RepairRecordings
+    | Hide
+    | Notify
+    | Shutdown
+)

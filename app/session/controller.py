@@ -20,6 +20,7 @@ from .player import Player
 from .recent import RecentSources
 from .recording_desk import RecordingDesk
 from .recordings import list_recordings
+from .repairs import Repairs
 from .state import NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
 from .store import Store
 from .viewers import Viewers
@@ -53,6 +54,7 @@ class Controller:
     ) -> None:
         """`first` is opened at the start; `methods` None means the usual ones of each source."""
         self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
+        self._repairs = Repairs(recordings.folder)
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay = first, autoplay
         self._wanted, self._history_bytes = methods, history_bytes
@@ -97,6 +99,8 @@ class Controller:
                 self._record(name)
             case do.StopRecording():
                 self._stop_recording()
+            case do.RepairRecordings():
+                self._repairs.start()
             case do.Hide(names):
                 store.set(hidden=names)
             case do.Notify(text):
@@ -112,7 +116,8 @@ class Controller:
             self._watch_recordings()
 
     def patience_s(self) -> float:
-        return self._player.patience_s(RECORDING_S if self._recordings.busy else IDLE_S)
+        busy = self._recordings.busy or self._repairs.busy
+        return self._player.patience_s(RECORDING_S if busy else IDLE_S)
 
     def failed(self, fault: Exception) -> None:
         """Pauses and says why: a user's mistake in its own sentence, anything else as what it is, a fault of ours."""
@@ -201,11 +206,14 @@ class Controller:
         for writer in ended:
             if writer.failure:
                 self._store.emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
-        if ended:
+        problems = self._repairs.ended()
+        for problem in problems or ():
+            self._store.emit(NoticeAdded(problem))
+        if ended or problems is not None:
             self._list_recordings()
 
     def _list_recordings(self) -> None:
-        self._store.set(recordings=list_recordings(self._recordings.folder))
+        self._store.set(recordings=list_recordings(self._recordings.folder), unfinished=self._repairs.found())
 
 
 def _internal(fault: Exception) -> str:

@@ -91,6 +91,8 @@ class State:
     activity: Activity | None = None
     recording: Recording | None = None
     recordings: tuple[RecordedFile, ...] = ()
+    unfinished: tuple[str, ...] = ()
+    """Recordings that a stopped app left unfinished; none that is being written."""
     source_options: SourceOptions = field(default_factory=SourceOptions)
     """How the source was opened."""
     recent: tuple[str, ...] = ()
@@ -181,6 +183,7 @@ class Changed:
 
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
+_CHANGEABLE |= {"unfinished"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches"}
 
 

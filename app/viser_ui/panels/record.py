@@ -25,6 +25,12 @@ class RecordPanel:
         self._name = gui.add_text("name", "", hint="File name without folders; leave empty to generate one.")
         self._button = gui.add_button(START, icon=viser.Icon.PLAYER_RECORD, color="red")
         self._button.on_click(self._clicked)
+        self._repair = gui.add_button(
+            "Repair unfinished recordings",
+            visible=bool(session.state.unfinished),
+            hint="An app that was stopped left them without an index: they become readable up to where it came.",
+        )
+        self._repair.on_click(lambda _: session.post(do.RepairRecordings()))
         self._text = gui.add_html(_text(session.state))
 
     def _clicked(self, _: object) -> None:
@@ -36,6 +42,8 @@ class RecordPanel:
         if self._button.label != label:
             self._button.label = label
             self._name.disabled = state.recording is not None
+        if self._repair.visible != bool(state.unfinished):
+            self._repair.visible = bool(state.unfinished)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
 
@@ -49,4 +57,4 @@ def _text(state: State) -> str:
         done = f"{recording.written} of {state.computed} exposures"
         text = f"{doing} {recording.name}: {done}, {size(recording.size_bytes)}"
     files = [{"name": f.name, "size": size(f.size_bytes)} for f in state.recordings]
-    return render("recordings.html", text=text, files=files)
+    return render("recordings.html", text=text, files=files, unfinished=state.unfinished)

@@ -11,14 +11,18 @@ import pytest
 from ispom_app.rerun_log.file_recording import FileRecording
 from ispom_app.run.events import Opened, Stepped
 from ispom_app.run.history import History
+from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.recordings import list_recordings
 from ispom_app.session.session import Session
 
 from ispom.errors import InputError
+from ispom.io.whole import part_of
 from ispom.methods import Config
 from ispom.types import Exposure, Sequence
-from tests.app.helpers import opener, started, wait_for
+from tests import doubles
+from tests.alone import METHODS
+from tests.app.helpers import build, opener, started, wait_for
 from tests.app.session.recorded import entities_in, exposures_in
 
 
@@ -137,6 +141,23 @@ def test_links_that_lead_nowhere_and_unfinished_files_are_not_listed(tmp_path: P
     session = started(tmp_path, autoplay=False)
     wait_for(lambda: session.state.phase == "ready", "opening")
     assert not session.state.notices and session.close(5.0)
+
+
+def test_what_a_stopped_app_left_unfinished_is_listed_and_repaired(tmp_path: Path) -> None:
+    left, running = tmp_path / "left.rrd", tmp_path / "running.rrd"
+    run = Playback(doubles.sequence(), METHODS, builder=build)
+    with FileRecording(left, run.opened) as file:
+        file.write(run.step())
+    left.rename(part_of(left))
+    (tmp_path / ".part-empty.rrd").write_bytes(b"")
+    with FileRecording(running, run.opened):
+        session = started(tmp_path, autoplay=False)
+        wait_for(lambda: session.state.phase == "ready", "opening")
+        assert session.state.unfinished == (".part-empty.rrd", ".part-left.rrd")
+        session.post(do.RepairRecordings())
+        wait_for(lambda: session.state.unfinished == (".part-empty.rrd",), "the repair")
+        assert [file.name for file in session.state.recordings] == ["left.rrd"] and exposures_in(left) == {0}
+        assert ".part-empty.rrd" in session.state.notices[-1].text and session.close(5.0)
 
 
 def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
