@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
+from ispom.geometry import Similarity
 from ispom.methods import Config, with_asked
 
+from ..colours import Rgb
+from ..run.model import RunModel
 from ..run.tally import Tally
 
 FIRST = "first run"
@@ -38,9 +41,18 @@ class Branch:
     """Whether it is not drawn while another is shown."""
 
     @property
-    def colour(self) -> tuple[int, int, int]:
-        """RGB."""
+    def colour(self) -> Rgb:
         return COLOURS[self.number % len(COLOURS)]
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What is known of a branch at the exposure at which another is shown."""
+
+    model: RunModel
+    placements: Mapping[str, Similarity]
+    """By method, as Stepped.placements."""
+    colour: Rgb
 
 
 def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...], Config]) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from ..run.model import RunModel
 from ..run.playback import Builder
 from . import commands as do
 from .branch_desk import BranchDesk
+from .branches import Beside
 from .compiling import Compiling
 from .controller import CLOSE_S, Controller
 from .current_run import CurrentRun
@@ -124,6 +125,17 @@ class Session:
     def known_at(self, index: int) -> RunModel:
         """What was known after exposure `index` of the run that is on the screen."""
         return self.run.known_at(index) if self.run is not None else RunModel.start(())
+
+    def beside(self, state: State) -> dict[int, Beside]:
+        """By number, the branches that are drawn beside the shown one, as of its exposure or their last before it."""
+        found = {}
+        for branch in state.branches:
+            run = self.branch(branch.number)
+            last = run.history.last if run is not None else None
+            if run is not None and last is not None and branch.number != state.branch and not branch.hidden:
+                model = run.known_at(min(state.index, last.index))
+                found[branch.number] = Beside(model, last.placements, branch.colour)
+        return found
 
     def close(self, timeout_s: float) -> bool:
         """Closes the recordings, the final trajectories included, and ends the worker.

@@ -185,8 +185,8 @@ class MethodScene:
         )
 
 
-def add_line(api: viser.SceneApi, name: str, xyz: Array, colour: colours.Rgb) -> None:
+def add_line(api: viser.SceneApi, name: str, xyz: Array, colour: colours.Rgb, width_px: float = 2.5) -> None:
     """One line through (K, 3)."""
     xyz = np.repeat(xyz, 2, axis=0) if len(xyz) == 1 else xyz
     pairs = np.stack([xyz[:-1], xyz[1:]], axis=1).astype(np.float32)
-    api.add_line_segments(name, pairs, colour, thickness=2.5, thickness_units="screen")
+    api.add_line_segments(name, pairs, colour, thickness=width_px, thickness_units="screen")

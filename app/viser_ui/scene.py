@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import viser
 
@@ -12,6 +12,8 @@ from .. import colours
 from ..run.events import Opened
 from ..run.model import RunModel
 from ..run.record import ExposureRecord
+from ..session.branches import Beside
+from .branch_scene import BranchScene
 from .method_scene import MethodScene, add_line
 
 
@@ -22,6 +24,7 @@ class Scene:
         self._api, self._seek = api, seek
         self._methods: dict[str, MethodScene] = {}
         self._truth: viser.FrameHandle | None = None
+        self._beside = BranchScene(api)
 
     def start(self, opened: Opened) -> None:
         """Empties the scene for another run."""
@@ -31,6 +34,7 @@ class Scene:
         if opened.truth is not None and len(opened.truth) > 1:
             add_line(self._api, "/truth/line", opened.truth.translations, colours.TRUTH)
         self._methods = {m: MethodScene(self._api, m, opened, self._seek) for m in opened.methods}
+        self._beside = BranchScene(self._api)
 
     def show(self, model: RunModel, record: ExposureRecord, hidden: frozenset[str]) -> None:
         """The run as of an exposure: what was known then, without the hidden layers and methods."""
@@ -39,3 +43,7 @@ class Scene:
         for name, method in self._methods.items():
             placement = record.placements.get(name, Similarity())
             method.show(model.times, model.methods[name], placement, record.index, hidden)
+
+    def show_beside(self, branches: Mapping[int, Beside], hidden: frozenset[str]) -> None:
+        """Other branches, as of the same exposure."""
+        self._beside.show(branches, hidden)

@@ -9,11 +9,12 @@ from threading import Event, Thread
 import rich
 import viser
 
-from ispom.types import Trajectory
+from ispom.types import Sequence, Trajectory
 
 from ..rerun_log.blueprint import looking_at
 from ..session import commands as do
 from ..session.session import Session
+from .panels.branches import BranchesPanel
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel
@@ -24,7 +25,7 @@ from .portless import PortlessViser
 from .scene import Scene
 
 log = logging.getLogger(__name__)
-Panel = RunPanel | SourcePanel | MethodsPanel | ViewPanel | WhyPanel | RecordPanel
+Panel = RunPanel | SourcePanel | MethodsPanel | BranchesPanel | ViewPanel | WhyPanel | RecordPanel
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
@@ -48,6 +49,7 @@ class Screen:
         self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
         self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
         self._fault = ""
+        self._looked_at: Sequence | None = None
         self._scene_shown: tuple[object, ...] = ()
         """What the scene was drawn from."""
         self.scene_wanted = True
@@ -74,11 +76,13 @@ class Screen:
             why = WhyPanel(gui)
         with tabs.add_tab("Methods", viser.Icon.ADJUSTMENTS):
             methods = MethodsPanel(gui, self._session)
+        with tabs.add_tab("Branches", viser.Icon.GIT_BRANCH):
+            branches = BranchesPanel(gui, self._session)
         with tabs.add_tab("View", viser.Icon.EYE):
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
             record = RecordPanel(gui, self._session)
-        return [run, source, why, methods, view, record]
+        return [run, source, why, methods, branches, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)
@@ -118,8 +122,12 @@ class Screen:
         if state.run != self._run and opened is not None:
             self._run = state.run
             self._scene.start(opened)
-            self._look_at(opened.truth)
-        shown = (state.displayed, state.computed, state.hidden)
+            if opened.sequence is not self._looked_at:  # of another branch, the person's view stays
+                self._looked_at = opened.sequence
+                self._look_at(opened.truth)
+        drawn = tuple(branch.number for branch in state.branches if not branch.hidden)
+        shown = (state.displayed, state.computed, state.hidden, drawn)
         if state.displayed is not None and shown != self._scene_shown:
             self._scene_shown = shown
             self._scene.show(self._session.known_at(state.index), state.displayed, state.hidden)
+            self._scene.show_beside(self._session.beside(state), state.hidden)

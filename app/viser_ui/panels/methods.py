@@ -16,8 +16,9 @@ from ..controls import ConfigForm
 if TYPE_CHECKING:
     from ...session.session import Session
 
-APPLIED = "Applying restarts the run from the first exposure."
-PENDING = "**Changed, not applied yet.** Applying restarts the run from the first exposure."
+APPLIED = "Apply restarts the run from the first exposure; Fork runs on from the one after that shown."
+PENDING = f"**Changed, not applied yet.** {APPLIED}"
+FORK = "Fork"
 
 
 class MethodsPanel:
@@ -32,6 +33,9 @@ class MethodsPanel:
         self._text = gui.add_markdown(APPLIED)
         self._apply = gui.add_button("Apply and restart", icon=viser.Icon.REFRESH)
         self._apply.on_click(lambda _: session.post(do.Restart(self._chosen, self._config)))
+        hint = "Keeps this run, and runs on from the exposure shown with these methods and settings, as a branch."
+        self._fork = gui.add_button(FORK, icon=viser.Icon.GIT_FORK, hint=hint, disabled=True)
+        self._fork.on_click(lambda _: session.post(do.Fork(self._chosen, self._config)))
         gui.add_button("Restore defaults", icon=viser.Icon.RESTORE, color="gray").on_click(self._defaults)
         for name in names():
             self._folders[name] = gui.add_folder(f"{colours.label(name)} settings", expand_by_default=False)
@@ -77,6 +81,10 @@ class MethodsPanel:
 
     def show(self, state: State) -> None:
         self._state = state
+        label = FORK if state.index < 0 else f"{FORK} at exposure {state.index + 1}"
+        if self._fork.label != label:
+            self._fork.label = label
+            self._fork.disabled = not 0 <= state.index < state.total - 1
         if state.run == self._run:
             return
         self._run = state.run

@@ -59,9 +59,10 @@ class FakeSession:
         self._run, self.asked = run, list[do.Command]()
         self.opened, self.folders, self.post = run.opened, Folders(folder), self.asked.append
         self.known_at = run.known_at
+        self.beside = lambda state: {}
         self.state = reduce(State("double:40"), run.opened)
         for record in run.history:
-            self.state = reduce(self.state, Computed(record))
+            self.state = reduce(self.state, Computed(record, run.tally))
 
     def becomes(self, **values: object) -> None:
         self.state = reduce(self.state, changed(**values))

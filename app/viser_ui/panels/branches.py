@@ -1,0 +1,100 @@
+"""Branches: the run and its forks beside each other, what differs, and how they compare."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import viser
+
+from ... import colours
+from ...session import commands as do
+from ...session.branches import NAME_LENGTH, Branch
+from ...session.state import State
+from ..markup import render
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+SHOW, DELETE = "Show", "Delete"
+
+
+class BranchesPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._branches = session, ()
+        self._text = gui.add_html(_text(session.state))
+        self._choice = gui.add_dropdown("branch", ("-",), hint="The branch that the controls below are about.")
+        self._choice.on_update(lambda _: self._fill())
+        self._buttons = gui.add_button_group("", (SHOW, DELETE))
+        self._buttons.on_click(self._clicked)
+        self._drawn = gui.add_checkbox("drawn", True, hint="Draw its trajectories while another branch is shown.")
+        self._drawn.on_update(self._drawn_changed)
+        self._name = gui.add_text("name", "", hint=f"Up to {NAME_LENGTH} characters.")
+        self._rename = gui.add_button("Rename", icon=viser.Icon.PENCIL)
+        self._rename.on_click(lambda _: self._post(lambda branch: do.RenameBranch(branch.number, self._name.value)))
+
+    @property
+    def _chosen(self) -> Branch | None:
+        return next((b for b in self._branches if _label(b) == self._choice.value), None)
+
+    def _post(self, command: Any) -> None:
+        if (branch := self._chosen) is not None:
+            self._session.post(command(branch))
+
+    def _clicked(self, _: object) -> None:
+        command = do.ShowBranch if self._buttons.value == SHOW else do.DeleteBranch
+        self._post(lambda branch: command(branch.number))
+
+    def _drawn_changed(self, _: object) -> None:
+        branch = self._chosen
+        if branch is not None and branch.hidden == self._drawn.value:
+            self._session.post(do.HideBranch(branch.number, not self._drawn.value))
+
+    def _fill(self) -> None:
+        """The controls, with what the chosen branch has."""
+        if (branch := self._chosen) is not None:
+            self._name.value, self._drawn.value = branch.name, not branch.hidden
+
+    def show(self, state: State) -> None:
+        if (text := _text(state)) != self._text.content:
+            self._text.content = text
+        before, self._branches = self._branches, state.branches
+        labels = tuple(map(_label, state.branches)) or ("-",)
+        if labels != tuple(self._choice.options):
+            numbers = [b.number for b in before]
+            number = next((b.number for b in before if _label(b) == self._choice.value), None)
+            new = [b for b in state.branches if b.number not in numbers]
+            kept = [b for b in state.branches if b.number == number]
+            self._choice.options = labels
+            self._choice.value = _label((new or kept or list(state.branches))[-1]) if state.branches else "-"
+            self._fill()
+        for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
+            control.visible = len(state.branches) > 1
+
+
+def _label(branch: Branch) -> str:
+    return f"{branch.number}: {branch.name}"
+
+
+def _text(state: State) -> str:
+    """The branches and how each method does in them, as HTML."""
+    return render("branches.html", branches=[_entry(branch, state) for branch in state.branches])
+
+
+def _entry(branch: Branch, state: State) -> dict[str, Any]:
+    names = {b.number: b.name for b in state.branches}
+    origin = f"{branch.computed} of {state.total} exposures"
+    if branch.parent is not None:
+        changes = "; ".join(branch.changes) or "nothing changed"
+        origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
+    rows = [
+        {
+            "label": colours.label(name),
+            "rmse": "no truth" if tally.rmse_m is None else f"{tally.rmse_m:.3f} m",
+            "lost": tally.lost,
+            "ms": "" if tally.ms is None else f"{tally.ms:.1f}",
+        }
+        for name, tally in branch.tally.methods.items()
+    ]
+    shown = branch.number == state.branch
+    known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden}
+    return known | {"shown": shown, "origin": origin, "methods": rows}

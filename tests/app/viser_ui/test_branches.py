@@ -1,0 +1,107 @@
+"""The panel of branches, and their lines in the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import viser
+from ispom_app.run.playback import Playback
+from ispom_app.session import commands as do
+from ispom_app.session.branches import Beside, Branch
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.state import State, reduce
+from ispom_app.viser_ui.branch_scene import BranchScene
+from ispom_app.viser_ui.panels.branches import DELETE, SHOW, BranchesPanel
+
+from tests import doubles
+from tests.alone import METHODS
+from tests.app import helpers
+
+NAME = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield found
+    found.stop()
+
+
+@pytest.fixture(scope="module")
+def run() -> CurrentRun:
+    found = CurrentRun(Playback(doubles.sequence(20), METHODS, builder=helpers.build), 10**8)
+    while not found.playback.done:
+        found.step()
+    return found
+
+
+def with_branches(run: CurrentRun, *branches: Branch) -> State:
+    return replace(reduce(State("double:20"), run.opened), branches=branches)
+
+
+@pytest.fixture
+def two(run: CurrentRun) -> State:
+    first = Branch(0, "first run", computed=22, tally=run.tally)
+    return with_branches(run, first, Branch(1, NAME, 0, 9, ("stereo.max-tracks 500 → 300",), 12, run.tally))
+
+
+def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
+    asked: list[do.Command] = []
+    session: Any = SimpleNamespace(state=state, post=asked.append)
+    panel = BranchesPanel(server.gui, session)
+    panel.show(state)
+    return panel, asked
+
+
+def press(button: Any) -> None:
+    for callback in button._impl.update_cb:
+        callback(SimpleNamespace(target=button, client=None, client_id=None))
+
+
+def test_with_one_run_it_says_how_to_fork(server: viser.ViserServer, run: CurrentRun) -> None:
+    panel, _ = made(server, with_branches(run, Branch(0, "first run")))
+    assert "press Fork" in panel._text.content and not panel._choice.visible
+
+
+def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServer, two: State) -> None:
+    panel, _ = made(server, two)
+    text = panel._text.content
+    assert "first run, from exposure 9 on: stereo.max-tracks 500 → 300. 12 of 22 exposures" in text
+    assert text.count("Stereo") == 2 and "lost" in text and "RMSE" in text
+    assert "<img" not in text and "&lt;img" in text, "a name is never markup"
+
+
+def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.ViserServer, two: State) -> None:
+    panel, asked = made(server, two)
+    assert panel._choice.value == f"1: {NAME}" and panel._name.value == NAME and panel._drawn.value
+    panel._buttons.value = SHOW
+    panel._buttons.value = DELETE
+    press(panel._rename)
+    assert asked == [do.ShowBranch(1), do.DeleteBranch(1), do.RenameBranch(1, NAME)]
+    panel._drawn.value = False
+    assert asked[-1] == do.HideBranch(1, True)
+
+
+def test_choosing_another_fills_its_name(server: viser.ViserServer, two: State) -> None:
+    panel, asked = made(server, two)
+    panel._choice.value = "0: first run"
+    assert panel._name.value == "first run" and not asked
+
+
+def test_lines_are_drawn_once_and_removed_with_their_branch(server: viser.ViserServer, run: CurrentRun) -> None:
+    sent, gone = list[str](), list[str]()
+    api: Any = SimpleNamespace(add_line_segments=lambda name, *_, **__: sent.append(name), remove_by_name=gone.append)
+    last = run.history.last
+    assert last is not None
+    scene, beside = BranchScene(api), {1: Beside(run.known_at(21), last.placements, (1, 2, 3))}
+    scene.show(beside, frozenset())
+    scene.show(beside, frozenset())
+    assert sent == [f"/branches/1/{m}" for m in METHODS]
+    scene.show(beside, frozenset({"stereo"}))
+    assert gone == ["/branches/1/stereo"]
+    scene.show({}, frozenset())
+    assert set(gone) == set(sent)
