@@ -84,6 +84,16 @@ def test_every_exposure_is_readable_while_the_file_grows(run, tmp_path, monkeypa
     assert is_finished(file.path) and [path.name for path in sorted(tmp_path.iterdir())] == ["copy.rrd", "run.rrd"]
 
 
+def test_without_pipes_as_on_windows_the_file_is_whole_and_has_its_name(run, tmp_path, monkeypatch):
+    for module in (piped_file, file_recording):
+        monkeypatch.setattr(module, "PIPES", False)
+    with file_recording.FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        while not run.done:
+            file.write(run.step())
+    assert file.failure is None and is_finished(file.path) and file.size_bytes == file.path.stat().st_size
+    assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"] and "/video/image" in entities(file.path)
+
+
 def test_two_writers_never_share_a_recording(run, tmp_path):
     with (
         file_recording.FileRecording(tmp_path / "run.rrd", run.opened),
