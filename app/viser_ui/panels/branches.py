@@ -15,6 +15,7 @@ from ..markup import render
 if TYPE_CHECKING:
     from ...session.session import Session
 
+NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, DELETE = "Show", "Delete"
 
 
@@ -22,7 +23,7 @@ class BranchesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._branches = session, ()
         self._text = gui.add_html(_text(session.state))
-        self._choice = gui.add_dropdown("branch", ("-",), hint="The branch that the controls below are about.")
+        self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
         self._choice.on_update(lambda _: self._fill())
         self._buttons = gui.add_button_group("", (SHOW, DELETE))
         self._buttons.on_click(self._clicked)
@@ -58,7 +59,7 @@ class BranchesPanel:
         if (text := _text(state)) != self._text.content:
             self._text.content = text
         before, self._branches = self._branches, state.branches
-        labels = tuple(map(_label, state.branches)) or ("-",)
+        labels = _labels(state)
         if labels != tuple(self._choice.options):
             numbers = [b.number for b in before]
             number = next((b.number for b in before if _label(b) == self._choice.value), None)
@@ -69,6 +70,10 @@ class BranchesPanel:
             self._fill()
         for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
             control.visible = len(state.branches) > 1
+
+
+def _labels(state: State) -> tuple[str, ...]:
+    return tuple(map(_label, state.branches)) or NO_BRANCH
 
 
 def _label(branch: Branch) -> str:
