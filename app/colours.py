@@ -19,8 +19,17 @@ METHOD: dict[str, Rgb] = {
     "stereo.paper": (106, 120, 205),  # periwinkle
     "integrated.paper": (179, 96, 146),  # reddish purple, a little darker
 }
-OTHERS: tuple[Rgb, ...] = ((150, 90, 210), (110, 130, 50), (0, 140, 150), (190, 70, 80))
-"""Of methods of other packages, in turn."""
+OTHERS: tuple[Rgb, ...] = (
+    (150, 90, 210),
+    (110, 130, 50),
+    (0, 140, 150),
+    (190, 70, 80),
+    (200, 80, 190),
+    (140, 105, 85),
+    (60, 135, 70),
+    (80, 125, 160),
+)
+"""Of methods of other packages, in turn; with more of them than these, some share one."""
 TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)

@@ -43,7 +43,7 @@ APP_LAYERS = (
 """The same for the app's folders and files."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
-TOP |= {"CHANGELOG.md", ".gitignore", ".ci"}
+TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples"}
 """What the repository holds at its top, and nothing else."""
 
 

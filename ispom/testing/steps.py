@@ -81,7 +81,6 @@ class _Said:
     times: set[int] = field(default_factory=set)
     final_ns: int | None = None
     path: float = 0.0
-    checks: dict[str, tuple[str, ...]] = field(default_factory=dict)
     ended: dict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
 
     def add(self, step: Step, place: str) -> None:
@@ -96,9 +95,12 @@ class _Said:
         self.trial.require(same, f"gives poses of the frame {step.frame} after some of the frame {self.frame}", place)
 
     def _decisions(self, step: Step, place: str) -> None:
+        declared = self.trial.method.checks
         for d in step.decisions:
+            self.trial.require(d.key in declared, f"makes a check {d.key!r} that is not in Method.checks", place)
+            described = declared[d.key]
+            known = (described.name, described.unit, described.relation, described.question, described.kind)
             told = (d.name, d.unit, d.relation, d.question, d.kind)
-            known = self.checks.setdefault(d.key, told)
             self.trial.require(told == known, f"describes its check {d.key!r} in two ways, {known} and {told}", place)
 
     def _tracks(self, step: Step, place: str) -> None:

@@ -74,10 +74,11 @@ def _feed(found: Any, value: Any, without: frozenset[str]) -> None:
         found.update(f"{len(value)};".encode())
         for item in value:
             _feed(found, item, without)
-    elif hasattr(value, "__qualname__"):  # a function or a class is what it is called
-        found.update(f"{value.__module__}.{value.__qualname__}".encode())
+    elif name := getattr(value, "__qualname__", None):  # a function or a class is what it is called
+        found.update(f"{value.__module__}.{name}".encode())
     else:
-        reduced = value.__reduce_ex__(4)
+        other: Any = value
+        reduced = other.__reduce_ex__(4)
         _feed(found, reduced if isinstance(reduced, str) else tuple(map(_listed, reduced)), without)
 
 

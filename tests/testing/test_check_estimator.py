@@ -16,9 +16,10 @@ from ispom.persistent_list import PersistentList
 from ispom.settings import Range
 from ispom.testing import check_estimator
 from ispom.testing.values import depth, digest
-from ispom.types import Decision, Exposure, Rig, Status, Step, Tracks, TrackStatus, Trajectory, VideoFrame
+from ispom.types import Check, Exposure, Rig, Status, Step, Tracks, TrackStatus, Trajectory, VideoFrame
 
-CHECK = Decision("contrast", 3.0, 2.0, True, key="contrast")
+CONTRAST = Check("contrast", "contrast", "requirement")
+CHECK = CONTRAST.of(3, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,14 @@ class Walker:
 def method(broken: type[Walker] = Walker, config: type = WalkerConfig, **changes: Any) -> Method:
     built = type("Config", (config,), {"build": lambda self, rig: broken(self), "__module__": __name__})
     return Method(
-        **{"name": "walker", "needs": frozenset({"video"}), "config": built, "unit": "own", "source": "a walk"}
+        **{
+            "name": "walker",
+            "needs": frozenset({"video"}),
+            "config": built,
+            "unit": "own",
+            "source": "a walk",
+            "checks": {"contrast": CONTRAST},
+        }
         | changes
     )
 
@@ -204,6 +212,7 @@ BROKEN = {
     "describes its check 'contrast' in two ways": saying(
         decisions=lambda step, state: (replace(CHECK, unit="px" if len(state.poses) > 3 else ""),)
     ),
+    "makes a check 'colour' that is not in Method.checks": saying(decisions=(replace(CHECK, key="colour"),)),
     "which is a trigger, but of no question": saying(decisions=(replace(CHECK, kind="trigger"),)),
     "revises poses of later exposures": revising(99 * 10**9),
     "revises a pose at a time of no exposure": revising(5),

@@ -192,7 +192,9 @@ def test_a_thinned_exposure_is_drawn_without_its_points(run):
 
 def test_every_status_has_a_colour_and_methods_read_in_both_themes():
     assert set(colours.TRACK) == set(TrackStatus) and set(colours.METHOD) == set(ALL)
-    for colour in [*colours.METHOD.values(), colours.TRUTH]:
+    every = [*colours.METHOD.values(), *colours.OTHERS, colours.TRUTH]
+    assert min(np.abs(np.subtract(a, b)).sum() for i, a in enumerate(every) for b in every[:i]) >= 50
+    for colour in every:
         assert _contrast(colour, (255, 255, 255)) >= 3 and _contrast(colour, (13, 16, 17)) >= 3
 
 

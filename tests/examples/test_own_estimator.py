@@ -1,0 +1,98 @@
+"""The example of a method in a package of its own: checked, run, forked and reported like any other."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import cv2
+import pytest
+import yaml
+
+from ispom.types import VideoFrame
+from ispom.warm_up import flight, flight_rig
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "own_estimator"
+FRAMES, FORKED_AT = 20, 12
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of packages with the example in it, as pip writes one."""
+    folder = tmp_path_factory.mktemp("installed")
+    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())
+    described = project["project"]
+    for name in project["tool"]["setuptools"]["py-modules"]:
+        (folder / f"{name}.py").write_bytes((EXAMPLE / f"{name}.py").read_bytes())
+    info = folder / f"{described['name'].replace('-', '_')}-{described['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {described['name']}\nVersion: {described['version']}\n"
+    )
+    lines = [f"[{g}]\n" + "".join(f"{k} = {v}\n" for k, v in e.items()) for g, e in described["entry-points"].items()]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of images past a cloud of balls, with its camera."""
+    folder, rig = tmp_path_factory.mktemp("recording"), flight_rig()
+    for i, frame in enumerate([e for e in flight(rig) if isinstance(e, VideoFrame)][:FRAMES]):
+        cv2.imwrite(str(folder / f"{i:03d}.png"), frame.image)
+    camera = rig.camera("video")
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    values = {name: getattr(camera, name) for name in names} | {"distortion": [*camera.distortion], "rate_hz": 30}
+    (folder / "camera.yaml").write_text(yaml.safe_dump(values))
+    return folder
+
+
+def python(installed: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    """As a person who has installed the example; no method of it is known to the tests' own process."""
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    command = [sys.executable, *map(str, words)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200, check=False)
+
+
+def test_it_is_short() -> None:
+    lines = (EXAMPLE / "own_estimator.py").read_text().splitlines()
+    assert sum(bool(line.strip()) for line in lines) <= 60
+
+
+def test_it_keeps_the_contract(installed: Path) -> None:
+    found = python(installed, "-c", "from ispom.testing import check_estimator; check_estimator('frames')")
+    assert found.returncode == 0, found.stderr
+
+
+def test_it_has_flags(installed: Path) -> None:
+    found = python(installed, "-m", "ispom_app", "run", "--help")
+    assert "--frames.min-inliers" in found.stdout and "Fewer tracks that agree" in found.stdout
+    refused = python(installed, "-m", "ispom_app", "run", "sim:tiny", "--methods", "frames", "--frames.max-tracks", "7")
+    assert refused.returncode == 2 and "--frames.max-tracks is 7" in refused.stderr
+
+
+def test_it_has_a_colour_of_its_own(installed: Path) -> None:
+    code = "from ispom_app import colours as c; assert c.of('frames') == c.OTHERS[0] not in c.METHOD.values()"
+    found = python(installed, "-c", code)
+    assert found.returncode == 0, found.stderr
+
+
+def test_it_is_run_forked_and_reported(installed: Path, recording: Path, tmp_path: Path) -> None:
+    run, fork, report = tmp_path / "run", tmp_path / "fork", tmp_path / "report.html"
+    words = ("-m", "ispom_app", "run", recording, "--methods", "frames", "monocular.paper", "--no-recording")
+    found = python(installed, *words, "--frames.min-inliers", "15", "--out", run)
+    assert found.returncode == 0, found.stderr
+    assert yaml.safe_load((run / "run.yaml").read_text())["config"]["frames"]["min_inliers"] == 15
+    assert len((run / "frames.tum").read_text().splitlines()) >= FRAMES - 2
+    with (run / "decisions.csv").open() as file:
+        assert {row["key"] for row in csv.DictReader(file) if row["method"] == "frames"} == {"inliers"}
+    found = python(installed, "-m", "ispom_app", "fork", run, "--at", str(FORKED_AT), "--out", fork)
+    assert found.returncode == 0, found.stderr
+    assert (fork / "frames.tum").read_bytes() == (run / "frames.tum").read_bytes()
+    found = python(installed, "-m", "ispom_app", "report", run, "--out", report)
+    assert found.returncode == 0, found.stderr
+    assert "frames" in report.read_text() and "#965ad2" in report.read_text(), "neither its name nor its colour"
