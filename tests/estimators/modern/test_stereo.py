@@ -189,3 +189,21 @@ def test_a_drone_at_rest_stays_where_it_is() -> None:
     pairs = [sequence[i] for i, kind in enumerate(sequence.kinds) if kind == "stereo"]
     found, _ = run(ModernStereoConfig().build(sequence.rig), pairs)
     assert np.linalg.norm(found.translations - found.translations[0], axis=1).max() < 0.0005
+
+
+def test_what_was_not_seen_in_half_a_minute_of_darkness_stays_unknown(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    pairs, gap_ns = pairs_of(exposures), 30_000_000_000
+    dark = np.full_like(pairs[0].left, 128)
+    elsewhere = [StereoPair(p.time_ns + gap_ns, p.left[::-1].copy(), p.right[::-1].copy()) for p in pairs[4:]]
+    given: list[Exposure] = [*pairs[:3], StereoPair(pairs[3].time_ns + gap_ns, dark, dark), *elsewhere]
+    _, steps = run(ModernStereoConfig(max_lost_pairs=0).build(flight.rig), given)
+    assert [s.status for s in steps[3:6]] == [Status.LOST, Status.INITIALISING, Status.TRACKING]
+    first, *later = [s.covariance for s in steps[4:]]
+    assert first is not None and len(later) >= 3
+    sigma_m = float(np.sqrt(np.trace(first[:3, :3])))
+    assert sigma_m > 30
+    for covariance in later:
+        assert covariance is not None
+        assert float(np.sqrt(np.trace(covariance[:3, :3]))) > 0.99 * sigma_m

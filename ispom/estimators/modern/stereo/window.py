@@ -15,6 +15,8 @@ from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginali
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
+HELD_SIGMA = 1e-6
+"""[m, rad] With it a window's first pose is held after a loss, as `prior.anchored` does at the beginning."""
 LEAST_LAG_S = 0.001
 """A smaller lag [s] is not believed: an unlike focal length or a bent image looks the same in the rows and columns."""
 
@@ -29,6 +31,18 @@ class KeyFrame:
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
     rate: Array
     """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the window began anew, after a loss: all its poses share the error of this one.
+
+    It is no prior of the window: beside what a hundred points say of each other it would drown in rounding.
+    """
+
+    left_from_world: Pose
+    covariance: Array
+    """(6, 6) of its left twist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +62,10 @@ class StereoMap:
     late: bool = False
     """They show that it is late: then its place is not that of the pair either. Else only turns count."""
     covariance: Array | None = None
-    """(6 C + 4, 6 C + 4) of the key frames' left twists and the extras; None before a second key frame."""
+    """(6 C + 4, 6 C + 4) of the key frames' left twists and the extras, relative to the start; None before a second
+    key frame."""
+    start: Start | None = None
+    """None where the first key frame is the world."""
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
@@ -71,21 +88,22 @@ class StereoMap:
 
 
 def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, predicted: Array | None = None) -> StereoMap:
-    """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6)."""
-    keys, prior, covariance = state.keys, state.prior, state.covariance
+    """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6) in it."""
+    keys, prior, covariance, start = state.keys, state.prior, state.covariance, state.start
     if not keys:
         prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
         if predicted is not None:
-            whole = np.diag(np.concatenate([np.zeros(POSE), np.where(extra_sigma > 0, extra_sigma, 1.0) ** 2]))
-            if covariance is not None:
-                whole[POSE:, POSE:] = covariance[-PAIR:, -PAIR:]
-            whole[:POSE, :POSE] = predicted
-            covariance = whole
-            prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(whole))
+            start = Start(key.left_from_world, predicted)
+            covariance = np.diag(
+                np.concatenate([np.full(POSE, HELD_SIGMA**2), np.where(extra_sigma > 0, extra_sigma, 1.0) ** 2])
+            )
+            if state.covariance is not None:
+                covariance[POSE:, POSE:] = state.covariance[-PAIR:, -PAIR:]
+            prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(covariance))
     elif len(keys) == 1:
         # Nothing was before the first one: it moved as the second does.
         keys = (replace(keys[0], rate=key.rate),)
-    return replace(state, keys=(*keys, key), prior=prior, covariance=covariance)
+    return replace(state, keys=(*keys, key), prior=prior, covariance=covariance, start=start)
 
 
 def emptied(state: StereoMap) -> StereoMap:
@@ -177,11 +195,15 @@ def _packed(
 
 
 def newest_covariance(state: StereoMap) -> Array | None:
-    """(6, 6) of the newest key frame's left twist; None before the first adjustment."""
+    """(6, 6) of the newest key frame's left twist, in the world; None before the first adjustment."""
     if state.covariance is None or not state.keys:
         return None
     o = POSE * (len(state.keys) - 1)
-    return state.covariance[o : o + POSE, o : o + POSE]
+    own = state.covariance[o : o + POSE, o : o + POSE]
+    if state.start is None:
+        return own
+    way = (state.keys[-1].left_from_world @ state.start.left_from_world.inverse()).adjoint
+    return own + way @ state.start.covariance @ way.T
 
 
 def _proper(rotation: Array) -> Array:
