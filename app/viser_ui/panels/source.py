@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 FOLDERS = "▶ marks what can be opened: choosing it fills the field above. Choosing another folder lists what is in it."
 HINT = "sim:city, sim:city#3 (another seed), a live camera (camera:0), or the path of a recording (KITTI, images …)"
 RECENT = "Sources opened before; choosing one fills the field above."
-NOTHING: tuple[str, ...] = ("-",)
-NONE, UP, MARK = "-", ".. (up)", "▶ "
+NONE, UP, MARK = "choose …", ".. (up)", "▶ "
+NOTHING: tuple[str, ...] = (NONE,)
 
 
 class SourcePanel:
@@ -68,5 +68,5 @@ class SourcePanel:
         folders, self._folder = self._session.folders, folder
         self._entries = {f"{MARK if e.source else ''}{e.path.name}": e for e in folders.entries(folder)}
         up = (UP,) if folders.above(folder) else ()
-        self._browse.options = (f"{folder.name or folder}: {len(self._entries)} to choose from", *up, *self._entries)
+        self._browse.options = (f"in {folder.name or folder}: choose …", *up, *self._entries)
         self._browse.value = self._browse.options[0]

@@ -44,8 +44,13 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     found.process.wait()
 
 
+def field(page: Page, label: str):
+    """The input beside a label."""
+    return page.controls.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input][1]//input").first
+
+
 def opened(page: Page, source: str) -> None:
-    page.controls.get_by_role("textbox").first.fill(source)
+    field(page, "source").fill(source)
     page.controls.get_by_role("button", name="Open", exact=True).click()
 
 
@@ -54,7 +59,7 @@ def test_no_name_becomes_markup_anywhere_on_the_page(browser, app: App):  # noqa
     page.until("state.ended", "the end")
     assert IMAGE in page.tab.locator("#name").inner_text() and IMAGE in page.tab.title()
     page.controls.get_by_text("Source", exact=True).first.click()
-    source = Path(page.controls.get_by_role("textbox").first.input_value())
+    source = Path(field(page, "source").input_value())
     assert source.name == IMAGE
 
     opened(page, str(source.with_name(FRAME)))
@@ -65,8 +70,7 @@ def test_no_name_becomes_markup_anywhere_on_the_page(browser, app: App):  # noqa
     page.tab.locator(".notice.error").get_by_text(FRAME).wait_for()
 
     for label, wanted in (("recent", str(source)), ("folders", f"▶ {FRAME}")):
-        field = page.controls.get_by_label(label)
-        (field if field.count() else page.controls.get_by_text(label, exact=True).locator("xpath=../..//input")).click()
+        field(page, label).click()
         page.controls.get_by_role("option", name=wanted, exact=True).wait_for()
         page.tab.keyboard.press("Escape")
     for tab, wanted in (("Record", f"{FRAME}.rrd"), ("Methods", None), ("View", None), ("Why", None)):

@@ -74,7 +74,7 @@ def test_apply_stays_in_sight_below_open_settings(page: Page):
     page.tab.set_viewport_size({"width": 1280, "height": 720})
     page.controls.get_by_role("tab", name="Methods").click()
     page.controls.get_by_text("Stereo settings", exact=True).click()
-    page.controls.get_by_text("max tracks").first.wait_for()
+    page.controls.locator("label:visible", has_text="max tracks").first.wait_for()
     box = page.controls.get_by_role("button", name="Apply and restart").bounding_box()
     assert box["y"] + box["height"] <= 720
 
@@ -108,7 +108,7 @@ def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
     controls = tab.frame_locator("#controls")
     for name in ("Why", "Methods", "View", "Record"):
         controls.get_by_role("tab", name=name).click()
-        controls.locator("[role=tabpanel]:visible").wait_for()
+        controls.locator("[role=tab][aria-selected=true]", has_text=name).wait_for()
         for place in (tab.locator("#bar"), controls.locator("body")):
             found = place.evaluate(TEXTS)
             assert found

@@ -126,7 +126,7 @@ def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, 
     (tmp_path / "films" / "roof.mp4").write_bytes(b"")
     panel = SourcePanel(gui, session)
     panel.show(replace(STATE, recent=("sim:city",)))
-    assert panel._recent.options == ("-", "sim:city") and UP not in panel._browse.options
+    assert panel._recent.options == ("choose …", "sim:city") and UP not in panel._browse.options
     panel._browse.value = "films"
     assert UP in panel._browse.options
     panel._browse.value = f"{MARK}roof.mp4"
