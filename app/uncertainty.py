@@ -56,11 +56,13 @@ def of_step(step: Step) -> Ellipsoid | None:
     return ellipsoid(step.world_from_frame, step.covariance)
 
 
-def describe(step: Step, unit_m: float) -> str:
-    """The largest half size and angle, for people; empty where nothing is known. `unit_m` is the step's unit [m]."""
+def describe(step: Step, unit_m: float | None) -> str:
+    """The largest half size and angle, for people; empty where nothing is known. `unit_m` is the step's unit [m], None
+    where nobody knows it."""
     found = of_step(step)
     if found is None or step.covariance is None:
         return ""
     variance = max(float(np.linalg.eigvalsh(step.covariance[3:, 3:]).max()), 0.0)
-    position, angle_deg = unit_m * float(found.half_sizes.max()), np.degrees(np.sqrt(CHI2_95_OF_3 * variance))
-    return f"95 % confidence: {length(position)}, {angle_deg:.2g}° (largest axis)"
+    size, angle_deg = float(found.half_sizes.max()), np.degrees(np.sqrt(CHI2_95_OF_3 * variance))
+    position = f"{size:.3g} of its own unit" if unit_m is None else length(unit_m * size)
+    return f"95 % confidence: {position}, {angle_deg:.2g}° (largest axis)"

@@ -18,6 +18,7 @@ from ispom.geometry import Array
 from ispom.methods import method
 from ispom.types import Trajectory
 
+from ..run.drawn_size import drawn_truth
 from ..run.events import Opened
 from . import entities
 from .layers import IMAGE_LAYERS
@@ -104,19 +105,14 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[st
 
 
 def _world(opened: Opened, hidden: list[str]) -> rrb.View:
-    position, target = looking_at(opened.truth)
+    truth = drawn_truth(opened.truth, opened.methods)
+    position, target = looking_at(truth)
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, -1, 0))
+    unit = "m" if any(method(name).unit == "metric" for name in opened.methods) else "own unit, not metres"
     view = rrb.Spatial3DView(
-        origin="/world", name=_world_name(opened), overrides=_hide(hidden), eye_controls=eye, line_grid=False
+        origin="/world", name=f"world [{unit}]", overrides=_hide(hidden), eye_controls=eye, line_grid=False
     )
     return _lasting(view)
-
-
-def _world_name(opened: Opened) -> str:
-    """With the unit in which it is drawn."""
-    if any(method(name).unit == "metric" for name in opened.methods):
-        return "world [m]"
-    return "world [own unit, not metres]" if opened.truth is None else "world [own unit; true path in m]"
 
 
 def _image(opened: Opened, name: str, title: str, hidden: list[str]) -> rrb.View:

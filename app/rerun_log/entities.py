@@ -205,12 +205,13 @@ def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
     )
 
 
-def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float]) -> str:
-    """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units, where not 1."""
+def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float | None]) -> str:
+    """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units [m], None where
+    nobody knows."""
     return "\n".join(part for step in steps.values() for part in _story(step, first_ns, units_m))
 
 
-def _story(step: Step, first_ns: int, units_m: Mapping[str, float]) -> Iterator[str]:
+def _story(step: Step, first_ns: int, units_m: Mapping[str, float | None]) -> Iterator[str]:
     facts = [f"**{colours.label(step.method)}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
     facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
     if len(step.residuals_px):

@@ -106,8 +106,8 @@ def why_no_error(opened: Opened) -> str:
         return "No position error: this source has no ground truth."
     if all(registered(method).unit == "own" for method in opened.methods):
         return (
-            "No position error: a single camera's trajectory has no metric unit. To compare it with the ground truth, "
-            "run `ispom run`, then `ispom evaluate` with --alignment sim3, which estimates the scale."
+            "No position error: a single camera's trajectory has no metric unit, so the true path is not drawn either. "
+            "To compare them, use ispom run, then ispom evaluate with --alignment sim3, which estimates the scale."
         )
     return ""
 

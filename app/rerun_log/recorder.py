@@ -21,8 +21,10 @@ from collections.abc import Iterator
 
 import rerun as rr
 
+from ispom.geometry import Similarity
 from ispom.types import Step, StereoPair, Tracks
 
+from ..run.drawn_size import unit_in_metres
 from ..run.events import Event, Finished, Opened, Stepped
 from ..run.record import with_parts
 from . import entities
@@ -92,5 +94,6 @@ class Recorder:
 
     def _summary(self) -> str:
         steps = {m: self._last[m] for m in self.opened.methods if m in self._last}
-        units_m = {m: placed.scale for m, placed in self._world.placements.items()}
+        placed = self._world.placements
+        units_m = {m: unit_in_metres(m, placed.get(m, Similarity()).scale) for m in steps}
         return entities.summary(steps, self.first_ns, units_m)

@@ -13,7 +13,7 @@ from ispom.methods import method as registered
 from ispom.types import Frame, Step
 
 from .. import colours, uncertainty
-from ..run.drawn_size import DrawnSize, drawn_size, true_size
+from ..run.drawn_size import DrawnSize, drawn_size, drawn_truth, true_size
 from ..run.events import Finished, Opened, Stepped
 from ..run.model import RunModel
 from ..run.placing import same_place
@@ -30,6 +30,7 @@ class World:
 
     def __init__(self, opened: Opened, first_ns: int) -> None:
         self._opened, self._first_ns = opened, first_ns
+        self._truth = drawn_truth(opened.truth, opened.methods)
         self.model = RunModel.start(opened.methods)
         self.placements: dict[str, Similarity] = {}
         self._sizes: dict[str, DrawnSize] = {}
@@ -42,7 +43,7 @@ class World:
     def opening(self) -> Iterator[Entry]:
         """What holds for the whole run (all static)."""
         yield Entry("world", rr.ViewCoordinates.RDF, static=True)
-        truth = self._opened.truth
+        truth = self._truth
         if truth is not None:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
             rig = self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
@@ -91,7 +92,7 @@ class World:
                 yield from self._path_blocks(method, self.model.methods[method].poses.drawn_blocks())
 
     def _truth_now(self, time_ns: int) -> Iterator[Entry]:
-        pose = self._opened.truth.at(time_ns) if self._opened.truth is not None else None
+        pose = self._truth.at(time_ns) if self._truth is not None else None
         if pose is not None:
             yield Entry("world/truth/rig", entities.transform(pose))
 
@@ -147,7 +148,7 @@ class World:
         """Whether the method is to be drawn in another size, and so from now on."""
         before, unit_m = self._sizes.get(method), self.placements.get(method, Similarity()).scale
         rig, poses = self._opened.sequence.rig, self.model.methods[method].poses
-        size = drawn_size(method, rig, self._opened.truth, poses, unit_m, None if anew else before)
+        size = drawn_size(method, rig, self._truth, poses, unit_m, None if anew else before)
         self._sizes[method] = size
         return size is not before
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,16 @@ class DrawnSize:
     """Distance of successive key frames that they were made from; 0 where there are not two."""
 
 
+def drawn_truth(truth: Trajectory | None, methods: Iterable[str]) -> Trajectory | None:
+    """The true path where it can be drawn beside the estimates: a single camera's own unit is no metre."""
+    return truth if any(registered(method).unit == "metric" for method in methods) else None
+
+
+def unit_in_metres(method: str, placed_scale: float) -> float | None:
+    """Of a method's own world; None where nothing tells it."""
+    return placed_scale if registered(method).unit == "metric" or placed_scale != 1.0 else None
+
+
 def true_size(truth: Trajectory | None) -> float | None:
     """Depth of the true camera [m]; None without a true path, or where it goes nowhere."""
     return OF_TRUE_PATH * truth.length or None if truth is not None else None
@@ -44,7 +55,7 @@ def drawn_size(
     spacing = _spacing(poses)
     if before is not None and (not spacing or 1 / NOTICED < before.spacing / spacing < NOTICED):
         return before
-    known = registered(method).unit == "metric" or unit_m != 1.0
+    known = unit_in_metres(method, unit_m) is not None
     true, least = true_size(truth), OF_BASELINE * rig.baseline_m if rig.has_stereo else 0.0
     camera = true / unit_m if true is not None and known else max(spacing, least / unit_m) or 1.0
     return DrawnSize(camera, 0.5 * min(camera, spacing or camera), spacing)

@@ -9,6 +9,7 @@ import viser
 from ispom.geometry import Similarity
 
 from .. import colours
+from ..run.drawn_size import drawn_truth
 from ..run.events import Opened
 from ..run.model import RunModel
 from ..run.record import ExposureRecord
@@ -31,8 +32,9 @@ class Scene:
         self._api.reset()
         self._api.set_up_direction("-y")
         self._truth = self._api.add_frame("/truth", show_axes=False)
-        if opened.truth is not None and len(opened.truth) > 1:
-            add_line(self._api, "/truth/line", opened.truth.translations, colours.TRUTH)
+        truth = drawn_truth(opened.truth, opened.methods)
+        if truth is not None and len(truth) > 1:
+            add_line(self._api, "/truth/line", truth.translations, colours.TRUTH)
         self._methods = {m: MethodScene(self._api, m, opened, self._seek) for m in opened.methods}
         self._beside = BranchScene(self._api)
 

@@ -12,6 +12,7 @@ import viser
 from ispom.types import Sequence, Trajectory
 
 from ..rerun_log.blueprint import looking_at
+from ..run.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
 from .panels.branches import BranchesPanel
@@ -124,7 +125,7 @@ class Screen:
             self._scene.start(opened)
             if opened.sequence is not self._looked_at:  # of another branch, the person's view stays
                 self._looked_at = opened.sequence
-                self._look_at(opened.truth)
+                self._look_at(drawn_truth(opened.truth, opened.methods))
         drawn = tuple(branch.number for branch in state.branches if not branch.hidden)
         shown = (state.displayed, state.computed, state.hidden, drawn)
         if state.displayed is not None and shown != self._scene_shown:

@@ -74,3 +74,9 @@ def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
     assert [e.static for e in second if e.path == "plots/scale/monocular/drift"] == [False]
     text = report(ExposureRecord.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
     assert "± 1.5 % since the start (1 sigma)" in text and "1.002 scale" in text
+
+
+def test_a_unit_that_nobody_knows_is_never_called_metres():
+    step = Step(0, Status.TRACKING, world_from_frame=Pose(), covariance=np.eye(6), method="monocular")
+    assert "2.8 of its own unit" in uncertainty.describe(step, None)
+    assert "2.80 m" in uncertainty.describe(step, 1.0)

@@ -1,13 +1,19 @@
-// viser's panel in its frame: the page's theme, its keys, and labels that can be read (viser's have a contrast of 3.3).
+// viser's panel in its frame: the page's theme, its keys, and labels that can be read (viser's have a contrast of 2.6 to 3.6).
 import { listen } from "./keyboard.js";
 
 const LABELS = { dark: "#b4bcc2", light: "#565e66" };
+const ON_WHITE = "#00659c", GRAY = "#5f6870", RED = "#c62828"; // in the dark, viser's own are bright enough
 
 export function openControls(dark, command) {
   const frame = document.getElementById("controls");
   frame.addEventListener("load", () => {
     const style = frame.contentDocument.createElement("style");
-    style.textContent = `:root:root { --mantine-color-dimmed: ${LABELS[dark ? "dark" : "light"]} !important; }`;
+    const colour = `${LABELS[dark ? "dark" : "light"]} !important`;
+    const own = { "color-custom-outline": ON_WHITE, "color-gray-filled": GRAY, "color-red-filled": RED };
+    const accents = dark ? [] : Object.entries(own).map(([name, value]) => `--mantine-${name}: ${value} !important;`);
+    style.textContent = `:root:root { --mantine-color-dimmed: ${colour}; ${accents.join(" ")} }
+      .mantine-Slider-markLabel { color: ${colour}; }
+      ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
     frame.contentDocument.head.append(style);
     listen(frame.contentWindow, command);
   });

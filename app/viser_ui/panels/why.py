@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 import viser
 
+from ispom.geometry import Similarity
 from ispom.methods import method
 from ispom.types import Decision, Step, TrackStatus
 
 from ... import colours
 from ...decisions import answers, mark, measured, named
+from ...run.drawn_size import unit_in_metres
 from ...run.record import ExposureRecord
 from ...session.state import State
 from ...uncertainty import describe
 from ..markup import render
 
-TINTS = {"✓": colours.css(colours.of("integrated")), "✕": "#e0483e", "●": "#3494d0"}
+TINTS = {"✓": "light-dark(#00795a, #2bb58d)", "✕": "light-dark(#c62828, #ff7b70)", "●": "light-dark(#0072b2, #56b4e9)"}
 HINTS = {
     "✓": "required: passed",
     "✕": "required: failed",
@@ -47,12 +49,11 @@ def report(record: ExposureRecord | None, methods: int, *, coming: bool = False)
     return render("why.html", record=record, methods=methods, steps=steps, coming=coming)
 
 
-def _unit_m(record: ExposureRecord, step: Step) -> float:
-    placed = record.placements.get(step.method)
-    return placed.scale if placed else 1.0
+def _unit_m(record: ExposureRecord, step: Step) -> float | None:
+    return unit_in_metres(step.method, record.placements.get(step.method, Similarity()).scale)
 
 
-def _step(step: Step, unit_m: float) -> dict[str, Any]:
+def _step(step: Step, unit_m: float | None) -> dict[str, Any]:
     return {
         "colour": colours.css(colours.of(step.method)),
         "label": colours.label(step.method),
@@ -77,7 +78,7 @@ def _check(decision: Decision) -> dict[str, str]:
     }
 
 
-def _facts(step: Step, unit_m: float) -> Iterator[tuple[str, str]]:
+def _facts(step: Step, unit_m: float | None) -> Iterator[tuple[str, str]]:
     for camera, tracks in step.tracks.items():
         counts = Counter(int(s) for s in tracks.status)
         alive, new = counts.pop(TrackStatus.ALIVE, 0), counts.pop(TrackStatus.NEW, 0)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, app, browser  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -104,6 +104,7 @@ def test_a_pose_and_its_error_are_two_things(page: Page):
 def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
     """Contrast of at least 4.5, where a text is no sign for something that is switched off."""
     tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme=scheme)
+    tab.set_default_timeout(PATIENCE_MS)
     tab.goto(app.url)
     controls = tab.frame_locator("#controls")
     for name in ("Why", "Methods", "View", "Record"):
@@ -111,6 +112,7 @@ def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
         controls.locator("[role=tab][aria-selected=true]", has_text=name).wait_for()
         for place in (tab.locator("#bar"), controls.locator("body")):
             found = place.evaluate(TEXTS)
+            found = [each for each in found if not each[0].startswith("WebGL is running in software")]  # viser's
             assert found
             faint = {text: (colour, ground) for text, colour, ground in found if contrast(colour, ground) < 4.5}
             assert not faint, name
