@@ -25,7 +25,7 @@ class Stop:
     """By name: of all that the expression speaks of."""
 
     def __str__(self) -> str:
-        said = (f"{q.name} {_shown(self.values[q.name], q.unit)}" for q in self.expression.quantities)
+        said = (f"{q.name} {shown(self.values[q.name], q.unit)}" for q in self.expression.quantities)
         where = f"exposure {self.exposure} ({self.time_ns / 1e9:.3f} s)"
         return f"stopped at {where} by --until {self.expression.text}: {', '.join(said)}"
 
@@ -75,7 +75,7 @@ def require_run(expression: Expression | None, methods: Iterable[str]) -> None:
         raise InputError(f"--until names {missing[0]}, but {', '.join(running)} run here: give other --methods")
 
 
-def _shown(value: Value, unit: str) -> str:
+def shown(value: Value, unit: str) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):

@@ -129,11 +129,28 @@ class Shutdown:
     """Close the recording and end the worker."""
 
 
+@dataclass(frozen=True)
+class RunUntil:
+    """Run on, as fast as possible, until this condition holds at an exposure after the one that is shown."""
+
+    condition: str
+
+
+@dataclass(frozen=True)
+class FindMatch:
+    """Show the next (or, backwards, the previous) of the computed exposures at which this condition holds."""
+
+    condition: str
+    forwards: bool = True
+
+
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch
 Command = (
     Play
     | StepBy
     | Seek
+    | RunUntil
+    | FindMatch
     | Speed
     | Restart
     | OfBranches

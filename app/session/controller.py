@@ -10,8 +10,8 @@ from ispom.sequences.address import without_secrets
 
 from ..options import SourceOptions
 from ..run.playback import Playback
+from . import break_points, moves
 from . import commands as do
-from . import moves
 from .branch_desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -77,6 +77,10 @@ class Controller:
                 player.move(*moves.step(store.state, player.run, count))
             case do.Seek(index):
                 player.move(*moves.seek(player.run, index))
+            case do.RunUntil(condition):
+                player.move(*break_points.run_until(store.state, player.run, condition))
+            case do.FindMatch(condition, forwards):
+                player.move(*break_points.find(store.state, player.run, condition, forwards=forwards))
             case do.Speed(factor):
                 player.move(changed(speed=factor))
             case do.Restart(methods, config):

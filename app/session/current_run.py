@@ -12,6 +12,7 @@ from ..run.history import History, Past
 from ..run.model import RunModel
 from ..run.playback import Playback
 from ..run.record import ExposureRecord
+from ..run.series import Series
 from ..run.tally import Tally
 
 REST_SHARE = 16
@@ -27,14 +28,17 @@ class CurrentRun:
         memory_bytes: int,
         past: Past | None = None,
         checkpoints: Checkpoints | None = None,
+        series: Series | None = None,
     ) -> None:
         """Half of the memory is for the newest exposures, half for states. A fork has a `past`, the exposures that it
-        did not compute itself, and `checkpoints` of it, at the last of which its playback stands.
+        did not compute itself, with their `series`, and `checkpoints` among them, at the last of which its playback
+        stands.
         """
         self.playback = playback
         self.opened: Opened = playback.opened
         self._memory_bytes = memory_bytes
         self.history = History(memory_bytes // 2, past=past)
+        self.series = series or Series(self.opened.methods)
         self.checkpoints = checkpoints or Checkpoints(memory_bytes // 2)
         origin = self.checkpoints.nearest(playback.position)
         self._model = RunModel.start(self.opened.methods) if origin is None else origin.model.of(self.opened.methods)
@@ -49,7 +53,8 @@ class CurrentRun:
         checkpoints = self.checkpoints.until(at)
         nearest = checkpoints.nearest(at)
         playback = self.playback.forked(at, methods, config, nearest.snapshot if nearest is not None else None)
-        return CurrentRun(playback, self._memory_bytes, Past(self.history, at, playback.methods), checkpoints)
+        past, series = Past(self.history, at, playback.methods), self.series.until(at, playback.methods)
+        return CurrentRun(playback, self._memory_bytes, past, checkpoints, series)
 
     @property
     def catching_up(self) -> bool:
@@ -66,6 +71,7 @@ class CurrentRun:
         event = self.playback.step()
         record = ExposureRecord.of(event, self.history.last)
         self.history.append(record)
+        self.series.append(record)
         # After the history: who finds an exposure in the model finds its record, too.
         self._learn(record)
         return event, record

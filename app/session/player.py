@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from ..run.events import Finished
-from . import moves
+from . import break_points, moves
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .recording_desk import RecordingDesk
@@ -45,9 +45,10 @@ class Player:
         elif run.catching_up and (state.target is not None or (state.playing and state.index + 1 >= state.computed)):
             self._compute(run)
         elif state.target is not None:
+            known = len(run.series)
             self._compute(run)
-            if self._store.state.computed > state.target:
-                self._store.set(target=None)
+            if len(run.series) > known:
+                self._store.emit(*break_points.after_step(self._store.state, run, state.target))
         elif state.playing and time.monotonic() >= self._due_s:
             if state.index + 1 < len(run.history):
                 self._store.emit(Displayed(run.history[state.index + 1]))

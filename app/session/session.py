@@ -15,6 +15,7 @@ from ..run.events import Opened
 from ..run.history import MEMORY_BYTES, History
 from ..run.model import RunModel
 from ..run.playback import Builder
+from ..run.series import Series
 from . import commands as do
 from .branch_desk import BranchDesk
 from .branches import Beside
@@ -117,6 +118,11 @@ class Session:
     def history(self) -> History:
         """Of the run that is on the screen; empty before the first."""
         return self.run.history if self.run is not None else History()
+
+    @property
+    def series(self) -> Series | None:
+        """The quantities of the run that is on the screen."""
+        return self.run.series if self.run is not None else None
 
     @property
     def opened(self) -> Opened | None:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from ispom.methods import Config, possible_methods
 
+from ..expressions.parser import Expression
 from ..options import SourceOptions
 from ..run.events import Finished, Opened
 from ..run.record import ExposureRecord, MethodStatus
@@ -84,6 +85,8 @@ class State:
     """Of the source, since its run was started; the first is that run."""
     branch: int = 0
     """The number of the one that is shown."""
+    until: Expression | None = None
+    """The condition that a run goes on towards."""
     target: int | None = None
     """The exposure that a seek is computing towards."""
     ended: bool = False
@@ -184,7 +187,7 @@ class Changed:
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"unfinished"}
-_CHANGEABLE |= {"source_options", "total", "notes", "branches"}
+_CHANGEABLE |= {"source_options", "total", "notes", "branches", "until"}
 
 
 def changed(**values: object) -> Changed:
@@ -245,6 +248,8 @@ def reduce(state: State, event: Event) -> State:
             notice = Notice(state.notice_count + 1, text, kind)
             return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
         case Changed(values):
+            if "target" in values:  # another move: what the one before looked for is not looked for any more
+                values = {"until": None, **values}
             return replace(state, **values)  # type: ignore[arg-type]
 
 

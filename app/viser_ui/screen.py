@@ -16,6 +16,7 @@ from ..run.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
 from .panels.branches import BranchesPanel
+from .panels.break_point import BreakPointPanel
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel
@@ -26,7 +27,7 @@ from .portless import PortlessViser
 from .scene import Scene
 
 log = logging.getLogger(__name__)
-Panel = RunPanel | SourcePanel | MethodsPanel | BranchesPanel | ViewPanel | WhyPanel | RecordPanel
+Panel = RunPanel | SourcePanel | MethodsPanel | BranchesPanel | BreakPointPanel | ViewPanel | WhyPanel | RecordPanel
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
@@ -79,11 +80,13 @@ class Screen:
             methods = MethodsPanel(gui, self._session)
         with tabs.add_tab("Branches", viser.Icon.GIT_BRANCH):
             branches = BranchesPanel(gui, self._session)
+        with tabs.add_tab("Break", viser.Icon.PLAYER_STOP):
+            break_point = BreakPointPanel(gui, self._session)
         with tabs.add_tab("View", viser.Icon.EYE):
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
             record = RecordPanel(gui, self._session)
-        return [run, source, why, methods, branches, view, record]
+        return [run, source, why, methods, branches, break_point, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)

@@ -1,0 +1,88 @@
+"""Every quantity of a run over its exposures, in columns: some 10 bytes for each number of each exposure."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterable
+
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.methods import with_asked
+
+from .quantities import NO_ROW, Quantity, Row, Value, by_method, quantities, row_after
+from .record import ExposureRecord
+
+MISSING = math.nan
+
+
+class Series:
+    """Appended to by one thread, read by any up to its length then."""
+
+    def __init__(self, methods: Iterable[str]) -> None:
+        self.quantities = quantities(with_asked(methods))
+        """By name."""
+        self._columns = {name: array("d") for name in self.quantities}
+        """Flags as 0 and 1, texts as the place among their choices; NaN where nothing was said."""
+        self._stepped = {method: bytearray() for method in {q.method for q in self.quantities.values()}}
+        """Of each method, whether it stepped on the exposure."""
+        self._row: Row = NO_ROW
+        self._length = 0
+
+    def __len__(self) -> int:
+        return self._length
+
+    def append(self, record: ExposureRecord) -> None:
+        """The next exposure."""
+        self._row = row_after(self._row, record.index, record.time_ns, record.steps, record.errors_m)
+        for name, quantity in self.quantities.items():
+            self._columns[name].append(_as_number(quantity, self._row.get(quantity.method, {}).get(quantity.key)))
+        said = {"", *by_method(record.steps)}
+        for method, stepped in self._stepped.items():
+            stepped.append(method in said)
+        self._length += 1
+
+    def until(self, count: int, methods: Iterable[str]) -> Series:
+        """Another's first `count` exposures, for a run of these methods that is the same up to there."""
+        found = Series(methods)
+        for name in found.quantities:
+            known = name in self._columns
+            found._columns[name] = self._columns[name][:count] if known else array("d", [MISSING]) * count
+        for method in found._stepped:
+            found._stepped[method] = self._stepped[method][:count] if method in self._stepped else bytearray(count)
+        found._length = count
+        found._row = found.row(count - 1, found.quantities.values())
+        return found
+
+    def row(self, index: int, wanted: Iterable[Quantity]) -> Row:
+        """The values of these quantities at an exposure; of one before the first, none."""
+        found: dict[str, dict[str, Value]] = {}
+        for quantity in wanted if index >= 0 else ():
+            found.setdefault(quantity.method, {})[quantity.key] = self.value(quantity, index)
+        return found
+
+    def value(self, quantity: Quantity, index: int) -> Value:
+        """What its method said of it at its latest step up to there; None where nothing was said."""
+        number = self._columns[quantity.name][index]
+        if math.isnan(number):
+            return None
+        if quantity.kind == "text":
+            return quantity.choices[int(number)]
+        return bool(number) if quantity.kind == "flag" else number
+
+    def values(self, name: str) -> Array:
+        """(N,) a copy of a column, as it is kept; KeyError for one that there is not."""
+        return np.array(self._columns[name])
+
+    def stepped(self, methods: Iterable[str], index: int) -> bool:
+        """Whether one of these methods stepped on the exposure; "" stands for the exposure itself."""
+        return any(self._stepped[method][index] for method in methods if method in self._stepped)
+
+
+def _as_number(quantity: Quantity, value: Value) -> float:
+    if value is None:
+        return MISSING
+    if isinstance(value, str):
+        return float(quantity.choices.index(value)) if value in quantity.choices else MISSING
+    return float(value)

@@ -1,0 +1,92 @@
+"""The panel of break points: live value, hits, names that fit, and what its buttons ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import viser
+from ispom_app.run.playback import Playback
+from ispom_app.session import commands as do
+from ispom_app.session.break_points import anomaly
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.state import State, reduce
+from ispom_app.viser_ui.panels.break_point import MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
+
+from tests import doubles
+from tests.alone import METHODS
+
+LOST = 'monocular.status == "lost"'
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[viser.ViserServer]:
+    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield found
+    found.stop()
+
+
+@pytest.fixture(scope="module")
+def run() -> CurrentRun:
+    playback = Playback(
+        doubles.sequence(40), METHODS, builder=lambda _, methods, __: doubles.ensemble(methods, doubles.FullEstimator)
+    )
+    found = CurrentRun(playback, 10**8)
+    while not found.playback.done:
+        found.step()
+    return found
+
+
+@pytest.fixture
+def at_ten(run: CurrentRun) -> State:
+    return replace(reduce(State("double:40"), run.opened), displayed=run.history[10], computed=len(run.history))
+
+
+def made(server: viser.ViserServer, run: CurrentRun, state: State) -> tuple[BreakPointPanel, list[do.Command]]:
+    asked: list[do.Command] = []
+    session: Any = SimpleNamespace(state=state, post=asked.append, series=run.series)
+    panel = BreakPointPanel(server.gui, session)
+    panel.show(state)
+    return panel, asked
+
+
+def test_empty_it_says_what_to_write(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
+    panel, _ = made(server, run, at_ten)
+    assert "A condition over the quantities" in panel._text.content
+
+
+def test_it_shows_the_value_here_and_how_often_it_holds(
+    server: viser.ViserServer, run: CurrentRun, at_ten: State
+) -> None:
+    panel, _ = made(server, run, at_ten)
+    panel._condition.value = LOST
+    lost = sum(s.method == "monocular" and s.status == "lost" for r in run.history for s in r.steps)
+    assert lost and f"holds at {lost} of {len(run.history)} computed exposures" in panel._text.content
+    assert "does not hold" in panel._text.content and "tracking" in panel._text.content
+    panel.show(replace(at_ten, computed=11))
+    assert "exposure 10" in panel._text.content
+
+
+def test_names_that_fit_are_listed_with_their_values(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
+    panel, _ = made(server, run, at_ten)
+    panel._condition.value = "stereo.status == 'lost' or monocular.dropped"
+    assert "monocular.dropped_lost" in panel._text.content and "integrated." not in panel._text.content
+    panel._condition.value = "stereo"
+    assert panel._text.content.count("stereo.") <= MOST_NAMES + 1
+    panel._condition.value = "<img src=x> > 3"
+    assert "<img" not in panel._text.content and "column 9" in panel._text.content
+
+
+def test_its_buttons_ask_for_the_condition(server: viser.ViserServer, run: CurrentRun, at_ten: State) -> None:
+    panel, asked = made(server, run, at_ten)
+    panel._condition.value = LOST
+    for button in (UNTIL, NEXT, PREVIOUS):
+        panel._buttons.value = button
+    assert asked == [do.RunUntil(LOST), do.FindMatch(LOST, True), do.FindMatch(LOST, False)]
+    button: Any = panel._anomaly
+    for callback in button._impl.update_cb:
+        callback(SimpleNamespace(target=button, client=None, client_id=None))
+    assert asked[-1] == do.RunUntil(anomaly(METHODS))
