@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp, so3_log
+from ispom.numerics.levenberg_marquardt import minimise
 from ispom.solvers.cholesky import factor, inverse_factored, solve_factored
 from ispom.solvers.normal_equations import RIG, point_sensitivity, point_steps, reduce, squared_errors
 from ispom.solvers.spline import Sampled, Spline, add_smoothness
@@ -23,6 +24,7 @@ VIDEO, LEFT = 0, 1
 """Camera numbers of the observations."""
 WIDER = 3
 """At most so often a loss that is too narrow for the errors is widened."""
+HIGHEST_DAMPING = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,29 +230,21 @@ def _typical(problem: SplineProblem) -> float:
 
 def _descended(problem: SplineProblem, iterations: int, tolerance: float) -> tuple[SplineProblem, Sampled, float, int]:
     """With better values, sampled, the cost, and the steps that it took."""
-    damping, done = 1e-4, 0
-    sampled = problem.sampled()
-    cost = _cost(problem, sampled)
-    for done in range(1, iterations + 1):  # noqa: B007
-        step, point_step = _step(problem, sampled, damping)
+
+    def stepped(values: tuple[SplineProblem, Sampled], damping: float) -> tuple[SplineProblem, Sampled]:
+        now, sampled = values
+        step, point_step = _step(now, sampled, damping)
         trial = replace(
-            problem,
-            spline=problem.spline.moved(step[:-RIG]),
-            rig=problem.rig.moved(step[-RIG:]),
-            points=replace(problem.points, values=problem.points.values + point_step),
+            now,
+            spline=now.spline.moved(step[:-RIG]),
+            rig=now.rig.moved(step[-RIG:]),
+            points=replace(now.points, values=now.points.values + point_step),
         )
-        trial_sampled = trial.sampled()
-        trial_cost = _cost(trial, trial_sampled)
-        if trial_cost < cost:
-            gain = (cost - trial_cost) / cost
-            problem, sampled, cost, damping = trial, trial_sampled, trial_cost, max(damping / 10, 1e-9)
-            if gain < tolerance:
-                break
-        else:
-            damping *= 30
-            if damping > 1e4:
-                break
-    return problem, sampled, cost, done
+        return trial, trial.sampled()
+
+    start = problem, problem.sampled()
+    found = minimise(start, lambda values: _cost(*values), stepped, iterations, tolerance, HIGHEST_DAMPING)
+    return *found.values, found.cost, found.iterations
 
 
 def _free(problem: SplineProblem) -> NDArray[np.int64]:

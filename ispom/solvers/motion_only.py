@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.kernels import kernel
+from ispom.kernels import kernel, part
+from ispom.numerics.reprojection import add_by_twist, gradient_by_point, hessian_by_point, subtract_by_twists
+from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
 from ispom.solvers.cholesky import factor, solve_factored
 from ispom.solvers.twist import moved
 
@@ -53,12 +55,12 @@ def fit_pose(
     xyz, seen = np.ascontiguousarray(xyz, np.float64), np.ascontiguousarray(seen, np.float64)
     rotation, translation = np.array(guess.rotation[None], order="C"), np.array(guess.translation[None], order="C")
     held, since = np.zeros((6, 6)) if prior is None else prior, np.zeros(6)
-    information, gradient, distances = np.empty((6, 6)), np.empty(6), np.empty(len(xyz))
+    blocks, side, distances = np.empty((1, 1, 6, 6)), np.empty((1, 1, 6)), np.empty(len(xyz))
+    information, gradient = blocks[0, 0], side[0, 0]
     depth = float(np.median(np.abs(guess.apply(xyz)[:, 2])))
 
     def normal(wide: float) -> None:
-        pose = rotation[0], translation[0]
-        _normal(xyz, seen, *pose, float(baseline), wide, information, gradient, distances)
+        _normal(xyz, seen, rotation, translation, float(baseline), wide, blocks, side, distances)
 
     normal(1.0)
     wide = max(scale, min(widest, _median(distances)))
@@ -92,51 +94,26 @@ def _median(values: Array) -> float:
 
 @kernel(error_model="numpy")
 def _normal(xyz, seen, r, t, baseline, scale, h, g, distances):
-    """Fills the normal equations, and the distances (N,) of the points from where they were seen."""
-    per = 1.0 / (scale * scale)
-    for a in range(6):
-        g[a] = 0.0
-        for b in range(6):
-            h[a, b] = 0.0
+    """Fills the normal equations (6, 6) and (6,), and the distances (N,) of the points from where they were seen."""
+    h[:], g[:] = 0.0, 0.0
     for n in range(len(xyz)):
-        q0 = r[0, 0] * xyz[n, 0] + r[0, 1] * xyz[n, 1] + r[0, 2] * xyz[n, 2] + t[0]
-        q1 = r[1, 0] * xyz[n, 0] + r[1, 1] * xyz[n, 1] + r[1, 2] * xyz[n, 2] + t[1]
-        q2 = r[2, 0] * xyz[n, 0] + r[2, 1] * xyz[n, 1] + r[2, 2] * xyz[n, 2] + t[2]
-        if q2 <= 1e-6:
-            distances[n] = 1e9
-            continue
-        iz, f, right, er = 1.0 / q2, 0.0, 0.0, 0.0
-        x, y = q0 * iz, q1 * iz
-        ex, ey = x - seen[n, 0], y - seen[n, 1]
-        if seen[n, 2] == seen[n, 2]:
-            f, right = 1.0, x - baseline * iz
-            er = right - seen[n, 2]
-        square = ex * ex + ey * ey + er * er
-        distances[n] = np.sqrt(square)
-        # By the point in the camera: x and y have (1, 0, -x) / z and (0, 1, -y) / z, right x has (1, 0, -right) / z.
-        wz = per / (1.0 + square * per) * iz
-        ww = wz * iz
-        k00, k02, k22 = ww * (1.0 + f), -ww * (x + f * right), ww * (x * x + y * y + f * right * right)
-        k11, k12 = ww, -ww * y
-        g0, g1, g2 = wz * (ex + er), wz * ey, -wz * (x * ex + y * ey + right * er)
-        g[0] += g0
-        g[1] += g1
-        g[2] += g2
-        g[3] += q1 * g2 - q2 * g1
-        g[4] += q2 * g0 - q0 * g2
-        g[5] += q0 * g1 - q1 * g0
-        # A left twist moves that point by B = [I | -[q]x] times it: B' K B, column by column.
-        for a0, a1, a2, a in (
-            (k00, 0.0, k02, 0),
-            (0.0, k11, k12, 1),
-            (k02, k12, k22, 2),
-            (q1 * k02, q1 * k12 - q2 * k11, q1 * k22 - q2 * k12, 3),
-            (q2 * k00 - q0 * k02, -q0 * k12, q2 * k02 - q0 * k22, 4),
-            (-q1 * k00, q0 * k11, q0 * k12 - q1 * k02, 5),
-        ):
-            h[0, a] += a0
-            h[1, a] += a1
-            h[2, a] += a2
-            h[3, a] += q1 * a2 - q2 * a1
-            h[4, a] += q2 * a0 - q0 * a2
-            h[5, a] += q0 * a1 - q1 * a0
+        distances[n] = _add_point(n, xyz, seen, r, t, baseline, 1.0 / (scale * scale), h, g)
+    h *= -1.0
+
+
+@part
+def _add_point(n, xyz, seen, r, t, baseline, per, h, g):
+    """Adds point n to the gradient and subtracts it from h; its distance."""
+    q = plus(times(matrix(r, 0), vector(xyz, n)), vector(t, 0))
+    if q[2] <= 1e-6:
+        return 1e9
+    iz, paired = 1.0 / q[2], seen[n, 2] == seen[n, 2]
+    x, y = q[0] * iz, q[1] * iz
+    right = x - baseline * iz if paired else 0.0
+    ex, ey, er = x - seen[n, 0], y - seen[n, 1], right - seen[n, 2] if paired else 0.0
+    square = ex * ex + ey * ey + er * er
+    weighted = per / (1.0 + square * per) * iz
+    hessian = hessian_by_point(x, y, right, weighted * iz, 1.0, 0.0, 1.0, 1.0 if paired else 0.0)
+    add_by_twist(g, 0, 0, q, gradient_by_point(x, y, right, weighted, ex, ey, er))
+    subtract_by_twists(h, 0, 0, q, symmetric(hessian), q)
+    return np.sqrt(square)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
+from ispom.numerics.reprojection import reprojected
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +90,5 @@ def _reprojection(xyz: Array, x: Array, pose: Pose) -> tuple[Array, Array, NDArr
     """Residuals (K, 2) and Jacobians (K, 2, 6) by a left twist (rho, phi), of the points in front (mask (N,))."""
     p = pose.apply(xyz)
     front = p[:, 2] > 1e-6
-    p, z = p[front], p[front, 2]
-    u, v = p[:, 0] / z, p[:, 1] / z
-    jacobian = np.zeros((len(p), 2, 6))
-    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1 / z
-    jacobian[:, 0, 2], jacobian[:, 1, 2] = -u / z, -v / z
-    jacobian[:, 0, 3], jacobian[:, 0, 4], jacobian[:, 0, 5] = -u * v, 1 + u * u, -v
-    jacobian[:, 1, 3], jacobian[:, 1, 4], jacobian[:, 1, 5] = -1 - v * v, u * v, u
-    return np.stack([u, v], 1) - x[front], jacobian, front
+    uv, _, by_twist = reprojected(p[front])
+    return uv - x[front], by_twist, front

@@ -7,16 +7,17 @@ Leutenegger et al. 2015, section 3.5. Beside poses and points it can estimate wh
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+from ispom.numerics.levenberg_marquardt import minimise
 from ispom.solvers.cholesky import factor, solve_factored
 from ispom.solvers.prior import PAIR, POSE, Prior
 from ispom.solvers.twist import moved
-from ispom.solvers.window_kernels import point_steps, reduce_points, robust_cost, squared_errors
+from ispom.solvers.window_kernels import Eliminated, Reduced, point_steps, reduce_points
+from ispom.solvers.window_observation import Observed, robust_cost, squared_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,27 +75,20 @@ def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float 
 
     Ends early when a step lowers the cost by less than the share `tolerance`. Deterministic.
     """
-    damping, cost = 1e-4, total_cost(window, scale)
-    before, done = cost, 0
-    for done in range(1, iterations + 1):  # noqa: B007
-        trial = _moved(window, *_step(window, scale, damping))
-        trial_cost = total_cost(trial, scale)
-        if trial_cost < cost:
-            gain = (cost - trial_cost) / max(cost, 1e-300)
-            window, cost, damping = trial, trial_cost, max(damping / 10, 1e-9)
-            if gain < tolerance:
-                break
-        else:
-            damping *= 30
-            if damping > 1e3:
-                break
-    distances = np.minimum(np.sqrt(squared_errors(*_arrays(window))), 1e9)
-    return Adjusted(window, before, cost, distances, done)
+    found = minimise(
+        window,
+        lambda values: total_cost(values, scale),
+        lambda values, damping: _moved(values, *_step(values, scale, damping)),
+        iterations,
+        tolerance,
+    )
+    distances = np.minimum(np.sqrt(squared_errors(_observed(found.values))), 1e9)
+    return Adjusted(found.values, found.cost_before, found.cost, distances, found.iterations)
 
 
 def total_cost(window: Window, scale: float) -> float:
     """Half the robust sum of squares, in units of the measurement's standard deviation `scale`, with the priors."""
-    cost = float(robust_cost(squared_errors(*_arrays(window)), scale))
+    cost = float(robust_cost(squared_errors(_observed(window)), scale))
     if window.prior is not None:
         return cost + window.prior.cost(window.prior.shifted(window.rotations, window.translations, window.extra))
     free = window.extra_sigma > 0
@@ -143,8 +137,7 @@ class Equations:
     """(6 C + E, 6 C + E), its lower triangle."""
     right: Array
     """(6 C + E,)."""
-    points: tuple[Array, Array, Array, Array]
-    """Inverses, gradients, products with the poses and with the extras, as window_kernels has them."""
+    eliminated: Eliminated
 
     @staticmethod
     def of(window: Window, scale: float, damping: float = 0.0) -> Equations:
@@ -152,16 +145,18 @@ class Equations:
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
         poses, extra = POSE * views, len(window.extra)
         blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, extra + 1, POSE))
-        kept = np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.empty((points, extra, 3))
+        eliminated = Eliminated(
+            np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.empty((points, extra, 3))
+        )
         corner = np.zeros((extra, extra + 1))
-        reduce_points(scale, damping, blocks, side, corner, *kept, *_arrays(window))
+        reduce_points(scale, damping, Reduced(blocks, side, corner), eliminated, _observed(window))
         matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
         matrix[poses:, :poses] = side[:, :extra].transpose(1, 0, 2).reshape(extra, poses)
         matrix[poses:, poses:] = corner[:, :extra]
         right[:poses], right[poses:] = -side[:, extra].ravel(), -corner[:, extra]
         _add_priors(window, matrix, right)
-        return Equations(matrix, right, kept)
+        return Equations(matrix, right, eliminated)
 
     @property
     def symmetric(self) -> Array:
@@ -197,11 +192,11 @@ def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, A
     solution[f:] = solve_factored(factor(free), equations.right[f:])
     poses, extra = np.split(solution, [POSE * len(window.rotations)])
     poses = poses.reshape(-1, POSE)
-    return poses, point_steps(window.cameras, window.owners, *equations.points, poses, extra), extra
+    return poses, point_steps(window.cameras, window.owners, equations.eliminated, poses, extra), extra
 
 
-def _arrays(window: Window) -> Any:
-    return (
+def _observed(window: Window) -> Observed:
+    return Observed(
         window.rotations, window.translations, window.points, window.cameras, window.owners, window.seen,
         window.rates, window.baseline, window.extra,
     )  # fmt: skip

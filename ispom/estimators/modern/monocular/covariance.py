@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.prior import LENS, POSE
 from ispom.solvers.window import Window, covariance
@@ -93,13 +94,8 @@ class MapUncertainty:
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:
     """Of normalised coordinates of points (N, 3): by their place (N, 2, 3), by a left twist of camera_from_world
     (N, 2, 6), by the camera's correction (N, 2, 2)."""
-    iz = 1 / in_camera[:, 2]
-    u, v = in_camera[:, 0] * iz, in_camera[:, 1] * iz
-    zero, square = np.zeros(len(iz)), u * u + v * v
-    by_place = np.array([[iz, zero, -u * iz], [zero, iz, -v * iz]]).transpose(2, 0, 1)
-    by_turn = np.array([[-u * v, 1 + u * u, -v], [-1 - v * v, u * v, u]]).transpose(2, 0, 1)
-    by_extra = np.array([[u, u * square], [v, v * square]]).transpose(2, 0, 1)
-    return by_place, np.concatenate([by_place, by_turn], axis=2), by_extra
+    uv, by_place, by_twist = reprojected(in_camera)
+    return by_place, by_twist, np.stack([uv, uv * (uv**2).sum(axis=1, keepdims=True)], axis=2)
 
 
 def _of_steps(window: Window, all_poses: Array) -> tuple[float, float]:

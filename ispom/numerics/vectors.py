@@ -1,0 +1,145 @@
+"""3-vectors and 3 x 3 matrices in compiled loops, as tuples of numbers: they stay in registers, arrays would not.
+
+A matrix is a tuple of its rows, a symmetric one (00, 01, 02, 11, 12, 22).
+"""
+
+from __future__ import annotations
+
+from ispom.kernels import part
+
+
+@part
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@part
+def cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@part
+def plus(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@part
+def minus(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@part
+def plus6(a, b):
+    """Of symmetric matrices."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+@part
+def scaled(f, a):
+    return f * a[0], f * a[1], f * a[2]
+
+
+@part
+def vector(array, i):
+    """Row i of an array (N, 3)."""
+    return array[i, 0], array[i, 1], array[i, 2]
+
+
+@part
+def matrix(array, i):
+    """Matrix i of an array (N, 3, 3)."""
+    return (
+        (array[i, 0, 0], array[i, 0, 1], array[i, 0, 2]),
+        (array[i, 1, 0], array[i, 1, 1], array[i, 1, 2]),
+        (array[i, 2, 0], array[i, 2, 1], array[i, 2, 2]),
+    )
+
+
+@part
+def vector3(array, i, j):
+    """Vector i, j of an array (N, M, 3)."""
+    return array[i, j, 0], array[i, j, 1], array[i, j, 2]
+
+
+@part
+def vector6(array, i):
+    """Row i of an array (N, 6)."""
+    return array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5]
+
+
+@part
+def store(array, i, v):
+    """Into row i of an array (N, 3)."""
+    array[i, 0], array[i, 1], array[i, 2] = v
+
+
+@part
+def store6(array, i, s):
+    """Into row i of an array (N, 6)."""
+    array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5] = s
+
+
+@part
+def transposed(m):
+    a, b, c = m
+    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
+
+
+@part
+def times(m, v):
+    """m v."""
+    return dot(m[0], v), dot(m[1], v), dot(m[2], v)
+
+
+@part
+def times_transposed(m, v):
+    """m' v."""
+    a, b, c = m
+    return (
+        a[0] * v[0] + b[0] * v[1] + c[0] * v[2],
+        a[1] * v[0] + b[1] * v[1] + c[1] * v[2],
+        a[2] * v[0] + b[2] * v[1] + c[2] * v[2],
+    )
+
+
+@part
+def product(m, n):
+    """m n."""
+    return times_transposed(n, m[0]), times_transposed(n, m[1]), times_transposed(n, m[2])
+
+
+@part
+def product_transposed(m, n):
+    """m n'."""
+    return times(n, m[0]), times(n, m[1]), times(n, m[2])
+
+
+@part
+def congruent(m, s):
+    """s m, and the six numbers of m' s m, of a symmetric s."""
+    right = product(symmetric(s), m)
+    a, b, c = transposed(m)
+    x, y, z = transposed(right)
+    return right, (dot(a, x), dot(a, y), dot(a, z), dot(b, y), dot(b, z), dot(c, z))
+
+
+@part
+def symmetric(s):
+    """All nine entries of a symmetric matrix given by six."""
+    return (s[0], s[1], s[2]), (s[1], s[3], s[4]), (s[2], s[4], s[5])
+
+
+@part
+def inverse(s):
+    """The inverse, six numbers, of a symmetric matrix; zero where it has none."""
+    c00, c01, c02 = s[3] * s[5] - s[4] * s[4], s[2] * s[4] - s[1] * s[5], s[1] * s[4] - s[2] * s[3]
+    determinant = s[0] * c00 + s[1] * c01 + s[2] * c02
+    f = 1.0 / determinant if abs(determinant) > 1e-300 else 0.0
+    return (
+        c00 * f,
+        c01 * f,
+        c02 * f,
+        (s[0] * s[5] - s[2] * s[2]) * f,
+        (s[1] * s[2] - s[0] * s[4]) * f,
+        (s[0] * s[3] - s[1] * s[1]) * f,
+    )

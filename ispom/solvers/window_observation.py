@@ -1,0 +1,142 @@
+"""The observations of a window: errors, cost, and the derivatives of one by the point in its camera."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.kernels import kernel, part
+from ispom.numerics.reprojection import gradient_by_point, hessian_by_point
+from ispom.numerics.vectors import matrix, plus, times, vector
+
+MIN_DEPTH = 1e-6
+"""Points nearer are behind their camera."""
+GROSS = 1e6
+"""A point behind its camera costs what an error of a thousand scales does: its square."""
+
+
+class Observed(NamedTuple):
+    """The arrays of a window.Window of the same names."""
+
+    rotations: Array
+    translations: Array
+    points: Array
+    cameras: Array
+    owners: Array
+    seen: Array
+    rates: Array
+    baseline: float
+    extra: Array
+
+
+@kernel(error_model="numpy", fastmath={"contract"})
+def squared_errors(observed):
+    """(K,) over all images; inf behind the camera."""
+    out = np.empty(len(observed.cameras))
+    for k in range(len(out)):
+        out[k] = _squared_error(observed, k)
+    return out
+
+
+@part
+def _squared_error(observed, k):
+    q = in_camera(observed, k)
+    if q[2] <= MIN_DEPTH:
+        return np.inf
+    wrong = correction(observed.extra)
+    _, _, _, ex, ey, er = residual(q, vector(observed.seen, k), observed.rates[k], observed.baseline, wrong)
+    return ex * ex + ey * ey + er * er
+
+
+@part
+def in_camera(observed, k):
+    """The point of observation k in its camera."""
+    c, point = observed.cameras[k], vector(observed.points, observed.owners[k])
+    return plus(times(matrix(observed.rotations, c), point), vector(observed.translations, c))
+
+
+@kernel(error_model="numpy")
+def robust_cost(squares, scale):
+    """Half the sum of log(1 + squared error in scales)."""
+    total, product_of_32, per = 0.0, 1.0, 1.0 / (scale * scale)
+    for k in range(len(squares)):
+        # the logarithm of a product of 32 instead of 32 logarithms; 1e6 to the 32nd is still a number
+        product_of_32 *= 1.0 + min(squares[k] * per, GROSS)
+        if k % 32 == 31:
+            total, product_of_32 = total + np.log(product_of_32), 1.0
+    return 0.5 * (total + np.log(product_of_32))
+
+
+@part
+def correction(extra):
+    """What is wrong with the camera or the pair, always four numbers (see window.Window.extra)."""
+    return extra[0], extra[1], extra[2] if len(extra) > 2 else 0.0, extra[3] if len(extra) > 2 else 0.0
+
+
+@part
+def residual(q, seen, rate, baseline, extra):
+    """Image x, y, right x of a point q before its camera, and their errors; without a right place its error is 0."""
+    iz = 1.0 / q[2]
+    x, y, right, er = q[0] * iz, q[1] * iz, 0.0, 0.0
+    ex, ey = x - seen[0], y - seen[1]
+    if baseline == 0.0:
+        stretch = extra[0] + extra[1] * (x * x + y * y)
+        ex, ey = ex + stretch * x, ey + stretch * y
+    elif seen[2] == seen[2]:
+        right = x - baseline * iz
+        square = right * right
+        er = right + extra[0] + extra[1] * rate * (1.0 + square) + (extra[2] + extra[3] * square) * square - seen[2]
+    return x, y, right, ex, ey, er
+
+
+@part
+def by_image(x, y, right, seen_right, rate, baseline, extra):
+    """Derivatives of the errors: xx, xy, yy of those by x and y, rr of the right one by the right x.
+
+    And x, y, right of all three by the first correction.
+    """
+    if baseline == 0.0:
+        stretch, bend = 1.0 + extra[0] + extra[1] * (x * x + y * y), 2.0 * extra[1]
+        return stretch + bend * x * x, bend * x * y, stretch + bend * y * y, 0.0, x, y, 0.0
+    if seen_right == seen_right:
+        return (
+            1.0,
+            0.0,
+            1.0,
+            1.0 + 2.0 * right * (extra[1] * rate + extra[2] + 2.0 * extra[3] * right * right),
+            0.0,
+            0.0,
+            1.0,
+        )
+    return 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
+
+
+@part
+def fill_factors(out, n, q, rate, baseline):
+    """Into out[n] (E,): the derivative of the errors by each correction, as a multiple of that by the first."""
+    iz = 1.0 / q[2]
+    x, y = q[0] * iz, q[1] * iz
+    right = x - baseline * iz
+    square = x * x + y * y if baseline == 0.0 else right * right
+    out[n, 0], out[n, 1] = 1.0, square if baseline == 0.0 else rate * (1.0 + square)
+    if out.shape[1] > 2:
+        out[n, 2], out[n, 3] = square, square * square
+
+
+@part
+def linearised(q, seen, rate, baseline, extra, per):
+    """With Cauchy's weight at errors in scales (`per`: 1 / scale^2), and all of it weighted:
+
+    second derivatives (6) by q, gradient (3) by q, derivatives by q and the first correction (3), by the first
+    correction twice, gradient by the first correction.
+    """
+    x, y, right, ex, ey, er = residual(q, seen, rate, baseline, extra)
+    xx, xy, yy, rr, ux, uy, ur = by_image(x, y, right, seen[2], rate, baseline, extra)
+    weight, iz = per / (1.0 + (ex * ex + ey * ey + er * er) * per), 1.0 / q[2]
+    wz = weight * iz
+    hessian = hessian_by_point(x, y, right, wz * iz, xx * xx + xy * xy, xy * (xx + yy), xy * xy + yy * yy, rr * rr)
+    gradient = gradient_by_point(x, y, right, wz, xx * ex + xy * ey, xy * ex + yy * ey, rr * er)
+    mixed = gradient_by_point(x, y, right, wz, xx * ux + xy * uy, xy * ux + yy * uy, rr * ur)
+    return hessian, gradient, mixed, weight * (ux * ux + uy * uy + ur * ur), weight * (ux * ex + uy * ey + ur * er)
