@@ -56,14 +56,9 @@ def part(function: Callable[..., Any]) -> Any:
     Products may be rounded once with the sum that they go into (`contract`): the same on each run of one machine. A
     division by zero gives infinity.
     """
-    return numba.njit(
-        error_model="numpy",
-        fastmath={"contract"},
-        forceinline=True,
-        no_cpython_wrapper=True,
-        no_cfunc_wrapper=True,
-        _nrt=False,
-    )(function)
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True, "_nrt": False}
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.njit(**options)(function)
 
 
 def kernels() -> list[Dispatcher]:

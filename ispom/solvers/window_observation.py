@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
@@ -23,8 +24,8 @@ class Observed(NamedTuple):
     rotations: Array
     translations: Array
     points: Array
-    cameras: Array
-    owners: Array
+    cameras: NDArray[np.int64]
+    owners: NDArray[np.int64]
     seen: Array
     rates: Array
     baseline: float

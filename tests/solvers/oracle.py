@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ispom.geometry import Array, Pose, so3_exp, so3_log
@@ -67,7 +68,7 @@ def image_errors(q: Array, window: Window, extra: Array) -> Array:
     return np.column_stack([x - window.seen[:, 0], y - window.seen[:, 1], third])
 
 
-def prior_residual(prior: Prior, rotations: Array, translations: Array, extra: Array, free: Array) -> Array:
+def prior_residual(prior: Prior, rotations: Array, translations: Array, extra: Array, free: NDArray[np.bool_]) -> Array:
     """Half its square is the prior's cost up to a constant: by the square root of the information."""
     p = len(prior.rotations)
     turn = rotations[:p] @ np.swapaxes(prior.rotations, 1, 2)
