@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -68,9 +69,9 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
         _require_inside(earlier, sequence)
         playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
-        with terminable(), _folder(options.out, sequence.name) as folder:
+        with terminable() as check_signals, _folder(options.out, sequence.name) as folder:
             watch = Until(condition)
-            _run(playback, methods, options, folder, origin, watch)
+            _run(playback, methods, options, folder, origin, watch, check_signals)
             _print(folder, playback.sequence, str(watch))
     finally:
         if sequence.stop is not None:
@@ -101,6 +102,7 @@ def _run(
     folder: RunFolder,
     origin: Origin | None,
     watch: Until,
+    check_signals: Callable[[], None],
 ) -> None:
     """Whatever ends it, the folder is complete or says why it is not."""
     statistics, forked = RunStatistics(), origin.entries if origin is not None else []
@@ -109,7 +111,7 @@ def _run(
     if playback.truth is not None:
         folder.write(TRUTH, tum_text(in_frame(playback.truth, playback.sequence.rig, options.frame)))
     try:
-        finished, failure = _play(playback, methods, options, folder, statistics, watch)
+        finished, failure = _play(playback, methods, options, folder, statistics, watch, check_signals)
         if watch.stop is None:
             _require_poses(without_secrets(options.source), finished, methods)
         _describe(folder, playback, methods, options, forked, statistics.images.hexdigest(), watch.stop)
@@ -155,6 +157,7 @@ def _play(
     folder: RunFolder,
     statistics: RunStatistics,
     watch: Until,
+    check_signals: Callable[[], None],
 ) -> tuple[Finished, str | None]:
     """Steps through the sequence, until `watch` stops it. Whatever ends that, what was computed is written.
 
@@ -176,6 +179,7 @@ def _play(
                     for consumer in (statistics, log, journal, record, watch):
                         consumer.add(event)
                     advance()
+                    check_signals()
                     if watch.stop is not None:
                         playback.end()
         finally:

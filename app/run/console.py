@@ -19,21 +19,31 @@ TERMINATED = 143
 
 
 @contextmanager
-def terminable() -> Iterator[None]:
-    """SIGTERM raises SystemExit, as Ctrl-C raises KeyboardInterrupt, so that what was computed is written."""
+def terminable() -> Iterator[Callable[[], None]]:
+    """SIGTERM raises SystemExit, and Ctrl-C KeyboardInterrupt, so that what was computed is written.
 
-    def stop(*_: object) -> None:
-        raise SystemExit(TERMINATED)
+    Gives a function to call now and then: it raises what a destructor, in which it first arose, has dropped.
+    """
+    ending: list[BaseException] = []
+
+    def stop(number: int, _: object) -> None:
+        ending.append(SystemExit(TERMINATED) if number == signal.SIGTERM else KeyboardInterrupt())
+        raise ending[0]
+
+    def check() -> None:
+        if ending:
+            raise ending[0]
 
     try:
-        before = signal.signal(signal.SIGTERM, stop)
+        before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
     except ValueError:  # not in the main thread: whoever started it there handles signals
-        yield
+        yield check
         return
     try:
-        yield
+        yield check
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -271,3 +271,31 @@ def test_a_condition_on_the_error_needs_a_truth(drive: str, tmp_path: Path) -> N
         out = tmp_path / f"out-{holds}"
         assert run(source, out, "--no-recording", "--until", "stereo.error_m >= 0") == 0
         assert (stopped(out) is not None) == holds
+
+
+class _Dropped:
+    """Gets a signal where Python drops what its handler raises."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self._number)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_that_a_destructor_drops_still_ends_the_run(tmp_path: Path, number: int, code: int) -> None:
+    class Signalled(doubles.FakeEstimator):
+        def step(self, state, exposure, *asked):
+            if exposure.time_ns == 400_000_000:
+                _Dropped(number)
+            return super().step(state, exposure, *asked)
+
+    arguments = ["run", str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "out"), "--no-recording"]
+    try:
+        ended = main(arguments, lambda _config, methods, _rig: doubles.ensemble(methods, Signalled))
+    except SystemExit as end:
+        ended = end.code
+    assert ended == code
+    assert (tmp_path / "out" / MARKER).read_text().startswith("Stopped by a signal after 9 of 12 exposures.")
