@@ -10,7 +10,7 @@ from ispom.ensemble import build
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.methods import Config
-from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Exposure, Sequence, Status, Step, StereoPair, Trajectory, VideoFrame
 
 
 def walked(
@@ -77,3 +77,15 @@ def test_one_bad_time_stamp_makes_no_thousand_knots(flight: Sequence, exposures:
     told = [d.consequence for s in steps for d in s.decisions if d.key == "joint_cost"]
     knots = [int(re.search(r"(\d+) knots", text)[1]) for text in told]  # type: ignore[index]
     assert knots and max(knots) < 100
+
+
+def test_video_below_5_hz_has_a_pose_from_the_first_pair_on(flight: Sequence, exposures: list[Exposure]) -> None:
+    frames = [e for e in exposures if isinstance(e, VideoFrame)][::7]
+    assert frames[1].time_ns - frames[0].time_ns > 200_000_000
+    given = [e for e in exposures if isinstance(e, StereoPair) or any(e is f for f in frames)]
+    first = next(i for i, e in enumerate(given) if isinstance(e, StereoPair))
+    _, steps, found = walked(flight, given, ModernIntegratedConfig())
+    assert all(s.status is Status.TRACKING and s.world_from_frame is not None for s in steps[first:])
+    last_ns = max(e.time_ns for e in given if isinstance(e, StereoPair))
+    inside = [f.time_ns for f in frames if given[first].time_ns <= f.time_ns <= last_ns]
+    assert found.times_ns.tolist() == inside
