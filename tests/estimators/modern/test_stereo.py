@@ -10,6 +10,7 @@ import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
 from ispom.evaluation.kitti import kitti_errors
+from ispom.frontends import sift
 from ispom.sequences import open_sequence
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, Trajectory
 
@@ -207,3 +208,17 @@ def test_what_was_not_seen_in_half_a_minute_of_darkness_stays_unknown(
     for covariance in later:
         assert covariance is not None
         assert float(np.sqrt(np.trace(covariance[:3, :3]))) > 0.99 * sigma_m
+
+
+def test_in_the_dark_nothing_is_described(
+    flight: Sequence, exposures: list[Exposure], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pairs, described = pairs_of(exposures), []
+    rng, describe = np.random.default_rng(0), sift.detect_and_describe
+    monkeypatch.setattr(sift, "detect_and_describe", lambda image, most: described.append(1) or describe(image, most))
+    shape = pairs[0].left.shape
+    night = [np.clip(rng.normal(6, 1.5, shape), 0, 255).astype(np.uint8) for _ in range(4)]
+    dark = [StereoPair(pairs[i].time_ns, night[0], night[i - 3]) for i in (3, 4, 5, 6)]
+    _, steps = run(ModernStereoConfig().build(flight.rig), [*pairs[:3], *dark])
+    assert [s.status for s in steps[3:]] == [Status.LOST] * 4 and not described
+    assert "nothing to describe" in str(steps[3].decisions[-1])

@@ -12,8 +12,9 @@ from ispom.estimators.modern.monocular.motion_model import coasted, coasted_cova
 from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
 from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import Followed, has_contrast, tracked_frame
+from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.frontends.contrast import has_contrast
 from ispom.geometry import Pose
 from ispom.solvers.rotation import dominant_rotation, median_displacement
 from ispom.types import Decision, Status

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.sift import detect_and_describe, match
@@ -47,10 +47,6 @@ class Followed:
 
 
 GUIDED, UNGUIDED = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5)
-MIN_CONTRAST = 0.2
-"""Deviation of the coarse image's grey values, over that of the last good one: with less it shows nothing."""
-COARSE = 8
-"""Pixels of the image per pixel of the coarse one: averages of 64 have an eighth of the noise."""
 FEATURES, MIN_FEATURES = 1000, 15
 """How many are compared where tracking lost its way, and how many must agree: as many as for a pose."""
 MAX_RATIO = 0.8
@@ -67,17 +63,6 @@ def follow(live: LiveTracks, grey: Image, predicted: NDArray[np.float32] | None)
     grey = as_bright(grey, live.grey)
     klt = UNGUIDED if predicted is None else GUIDED
     return Followed(*klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted))
-
-
-def has_contrast(grey: Image, other: Image | None) -> bool:
-    """Whether the image has contrast beyond its noise, compared with another one."""
-    if other is None:
-        return True
-    now, before = (
-        float(cv2.resize(g, None, fx=1 / COARSE, fy=1 / COARSE, interpolation=cv2.INTER_AREA).std())
-        for g in (grey, other)
-    )
-    return now > MIN_CONTRAST * before
 
 
 def displaced_by_features(live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:

@@ -14,6 +14,7 @@ from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.frontends import sift
+from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
@@ -49,6 +50,9 @@ def sight(setup: Setup, last: LastPair, world: StereoMap, new: NewPair) -> tuple
     nearby = checks.NEARBY_POINTS.of(sighting.inliers, wanted)
     if nearby.passed:
         return sighting, (guided, nearby)
+    if not has_contrast(new.left, last.left):
+        nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers, "the image shows nothing to describe")
+        return sighting, (guided, nearby, nothing)
     features = sift.detect_and_describe(new.left, FEATURES)
     described = relocated(setup, last, world, features, last.described or _described(last))
     if described is not None:
