@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.kernels import kernel
+from ispom.kernels import kernel, part
 
 NEAR_HALF_TURN = -0.99
 """Cosine of an angle from which on the axis is found otherwise."""
@@ -17,12 +17,17 @@ NEAR_HALF_TURN = -0.99
 def exp3(v):
     """Rotation (3, 3) of a rotation vector (3,)."""
     angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    if angle2 < 1e-10:
-        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
-    else:
-        angle = np.sqrt(angle2)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+    a, b = rodrigues(angle2)
     return _combination(v, 1.0, a, b)
+
+
+@part
+def rodrigues(angle2):
+    """a and b of exp(v) = I + a [v]x + b [v]x^2, of the square of the length of v."""
+    if angle2 < 1e-8:
+        return 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+    angle = np.sqrt(angle2)
+    return np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
 
 
 @kernel()

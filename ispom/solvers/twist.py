@@ -5,20 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.kernels import kernel
+from ispom.numerics.lie import rodrigues
 
 
 @kernel(error_model="numpy")
 def moved(rotations, translations, steps):
-    """Poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho (Rodrigues)."""
+    """Poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho."""
     rotations_after, translations_after = np.empty_like(rotations), np.empty_like(translations)
     for n in range(len(steps)):
         a, b, c = steps[n, 3], steps[n, 4], steps[n, 5]
-        square = a * a + b * b + c * c
-        angle = np.sqrt(square)
-        if angle < 1e-4:
-            sine, versine = 1.0 - square / 6, 0.5 - square / 24
-        else:
-            sine, versine = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
+        sine, versine = rodrigues(a * a + b * b + c * c)
         # exp(phi) v = v + sine phi x v + versine phi x (phi x v), of the columns of R and of t
         for d in range(4):
             if d < 3:
