@@ -4,6 +4,10 @@ Where this differs from the print: a pose is resected by AP3P in RANSAC and refi
 decomposing a projection matrix; frames between key frames are refined one by one with the points held, instead of by
 bundle adjustment; each frame also gets a pose at once, from the last triple's points. What never sees a key frame again
 keeps the pose that it got at once after MAX_WAITING frames.
+
+At rest the print has no answer: points tracked from image to image drift, their displacement makes a key frame after
+some seconds, and the triple of three images from one place has any direction and nearly any length. The unit is lost,
+and where too few points agree the method starts anew, without a pose until it moves.
 """
 
 from __future__ import annotations
