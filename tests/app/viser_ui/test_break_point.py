@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -20,13 +19,6 @@ from tests import doubles
 from tests.alone import METHODS
 
 LOST = 'monocular.status == "lost"'
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield found
-    found.stop()
 
 
 @pytest.fixture(scope="module")

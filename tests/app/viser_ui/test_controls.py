@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal
@@ -32,13 +31,6 @@ class Example:
     """How far."""
     tolerance: Annotated[float, Range(1e-9, 1.0)] = 1e-6
     free: float = 0.5
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield found
-    found.stop()
 
 
 def test_every_kind_of_field_has_its_input(server: viser.ViserServer):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,10 +26,8 @@ STATE = State("double:20", phase="ready", name="double", run=1, total=20, method
 
 
 @pytest.fixture(scope="module")
-def gui() -> Iterator[viser.GuiApi]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.gui
-    server.stop()
+def gui(server: viser.ViserServer) -> viser.GuiApi:
+    return server.gui
 
 
 @pytest.fixture

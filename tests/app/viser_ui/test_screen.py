@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
@@ -29,13 +28,6 @@ from tests import doubles
 from tests.alone import METHODS
 
 N = 40
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[viser.ViserServer]:
-    found = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield found
-    found.stop()
 
 
 @pytest.fixture(scope="module")
