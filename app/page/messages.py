@@ -11,6 +11,7 @@ from ispom.methods import method as registered
 from .. import colours
 from ..rerun_log.blueprint import hidden_paths
 from ..session import commands as do
+from ..session.actions import ACTIONS, BY_NAME
 from ..session.state import State
 from ..texts import length, size
 
@@ -21,6 +22,10 @@ STATUS = {
     "lost": "no pose at this exposure",
 }
 OWN_UNIT = "A single camera has no metric scale: its path is scaled by the first segment between stereo poses."
+
+
+KEYS = [{"name": action.name, "key": action.key, "label": action.label, "hint": action.hint} for action in ACTIONS]
+"""Of the page: what it listens to, and lists."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ def message_of(state: State) -> dict[str, Any]:
         "index": state.index,
         "time_s": round(state.time_s, 3),
         "playing": state.playing,
+        "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
         "activity": state.activity.text if state.activity else None,
@@ -82,16 +88,14 @@ def command_of(text: str) -> do.Command | Pane | None:
     try:
         message = json.loads(text)
         match message["do"]:
-            case "play":
-                return do.Play()
-            case "step":
-                return do.StepBy(int(message["by"]))
             case "seek":
                 return do.Seek(int(message["index"]))
             case "record":
                 return do.Record("")
             case "pane":
                 return Pane(bool(message["wide"]))
+            case str(name) if name in BY_NAME:
+                return BY_NAME[name].command
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         pass
     return None

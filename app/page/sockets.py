@@ -12,7 +12,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from ..session.session import Session
 from ..viser_ui.portless import PortlessViser
-from .messages import Pane, command_of, message_of
+from .messages import KEYS, Pane, command_of, message_of
 from .wakeup import Wakeup
 
 HEARTBEAT_S = 20.0
@@ -62,13 +62,14 @@ class Talk:
             self._session.post(heard)  # type: ignore[arg-type]
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown = None
+        shown, keys = None, KEYS
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
                 if (state := self._session.state) is not shown:
                     shown = state
-                    await socket.send_str(json.dumps(message_of(state)))
+                    message, keys = message_of(state) | ({"keys": keys} if keys else {}), []
+                    await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)
                 else:
                     await news.wait()

@@ -104,6 +104,8 @@ STEP_QUANTITIES = (
     StepQuantity("seconds", lambda s, _: sum(s.seconds.values()), "wall time; differs from run to run", unit="s"),
 )
 """In the order of the columns of steps.csv."""
+MOMENTARY = ("key_frame", "restarted")
+"""Flags that are true at one exposure: another method's step does not find them true again."""
 EXPOSURE_QUANTITIES = (
     Quantity("", "exposure", "number", "counted from 0"),
     Quantity("", "time_s", "number", "in the clock of the source", "s"),
@@ -134,9 +136,18 @@ def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
 
 
 def row_after(before: Row, index: int, time_ns: int, steps: Iterable[Step], errors_m: Mapping[str, float]) -> Row:
-    """The row at an exposure: of methods that did not step on it, what they said at their latest."""
+    """The row at an exposure: of methods that did not step on it, what they said at their latest, but for MOMENTARY."""
     said = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
-    return {**before, "": {"exposure": index, "time_s": time_ns / 1e9}, **said}
+    return {
+        **{method: _over(values) for method, values in before.items()},
+        "": {"exposure": index, "time_s": time_ns / 1e9},
+        **said,
+    }
+
+
+def _over(values: Mapping[str, Value]) -> Mapping[str, Value]:
+    """At a later exposure: what happened at one is over."""
+    return {**values, **dict.fromkeys(MOMENTARY, False)} if any(values.get(key) for key in MOMENTARY) else values
 
 
 def by_method(steps: Iterable[Step]) -> dict[str, Step]:

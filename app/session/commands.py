@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from ispom.methods import Config
 
@@ -21,6 +22,32 @@ class StepBy:
     """Pause, and move by this many exposures."""
 
     count: int
+
+
+@dataclass(frozen=True)
+class StepTo:
+    """Pause, and show the nearest exposure of this kind: a stereo exposure, or one at which a running method made a key
+    frame. Forwards, what is not computed yet is computed up to there."""
+
+    kind: Literal["stereo", "key_frame"]
+    forwards: bool = True
+
+
+@dataclass(frozen=True)
+class GoToEnd:
+    """Pause, and show the newest computed exposure."""
+
+
+@dataclass(frozen=True)
+class LoopEdge:
+    """Playing goes round between two exposures: the one that is shown becomes its first or its last."""
+
+    edge: Literal["start", "end"]
+
+
+@dataclass(frozen=True)
+class NoLoop:
+    """Playing goes on to the end again."""
 
 
 @dataclass(frozen=True)
@@ -144,14 +171,12 @@ class FindMatch:
     forwards: bool = True
 
 
+Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch
 Command = (
-    Play
-    | StepBy
-    | Seek
+    Moves
     | RunUntil
     | FindMatch
-    | Speed
     | Restart
     | OfBranches
     | Open

@@ -77,6 +77,14 @@ class Controller:
                 player.move(*moves.step(store.state, player.run, count))
             case do.Seek(index):
                 player.move(*moves.seek(player.run, index))
+            case do.StepTo(kind, forwards):
+                player.move(*moves.step_to(store.state, player.run, kind, forwards=forwards))
+            case do.GoToEnd():
+                player.move(*moves.to_end(player.run))
+            case do.LoopEdge(edge):
+                store.emit(*moves.loop_edge(store.state, edge))
+            case do.NoLoop():
+                store.set(loop=None)
             case do.RunUntil(condition):
                 player.move(*break_points.run_until(store.state, player.run, condition))
             case do.FindMatch(condition, forwards):

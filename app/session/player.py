@@ -50,7 +50,9 @@ class Player:
             if len(run.series) > known:
                 self._store.emit(*break_points.after_step(self._store.state, run, state.target))
         elif state.playing and time.monotonic() >= self._due_s:
-            if state.index + 1 < len(run.history):
+            if back := moves.around(state, run):
+                self._store.emit(*back)
+            elif state.index + 1 < len(run.history):
                 self._store.emit(Displayed(run.history[state.index + 1]))
             elif self._more(run):
                 self._compute(run)

@@ -48,6 +48,15 @@ class RecordedFile:
 
 
 @dataclass(frozen=True)
+class Loop:
+    """The exposures between which playing goes round."""
+
+    start: int = 0
+    end: int | None = None
+    """None: the last one of the source."""
+
+
+@dataclass(frozen=True)
 class Activity:
     """Something under way that may take long: what, and since when (time.monotonic)."""
 
@@ -85,6 +94,7 @@ class State:
     """Of the source, since its run was started; the first is that run."""
     branch: int = 0
     """The number of the one that is shown."""
+    loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
     target: int | None = None
@@ -187,7 +197,7 @@ class Changed:
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"unfinished"}
-_CHANGEABLE |= {"source_options", "total", "notes", "branches", "until"}
+_CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop"}
 
 
 def changed(**values: object) -> Changed:
@@ -212,6 +222,7 @@ def reduce(state: State, event: Event) -> State:
                 computed=0,
                 branches=(),
                 branch=0,
+                loop=None,
             )
         case OpeningFailed(reason):
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
@@ -243,7 +254,7 @@ def reduce(state: State, event: Event) -> State:
         case Displayed(record):
             return replace(state, displayed=record)
         case Finished():
-            return replace(state, ended=True, playing=False)
+            return replace(state, ended=True, playing=state.playing and state.loop is not None)
         case NoticeAdded(text, kind):
             notice = Notice(state.notice_count + 1, text, kind)
             return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])

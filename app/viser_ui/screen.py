@@ -74,17 +74,17 @@ class Screen:
         run = RunPanel(gui, self._session)
         source = SourcePanel(gui, self._session)
         tabs = gui.add_tab_group()
-        with tabs.add_tab("Why", viser.Icon.HELP):
+        with tabs.add_tab("Why"):
             why = WhyPanel(gui)
-        with tabs.add_tab("Methods", viser.Icon.ADJUSTMENTS):
+        with tabs.add_tab("Methods"):
             methods = MethodsPanel(gui, self._session)
-        with tabs.add_tab("Branches", viser.Icon.GIT_BRANCH):
+        with tabs.add_tab("Branches"):
             branches = BranchesPanel(gui, self._session)
-        with tabs.add_tab("Break", viser.Icon.PLAYER_STOP):
+        with tabs.add_tab("Break"):
             break_point = BreakPointPanel(gui, self._session)
-        with tabs.add_tab("View", viser.Icon.EYE):
+        with tabs.add_tab("View"):
             view = ViewPanel(gui, self._session)
-        with tabs.add_tab("Record", viser.Icon.PLAYER_RECORD):
+        with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
         return [run, source, why, methods, branches, break_point, view, record]
 

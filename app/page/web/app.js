@@ -1,6 +1,6 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
 import { openControls } from "./controls.js";
-import { listen } from "./keyboard.js";
+import { listen, setKeys } from "./keyboard.js";
 import { showNotices } from "./notices.js";
 import { openViewer } from "./rerun.js";
 import { makeSplitter } from "./splitter.js";
@@ -26,6 +26,7 @@ function connect() {
   socket.onopen = () => send({ do: "pane", wide });
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
+    if (state.keys) setKeys(state.keys);
     window.ispom = { state, viewer, send };
     showState(state);
     showNotices(state.notices);

@@ -1,19 +1,43 @@
-// The keys of the run, wherever the focus is: on the page, in Rerun's canvas, or in viser's panel.
-const KEYS = { " ": { do: "play" }, ArrowRight: { do: "step", by: 1 }, ArrowLeft: { do: "step", by: -1 } };
-const OWN_KEYS = "textarea, input:not([type=checkbox]), [role=slider], [role=tab], #splitter, button:focus-visible";
+// The keys of the run, wherever the focus is: on the page, in Rerun's canvas, or in viser's panel. Which they are, the
+// server says (app/session/actions.py); "?" and Escape are the list's of them.
+import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
+
+const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
+const MOVED = "[role=slider], [role=tab], #splitter"; // with the arrows, and with these:
+const MOVES = ["ArrowLeft", "ArrowRight", "Home", "End", "Space"];
+const PRESSED = "button:focus-visible, [role=checkbox]:focus-visible, input[type=checkbox]:focus-visible";
+let names = {};
+
+export function setKeys(keys) {
+  names = Object.fromEntries(keys.map(({ key, name }) => [key, name]));
+  listKeys(keys);
+}
 
 export function listen(page, command) {
   page.addEventListener("keydown", (event) => {
-    const wanted = KEYS[event.key];
-    if (!wanted || event.ctrlKey || event.metaKey || event.altKey || keepsKeys(event.target)) return;
+    const key = keyOf(event);
+    const own = { "?": toggleKeys, Escape: hideKeys }[key];
+    if ((!own && !names[key]) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
+    if (own) {
+      if (!own()) return;
+    } else command({ do: names[key] });
     event.preventDefault();
     event.stopImmediatePropagation();
-    command(wanted);
   }, { capture: true });
 }
 
-// Where text is typed, and what the arrows move or the space presses; but the slider of the exposures steps with all else.
-const keepsKeys = (target) => target.matches(OWN_KEYS) && labelOf(target) !== "exposure";
+// Signs as they are, whatever it takes to write them; letters and named keys with their Shift.
+function keyOf({ key, shiftKey }) {
+  const plain = key === " " ? "Space" : key.toLowerCase() !== key.toUpperCase() && key.length === 1 ? key.toLowerCase() : key;
+  return shiftKey && (plain.length > 1 || plain !== plain.toUpperCase()) ? `Shift+${plain}` : plain;
+}
+
+// Where text is typed, and what the key itself moves or presses; but the slider of the exposures steps with all else.
+function keepsKey(target, key) {
+  if (target.matches(TEXT)) return true;
+  if (target.matches(MOVED)) return MOVES.includes(key) && labelOf(target) !== "exposure";
+  return key === "Space" && target.matches(PRESSED);
+}
 
 function labelOf(target) {
   let row = target;

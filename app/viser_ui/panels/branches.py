@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
+from ispom.methods import in_order
+
 from ... import colours
+from ...run.tally import MethodTally
 from ...session import commands as do
 from ...session.branches import NAME_LENGTH, Branch
 from ...session.state import State
@@ -91,15 +94,16 @@ def _entry(branch: Branch, state: State) -> dict[str, Any]:
     if branch.parent is not None:
         changes = "; ".join(branch.changes) or "nothing changed"
         origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
-    rows = [
-        {
-            "label": colours.label(name),
-            "rmse": "no truth" if tally.rmse_m is None else f"{tally.rmse_m:.3f} m",
-            "lost": tally.lost,
-            "ms": "" if tally.ms is None else f"{tally.ms:.1f}",
-        }
-        for name, tally in branch.tally.methods.items()
-    ]
+    rows = [_row(name, branch.tally.methods[name]) for name in in_order(branch.tally.methods)]
     shown = branch.number == state.branch
     known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden}
     return known | {"shown": shown, "origin": origin, "methods": rows}
+
+
+def _row(method: str, tally: MethodTally) -> dict[str, Any]:
+    return {
+        "label": colours.label(method),
+        "rmse": "no truth" if tally.rmse_m is None else f"{tally.rmse_m:.3f} m",
+        "lost": tally.lost,
+        "ms": "" if tally.ms is None else f"{tally.ms:.1f}",
+    }

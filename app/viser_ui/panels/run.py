@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import viser
 
 from ...session import commands as do
-from ...session.state import State
+from ...session.actions import ACTIONS, BY_NAME
+from ...session.state import Loop, State
 from ..markup import render
 
 if TYPE_CHECKING:
@@ -16,6 +17,13 @@ if TYPE_CHECKING:
 
 SPEEDS: dict[str, float | None] = {"max": None, "4 x": 4.0, "2 x": 2.0, "1 x": 1.0, "0.5 x": 0.5, "0.2 x": 0.2}
 BACK, PLAY, PAUSE, FORWARD = "◀ Step", "▶ Play", "‖ Pause", "Step ▶"
+MOVES = {
+    "key frame": {"◀": "key_frame_back", "▶": "key_frame"},
+    "stereo": {"◀": "stereo_back", "▶": "stereo"},
+    "go to": {"Start": "start", "End": "end"},
+    "loop": {"From here": "loop_start", "To here": "loop_end", "Off": "no_loop"},
+}
+"""Rows of buttons: what is on each, and the action's name."""
 HAND_S = 0.4
 """How long after a person moved the slider the program leaves it alone."""
 
@@ -33,13 +41,12 @@ class RunPanel:
         self._speed.on_update(lambda _: session.post(do.Speed(SPEEDS[self._speed.value])))
         self._progress = gui.add_progress_bar(0)
         self._text = gui.add_html(_text(session.state))
+        with gui.add_folder("Moves and loop", expand_by_default=False):
+            self._moves = [_buttons(gui, session, label, names) for label, names in MOVES.items()]
         # Their keys are the page's (keyboard.js): two that listen would step twice.
-        for label, icon, wanted in (
-            ("Play / pause", viser.Icon.PLAYER_PLAY, do.Play()),
-            ("Step forward", viser.Icon.PLAYER_TRACK_NEXT, do.StepBy(1)),
-            ("Step back", viser.Icon.PLAYER_TRACK_PREV, do.StepBy(-1)),
-        ):
-            gui.add_command(label, icon=icon).on_trigger(lambda _, wanted=wanted: session.post(wanted))
+        for action in ACTIONS:
+            entry = gui.add_command(action.label, description=f"{action.hint} Key: {action.key}")
+            entry.on_trigger(lambda _, wanted=action.command: session.post(wanted))
 
     def _clicked(self, _: object) -> None:
         commands = {BACK: do.StepBy(-1), PLAY: do.Play(True), PAUSE: do.Play(False), FORWARD: do.StepBy(1)}
@@ -72,6 +79,13 @@ class RunPanel:
         self._slider.value = index
 
 
+def _buttons(gui: viser.GuiApi, session: Session, label: str, names: dict[str, str]) -> viser.GuiButtonGroupHandle[str]:
+    hint = " ".join(f"{text}: {BY_NAME[name].hint} Key: {BY_NAME[name].key}." for text, name in names.items())
+    found = gui.add_button_group(label, tuple(names), hint=hint)
+    found.on_click(lambda _: session.post(BY_NAME[names[found.value]].command))
+    return found
+
+
 def _text(state: State) -> str:
     """What is known of the run, as HTML."""
     if state.phase == "opening" and not state.total:
@@ -81,5 +95,10 @@ def _text(state: State) -> str:
         return render("run.html", text=text, notes=())
     waiting = f"computing up to {state.target} · " if state.target is not None else ""
     finished = " · finished" if state.ended else ""
-    text = f"{waiting}computed {state.computed} of {state.total} exposures{finished}"
+    loop = f" · loop {state.loop.start} to {_end(state.loop)}" if state.loop is not None else ""
+    text = f"{waiting}computed {state.computed} of {state.total} exposures{finished}{loop}"
     return render("run.html", text=text, notes=state.notes)
+
+
+def _end(loop: Loop) -> str:
+    return "the end" if loop.end is None else str(loop.end)

@@ -41,7 +41,7 @@ STEP_BACK = """async (from) => {
   await shown(from);
   await new Promise((done) => setTimeout(done, 1500));
   const began = performance.now();
-  send({ do: "step", by: -1 });
+  send({ do: "back" });
   return (await shown(from - 1)) - began;
 }"""
 """The time from the command to the new state in the page [ms], when nothing is drawn meanwhile."""

@@ -219,7 +219,9 @@ def test_a_reader_that_takes_a_file_too_slowly_is_cut_off(tmp_path: Path, monkey
     ("text", "command"),
     [
         ('{"do": "play"}', do.Play()),
-        ('{"do": "step", "by": -1}', do.StepBy(-1)),
+        ('{"do": "back"}', do.StepBy(-1)),
+        ('{"do": "stereo_back"}', do.StepTo("stereo", forwards=False)),
+        ('{"do": ["back"]}', None),
         ('{"do": "pane", "wide": false}', Pane(False)),
         ('{"do": "seek"}', None),
         ('{"do": "seek", "index": "far"}', None),

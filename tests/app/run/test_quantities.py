@@ -60,11 +60,20 @@ def test_what_a_step_says_is_finite_or_missing_and_of_its_kind() -> None:
 
 
 def test_a_method_that_did_not_step_keeps_what_it_said() -> None:
-    _, exposure, step = stepped(3)[0]
+    _, exposure, step = stepped(3)[1]
     first = row_after(NO_ROW, 0, exposure.time_ns, (step,), {})
     second = row_after(first, 1, 500_000_000, (replace(step, method="stereo"),), {})
     assert second["monocular"] is first["monocular"] and "stereo" not in first
     assert second[""] == {"exposure": 1, "time_s": 0.5}
+
+
+def test_a_key_frame_and_a_restart_are_of_one_exposure() -> None:
+    _, exposure, step = stepped(3)[0]
+    first = row_after(NO_ROW, 0, exposure.time_ns, (replace(step, key_frame=True, restarted=True),), {})
+    second = row_after(first, 1, 500_000_000, (replace(step, method="stereo", key_frame=False),), {})
+    assert first["monocular"]["key_frame"] and first["monocular"]["restarted"]
+    assert not second["monocular"]["key_frame"] and not second["monocular"]["restarted"]
+    assert second["monocular"]["inliers"] == first["monocular"]["inliers"]
 
 
 def test_what_a_method_does_not_say_again_is_missing() -> None:

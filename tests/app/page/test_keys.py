@@ -1,0 +1,138 @@
+"""Each key and each button of the moves, in the page; a stand-in draws in place of Rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ispom_app.session.actions import ACTIONS, BY_NAME
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+FROM = 20
+CONSEQUENCES = {
+    "play": "state.playing || state.index > 20",
+    "forward": "state.index === 21",
+    "back": "state.index === 19",
+    "stereo": "state.index === 23",
+    "stereo_back": "state.index === 12",
+    "key_frame": "state.index === 22",
+    "key_frame_back": "state.index === 17",
+    "start": "state.index === 0",
+    "end": "state.index === 43",
+    "loop_start": "state.loop?.[0] === 20 && state.loop[1] === null",
+    "loop_end": "state.loop?.[0] === 0 && state.loop[1] === 20",
+    "no_loop": "state.loop === null",
+}
+"""Of each action at exposure 20, where the first and every fifth exposure of a method is a key frame."""
+BUTTONS = {
+    "key_frame_back": ("key frame", "◀"),
+    "key_frame": ("key frame", "▶"),
+    "stereo_back": ("stereo", "◀"),
+    "stereo": ("stereo", "▶"),
+    "start": ("go to", "Start"),
+    "end": ("go to", "End"),
+    "loop_start": ("loop", "From here"),
+    "loop_end": ("loop", "To here"),
+    "no_loop": ("loop", "Off"),
+}
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.until("state.ended && !state.playing", "the end")
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+def begin(page: Page, name: str) -> None:
+    """At exposure 20; with a loop, where it is to be taken away."""
+    page.send("{do: 'no_loop'}")
+    page.send(f"{{do: 'seek', index: {FROM}}}")
+    page.until(f"state.index === {FROM} && state.loop === null && !state.playing", "the beginning")
+    if name == "no_loop":
+        page.send("{do: 'loop_start'}")
+        page.until("state.loop !== null", "a loop")
+
+
+FOCUSED = {
+    "the page": lambda page: page.tab.locator("#bar").click(position={"x": 600, "y": 15}),
+    "Rerun's canvas": lambda page: page.tab.locator("#canvas").click(),
+    "viser's panel": lambda page: page.controls.get_by_text("computed 44 of 44").click(),
+    "a pressed button": lambda page: page.controls.get_by_role("button", name="Step ▶").click(),
+    "the slider of exposures": lambda page: page.controls.get_by_role("slider").first.focus(),
+}
+
+
+@pytest.mark.parametrize("where", FOCUSED)
+def test_every_key_does_what_the_list_says_wherever_the_focus_is(page: Page, where: str):
+    FOCUSED[where](page)
+    for action in ACTIONS:
+        begin(page, action.name)
+        page.tab.keyboard.press(action.key)
+        page.until(CONSEQUENCES[action.name], f"{action.key} with the focus on {where}")
+
+
+@pytest.mark.parametrize("name", BUTTONS)
+def test_every_button_of_the_moves(page: Page, name: str):
+    begin(page, name)
+    folder = page.controls.get_by_text("Moves and loop", exact=True)
+    row, text = BUTTONS[name]
+    button = page.controls.get_by_role("button", name=text, exact=True)
+    if not button.first.is_visible():
+        folder.click()
+    among = {"key frame": 0, "stereo": 1}.get(row, 0)
+    button.nth(among).click()
+    page.until(CONSEQUENCES[name], text)
+
+
+def test_question_mark_lists_every_key_and_escape_closes_the_list(page: Page):
+    dialog = page.tab.locator("#keys")
+    for focus in FOCUSED.values():
+        focus(page)
+        assert not dialog.is_visible()
+        page.tab.keyboard.press("?")
+        dialog.wait_for()
+        text = dialog.inner_text()
+        assert all(action.label in text and action.hint in text for action in ACTIONS)
+        page.tab.keyboard.press("Escape")
+        dialog.wait_for(state="hidden")
+    page.tab.locator("#help").click()
+    dialog.wait_for()
+    page.tab.keyboard.press("?")
+    dialog.wait_for(state="hidden")
+
+
+def test_a_text_field_keeps_all_keys(page: Page):
+    begin(page, "play")
+    page.controls.get_by_role("tab", name="Record").click()
+    field = page.controls.get_by_role("textbox").last
+    field.fill("")
+    field.focus()
+    page.tab.keyboard.type("k a?b l")
+    page.tab.keyboard.press("Home")
+    assert field.input_value() == "k a?b l" and not page.tab.locator("#keys").is_visible()
+    assert page.state["index"] == FROM and page.state["loop"] is None and not page.state["playing"]
+
+
+def test_the_palette_has_every_action(page: Page):
+    page.controls.get_by_text("computed 44 of 44").click()
+    search = page.controls.get_by_placeholder("Search")
+    for action in ACTIONS:
+        begin(page, action.name)
+        page.tab.keyboard.press("Control+k")
+        search.fill(BY_NAME[action.name].label)
+        page.controls.get_by_text(action.hint).first.click()
+        page.until(CONSEQUENCES[action.name], action.label)
+        search.wait_for(state="hidden")
+
+
+def test_the_tabs_fit_in_one_line(page: Page):
+    boxes = [tab.bounding_box() for tab in page.controls.get_by_role("tab").all()]
+    assert len(boxes) >= 6 and len({box["y"] for box in boxes}) == 1
+    assert boxes[-1]["x"] + boxes[-1]["width"] <= page.tab.locator("#splitter").bounding_box()["x"]
