@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import viser
 from ispom_app.run.playback import Playback
+from ispom_app.run.tally import Tally
 from ispom_app.session import commands as do
 from ispom_app.session.branches import Beside, Branch
 from ispom_app.session.current_run import CurrentRun
@@ -65,6 +66,13 @@ def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServe
     assert "first run, from exposure 9 on: stereo.max-tracks 500 → 300. 12 of 22 exposures" in text
     assert text.count("Stereo") == 2 and "lost" in text and "RMSE" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
+
+
+def test_methods_are_in_the_order_of_the_registry(server: viser.ViserServer, run: CurrentRun) -> None:
+    tally = Tally(dict(reversed(list(run.tally.methods.items()))))
+    panel, _ = made(server, with_branches(run, Branch(0, "first run", tally=tally)))
+    places = [panel._text.content.index(f"<td>{label}") for label in ("Monocular", "Stereo", "Integrated")]
+    assert places == sorted(places)
 
 
 def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.ViserServer, two: State) -> None:
