@@ -90,7 +90,7 @@ def _execute(
 ) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
-        from .headless import run
+        from .headless.command import run
 
         return run(command, builder)
     if isinstance(command, Fork):

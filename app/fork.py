@@ -15,7 +15,8 @@ from ispom.io.files import exists, expanded
 from ispom.methods import with_asked
 from ispom.sequences.address import is_address, is_device, without_secrets
 
-from . import headless
+from .headless.command import run as run_headless
+from .headless.job import Origin
 from .options import Fork, Run, config_of, settings_of
 from .run.playback import Builder, Stage
 from .run.run_file import RunFile, read_run_file
@@ -26,7 +27,7 @@ _SOURCE_OPTIONS = {"seed": int, "stereo_every": int, "video_scale": (float, int)
 def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> int:
     """Runs the fork; `arguments` are those of the command, read again with the settings of the run as defaults.
 
-    Raises InputError where the run cannot be repeated, or as `headless.run`.
+    Raises InputError where the run cannot be repeated, or as `ispom run`.
     """
     run = read_run_file(options.run)
     config = run.configs()
@@ -45,7 +46,7 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
         recording=options.recording,
         **_options(run),
     )
-    return headless.run(again, builder, headless.Origin(run, options.run, stages))
+    return run_headless(again, builder, Origin(run, options.run, stages))
 
 
 def _source(options: Fork, run: RunFile) -> str:

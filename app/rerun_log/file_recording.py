@@ -35,8 +35,11 @@ RESERVE_BYTES = 32 << 20
 """A recording ends where it would leave less of the disk than this: the run's results are still to be written."""
 FLUSH_EVERY, FLUSH_EVERY_S = 10, 0.5
 """Events and seconds between two flushes of a file: what a crash may lose."""
-WAIT_S = 1.0
-"""Longest wait for the disk at a time."""
+WAIT_S = 0.5
+"""Longest wait for the disk at a time, during which no signal is seen."""
+CLOSE_S = 3.0
+"""Longest wait for the disk when a recording is closed, in all."""
+POLL_S = 0.05
 STALLED_S = 10.0
 """A disk that takes nothing for so long is given up."""
 
@@ -84,10 +87,13 @@ class FileRecording:
             if self._since_flush >= FLUSH_EVERY or time.monotonic() > self._flushed_s + FLUSH_EVERY_S:
                 self._guarded(self._flush)
 
-    def close(self) -> None:
-        """Ends the file properly. Calling it again does nothing."""
-        self._guarded(self._flush)
-        self._end()
+    def close(self, overdue: Callable[[], bool] = lambda: False) -> None:
+        """Ends the file properly. Calling it again does nothing.
+
+        A disk that does not answer is given up after `CLOSE_S`, or earlier, once `overdue`, which is asked again and
+        again, is true.
+        """
+        self._end(overdue)
 
     def __enter__(self) -> Self:
         return self
@@ -128,15 +134,14 @@ class FileRecording:
         self.failure = self.failure or f"{self.path} ends early because {why} and record again"
         self._end()
 
-    def _end(self) -> None:
-        """Closes the stream, without waiting for a disk that does not answer, and gives the file its name."""
+    def _end(self, overdue: Callable[[], bool] = lambda: False) -> None:
+        """Closes the stream, without waiting long for a disk that does not answer, and gives the file its name."""
         if self._stream is None:
             return
         closing = Thread(target=self._stream.disconnect, name="recording end", daemon=True)
         self._stream = None
         closing.start()
-        closing.join(WAIT_S)
-        if closing.is_alive() or not self._file.ended(WAIT_S):
+        if not self._ended(closing, overdue):
             self.failure = (
                 self.failure or f"{self.path} has no index because the disk does not answer: see to its folder"
             )
@@ -147,6 +152,16 @@ class FileRecording:
         except OSError as error:
             self.failure = self.failure or f"{self._part} cannot be renamed ({error.strerror}): see to its folder"
         self._stack.close()
+
+    def _ended(self, closing: Thread, overdue: Callable[[], bool]) -> bool:
+        """Waits until the disk has all; whether that came."""
+        until = time.monotonic() + CLOSE_S
+        while True:
+            closing.join(POLL_S)
+            if not closing.is_alive() and self._file.ended(POLL_S):
+                return True
+            if time.monotonic() > until or overdue():
+                return False
 
 
 _FULL = "the disk is full: free some space"

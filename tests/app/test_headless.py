@@ -7,12 +7,14 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from ispom_app.cli import main
+from ispom_app.rerun_log.rrd import is_finished
 from ispom_app.run import console
 from ispom_app.run.playback import Builder
 from ispom_app.run.results import in_frame
@@ -104,29 +106,6 @@ def test_a_complete_run_is_never_overwritten(drive: str, tmp_path: Path, capsys:
     assert run(drive, tmp_path / "out", "--no-recording") == 2
     assert "holds a complete run" in capsys.readouterr().err
     assert (tmp_path / "out" / "metrics.json").stat().st_mtime_ns == before
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_keeps_what_was_computed(number: signal.Signals, code: int, drive: str, tmp_path: Path) -> None:
-    def interrupted(self, state, exposure, asked=None):
-        if exposure.time_ns == 300_000_000:
-            signal.raise_signal(number)
-        return doubles.FakeEstimator.step(self, state, exposure, asked)
-
-    class Interrupted(doubles.FakeEstimator):
-        step = interrupted
-
-    out = tmp_path / "out"
-    # A shell's background jobs, the tests among them, are started with SIGINT ignored.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        assert run(drive, out, builder=lambda c, m, r: doubles.ensemble(m, Interrupted)) == code
-    except SystemExit as exit:
-        assert exit.code == code
-    assert names(out) == FILES | {"run.rrd", MARKER}
-    assert "signal after 6 of 12 exposures" in (out / MARKER).read_text()
-    assert len(read_tum(out / "monocular.tum")) == 3
-    assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
 
 
 def test_a_bug_leaves_the_marker(drive: str, tmp_path: Path) -> None:
@@ -283,19 +262,69 @@ class _Dropped:
         signal.raise_signal(self._number)
 
 
+SIGNALS = pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+
+
+@pytest.fixture
+def interruptible(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A shell's background jobs, the tests among them, are started with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def ended(drive: str, out: Path, estimator: type[doubles.FakeEstimator]) -> int | str | None:
+    """The exit code of a run."""
+    try:
+        return run(drive, out, builder=lambda _config, methods, _rig: doubles.ensemble(methods, estimator))
+    except SystemExit as end:
+        return end.code
+
+
+@SIGNALS
+def test_a_signal_keeps_what_was_computed(
+    number: int, code: int, drive: str, tmp_path: Path, interruptible: None
+) -> None:
+    class Interrupted(doubles.FakeEstimator):
+        def step(self, state, exposure, *asked):
+            if exposure.time_ns == 300_000_000:
+                signal.raise_signal(number)
+            return super().step(state, exposure, *asked)
+
+    out = tmp_path / "out"
+    assert ended(drive, out, Interrupted) == code
+    assert names(out) == FILES | {"run.rrd", MARKER}
+    assert "signal after 6 of 12 exposures" in (out / MARKER).read_text()
+    assert len(read_tum(out / "monocular.tum")) == 3
+    assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
+
+
+@SIGNALS
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_that_a_destructor_drops_still_ends_the_run(tmp_path: Path, number: int, code: int) -> None:
+def test_a_signal_that_a_destructor_drops_still_ends_the_run(
+    number: int, code: int, drive: str, tmp_path: Path, interruptible: None
+) -> None:
     class Signalled(doubles.FakeEstimator):
         def step(self, state, exposure, *asked):
             if exposure.time_ns == 400_000_000:
                 _Dropped(number)
             return super().step(state, exposure, *asked)
 
-    arguments = ["run", str(make_drive(tmp_path / "kitti")), "--out", str(tmp_path / "out"), "--no-recording"]
-    try:
-        ended = main(arguments, lambda _config, methods, _rig: doubles.ensemble(methods, Signalled))
-    except SystemExit as end:
-        ended = end.code
-    assert ended == code
+    assert ended(drive, tmp_path / "out", Signalled) == code
     assert (tmp_path / "out" / MARKER).read_text().startswith("Stopped by a signal after 9 of 12 exposures.")
+
+
+@SIGNALS
+@pytest.mark.parametrize("dropped", [False, True])
+def test_a_signal_after_the_last_exposure_ends_the_run_with_all_its_files(
+    number: int, code: int, dropped: bool, drive: str, tmp_path: Path, interruptible: None
+) -> None:
+    class Signalled(doubles.FakeEstimator):
+        def finish(self, state, *asked):
+            _Dropped(number) if dropped else signal.raise_signal(number)
+            return super().finish(state, *asked)
+
+    out = tmp_path / "out"
+    assert ended(drive, out, Signalled) == code
+    assert (out / MARKER).read_text().startswith("Stopped by a signal after 12 of 12 exposures.")
+    assert names(out) == FILES | {"run.rrd", MARKER} and is_finished(out / "run.rrd")

@@ -9,6 +9,7 @@ import sys
 import sysconfig
 from io import FileIO
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -137,6 +138,25 @@ def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, 
     assert file.failure == f"{file.path} ends early because the disk is full: free some space and record again"
     assert whole_bytes(file.path) == file.size_bytes <= kilobytes * 1000
     assert "/video" in entities(file.path)
+
+
+def test_a_disk_that_does_not_answer_is_waited_for_no_longer_than_asked(run, tmp_path, monkeypatch):
+    gone, answer = Event(), Event()
+
+    class Stalled(FileIO):
+        def write(self, piece) -> int:
+            if gone.is_set():
+                answer.wait()
+            return super().write(piece)
+
+    monkeypatch.setattr(piped_file, "FileIO", Stalled)
+    monkeypatch.setattr(file_recording, "CLOSE_S", 1e9)
+    file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
+    gone.set()
+    file.write(run.step())
+    file.close(lambda: True)
+    answer.set()
+    assert file.failure is not None and "the disk does not answer" in file.failure
 
 
 def test_a_recording_leaves_room_for_the_results(run, tmp_path, monkeypatch):

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app import headless
 from ispom_app.cli import main
+from ispom_app.headless import play
 from ispom_app.run.run_folder import MARKER
 from ispom_app.session import commands as do
 
@@ -59,13 +59,13 @@ def test_the_images_asked_for_and_no_more(calibration: Path, tmp_path: Path) -> 
 def test_an_interrupt_ends_the_recording_and_what_came_is_run(
     calibration: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Interrupted(headless.StepLog):
+    class Interrupted(play.StepLog):
         def add(self, event) -> None:
             super().add(event)
             if event.index == N - 1:
                 signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(headless, "StepLog", Interrupted)
+    monkeypatch.setattr(play, "StepLog", Interrupted)
     before = signal.getsignal(signal.SIGINT)
     with streaming(images(N, 0), holds=True) as stream:
         assert run(stream.url, calibration, tmp_path / "out") == 0

@@ -1,0 +1,118 @@
+"""The command: what is asked for is checked, run, written and printed."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from datetime import datetime
+from pathlib import Path
+
+from ispom.ensemble import build
+from ispom.errors import InputError, printable
+from ispom.methods import default_methods, in_order, require_cameras, with_asked
+from ispom.sequences.address import without_secrets
+from ispom.types import Sequence
+
+from ..expressions.until import Until, require_run, until
+from ..options import Run
+from ..run import warmup
+from ..run.events import Finished
+from ..run.playback import Builder, Playback, Stage
+from ..run.results import summary
+from ..run.run_folder import METRICS, RunFolder
+from ..run.signals import Signals, terminable
+from .job import Job, Origin
+from .output import describe, write_inputs
+from .play import play
+
+
+def run(options: Run, builder: Builder = build, origin: Origin | None = None) -> int:
+    """Runs and writes, with estimators from `builder`; from `origin` on, where there is one.
+
+    The exit code is 0, or InputError is raised after what was computed has been written.
+    """
+    condition = until(options.until)
+    if options.methods:
+        require_run(condition, with_asked(in_order(options.methods)))
+    sequence = options.open(options.source)
+    try:
+        methods = _asked(options, sequence)
+        require_run(condition, with_asked(methods))
+        # An integration is measured between the stereo poses that it asks for; those are computed anyway.
+        earlier = origin.stages if origin is not None else ()
+        _require_inside(earlier, sequence)
+        playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
+        warmup.start(methods, options.config)
+        with terminable() as signals, _folder(options.out, sequence.name) as folder:
+            job = Job(options, methods, origin, playback, Until(condition), folder)
+            _run(job, signals)
+        _print(job)
+    finally:
+        if sequence.stop is not None:
+            sequence.stop()
+    return 0
+
+
+def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:
+    """The methods to run; InputError where the rig lacks the camera of the asked frame."""
+    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
+    require_cameras(methods, sequence.rig)
+    if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
+        raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
+    return methods
+
+
+def _folder(out: Path | None, name: str) -> RunFolder:
+    if out is not None:
+        return RunFolder(out)
+    plain = re.sub(r"[^\w]+", "-", name).strip("-")
+    return RunFolder.new(Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}")
+
+
+def _run(job: Job, signals: Signals) -> None:
+    """Whatever ends it, the folder is complete or says why it is not."""
+    folder, playback = job.folder, job.playback
+    describe(job)
+    write_inputs(job)
+    try:
+        played = play(job, signals)
+        if job.watch.stop is None:
+            _require_poses(job, played.finished)
+        describe(job, played.images_sha256)
+        if problems := "; ".join(filter(None, (played.failure, folder.problem))):
+            raise InputError(problems)
+    except BaseException as error:
+        describe(job)
+        problem = "" if isinstance(error, InputError) or folder.problem is None else f" {folder.problem}."
+        folder.failed(f"{_reason(error, playback)}{problem}")
+        raise
+    folder.complete()
+
+
+def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
+    if earlier and sequence.grow is None and earlier[-1].until >= len(sequence):
+        at, last = earlier[-1].until, len(sequence) - 1
+        raise InputError(f"--at is {at}, but the last exposure of the source is {last}: give a value from 0 to {last}")
+
+
+def _require_poses(job: Job, finished: Finished) -> None:
+    if all(len(finished.trajectories[method]) < 2 for method in job.methods):
+        source = without_secrets(job.options.source)
+        raise InputError(f"{source}: no method found any motion: give images with texture in focus, and overlap")
+
+
+def _reason(error: BaseException, playback: Playback) -> str:
+    after = f"after {playback.position} of {len(playback.sequence)} exposures"
+    if isinstance(error, InputError):
+        return f"Stopped {after}: {error}"
+    if isinstance(error, KeyboardInterrupt | SystemExit):
+        return f"Stopped by a signal {after}."
+    return f"Failed {after}: {error!r}"
+
+
+def _print(job: Job) -> None:
+    ended, path = str(job.watch), job.folder.path
+    notes = map(printable, (*job.playback.sequence.notes, *([ended] if ended else [])))
+    lines = [*notes, summary(json.loads((path / METRICS).read_text())), printable(f"in {path}")]
+    sys.stdout.write("\n".join(lines) + "\n")

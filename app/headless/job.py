@@ -1,0 +1,42 @@
+"""What one `ispom run` is to do, and what it was forked from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..expressions.until import Until
+from ..options import Run
+from ..run.playback import Playback, Stage
+from ..run.run_file import RunFile, fork_entry
+from ..run.run_folder import RunFolder
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a run was forked from."""
+
+    run: RunFile
+    folder: Path
+    stages: tuple[Stage, ...]
+    """Of its own origins, and the run itself."""
+
+    @property
+    def entries(self) -> list[dict[str, Any]]:
+        """As the fork's run.yaml has them."""
+        runs = [str(entry.get("run", "")) for entry in self.run.forked][: len(self.stages) - 1]
+        return [fork_entry(name, stage) for name, stage in zip([*runs, str(self.folder)], self.stages, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One run: what was asked for, and the two things that change while it goes on."""
+
+    options: Run
+    methods: tuple[str, ...]
+    """To be written; `playback` runs those that they ask, too."""
+    origin: Origin | None
+    playback: Playback
+    watch: Until
+    folder: RunFolder

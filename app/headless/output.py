@@ -1,0 +1,53 @@
+"""The files of a run that are written as a whole: what it was, its trajectories, metrics and landmarks."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from ispom.io.maps import map_bytes
+from ispom.io.rig import rig_text
+from ispom.io.tum import tum_text
+from ispom.sequences.address import without_secrets
+
+from ..run.events import Finished
+from ..run.map_memory import MapCollectors
+from ..run.results import Results, in_frame, metrics_text
+from ..run.run_file import run_file
+from ..run.run_folder import LANDMARKS, METRICS, RIG, RUN, TRUTH, trajectory_file
+from ..run.statistics import RunStatistics
+from .job import Job
+
+_OPTIONS = ("frame", "seed", "stereo_every", "video_scale", "max_exposures", "until", "recording")
+
+
+def write_inputs(job: Job) -> None:
+    """The rig and the ground truth."""
+    sequence, truth = job.playback.sequence, job.playback.truth
+    job.folder.write(RIG, rig_text(sequence.rig))
+    if truth is not None:
+        job.folder.write(TRUTH, tum_text(in_frame(truth, sequence.rig, job.options.frame)))
+
+
+def describe(job: Job, images_sha256: str | None = None) -> None:
+    """run.yaml, as far as the run came; `images_sha256` is that of all images, once the run came to its end."""
+    options, stop = job.options, job.watch.stop if images_sha256 else None
+    used: dict[str, Any] = {"methods": list(job.methods)} | {name: getattr(options, name) for name in _OPTIONS}
+    used |= {"camera": None if options.camera is None else str(options.camera)}
+    config = {name: asdict(options.config.of(name)) for name in job.playback.methods}
+    stopped = None if stop is None else {n: getattr(stop, n) for n in ("exposure", "time_ns", "values")}
+    forked = job.origin.entries if job.origin is not None else []
+    source = without_secrets(options.source)
+    job.folder.write(RUN, run_file(source, job.playback.sequence, used, config, images_sha256, forked, stopped).text)
+
+
+def write_results(job: Job, finished: Finished, statistics: RunStatistics, maps: MapCollectors) -> None:
+    """Trajectories, metrics and landmarks."""
+    playback, sequence = job.playback, job.playback.sequence
+    for method in job.methods:
+        found = in_frame(finished.trajectories[method], sequence.rig, job.options.frame, playback.unit_m(method))
+        job.folder.write(trajectory_file(method), tum_text(found))
+    end_ns = int(sequence.times_ns[-1])
+    results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)
+    job.folder.write(METRICS, metrics_text(results, job.methods, statistics))
+    job.folder.write(LANDMARKS, map_bytes(maps.scenes(finished.trajectories, job.methods, sequence.rig)))
