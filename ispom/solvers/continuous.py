@@ -9,130 +9,22 @@ in the rig and the offset of its clock can be unknowns too. Levenberg-Marquardt,
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, Pose, so3_exp, so3_log
+from ispom.geometry import Array, so3_log
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.solvers.cholesky import factor, inverse_factored, solve_factored
-from ispom.solvers.normal_equations import RIG, point_sensitivity, point_steps, reduce, squared_errors
-from ispom.solvers.spline import Sampled, Spline, add_smoothness
+from ispom.solvers.normal_equations import Eliminated, Knots, reduce
+from ispom.solvers.spline import Sampled, add_smoothness
+from ispom.solvers.spline_observation import RIG, Observed, squared_errors
+from ispom.solvers.spline_points import point_sensitivity, point_steps
+from ispom.solvers.spline_problem import PosePrior, RigModel, SplineProblem
 
-VIDEO, LEFT = 0, 1
-"""Camera numbers of the observations."""
 WIDER = 3
 """At most so often a loss that is too narrow for the errors is widened."""
 HIGHEST_DAMPING = 1e4
-
-
-@dataclass(frozen=True, eq=False)
-class AnchoredPoints:
-    """Points of the scene, each in its anchor: a frame at rest in the world."""
-
-    anchors_r: Array
-    """(M, 3, 3) world_from_anchor."""
-    anchors_t: Array
-    """(M, 3) [m]."""
-    values: Array
-    """(M, 3): x / z, y / z and 1 / z in the anchor; 1 / z in 1/m."""
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    @property
-    def xyz_in_world(self) -> Array:
-        """(M, 3) [m]; a point at or beyond infinity is put 1 km away."""
-        ray = np.column_stack([self.values[:, :2], np.ones(len(self))])
-        depth = 1 / np.maximum(self.values[:, 2], 1e-3)
-        return np.einsum("mij,mj->mi", self.anchors_r, depth[:, None] * ray) + self.anchors_t
-
-
-@dataclass(frozen=True, eq=False)
-class RigObservations:
-    """Where the cameras saw the points; sorted by point."""
-
-    exposure: NDArray[np.int64]
-    """(O,) index of the time."""
-    camera: NDArray[np.int64]
-    """(O,) VIDEO or LEFT."""
-    owner: NDArray[np.int64]
-    """(O,) index of the point."""
-    seen: Array
-    """(O, 3) normalised, undistorted coordinates; left x minus right x."""
-    inverse_sigma: Array
-    """(O, 3) one over the standard deviation of each; 0 where it is unknown, as the third is in the video."""
-
-
-@dataclass(frozen=True, eq=False)
-class RigModel:
-    """What is believed about the rig: the pose of the video camera in it, and its clock."""
-
-    rig_from_video: Pose
-    rig_from_left: Pose
-    baseline_m: float
-    """From the left camera to the right one of a rectified pair."""
-    clock_offset_s: float
-    """Video exposes this much later than its time stamps say, on the stereo clock."""
-    information: Array
-    """(7, 7) of rotation [rad], position [m] and offset [s], about the values here."""
-    free: NDArray[np.bool_]
-    """(7,) which of them are unknowns."""
-
-    def moved(self, step: Array) -> RigModel:
-        """With the video camera turned by step[:3], moved by step[3:6], and the offset changed by step[6]."""
-        video = self.rig_from_video
-        video = Pose(video.rotation @ so3_exp(step[:3]), video.translation + step[3:6])
-        return replace(self, rig_from_video=video, clock_offset_s=self.clock_offset_s + float(step[6]))
-
-    def minus(self, other: RigModel) -> Array:
-        """(7,) the step that leads from the other to this one."""
-        a, b = self.rig_from_video, other.rig_from_video
-        turn, shift = so3_log(b.rotation.T @ a.rotation), a.translation - b.translation
-        return np.concatenate([turn, shift, [self.clock_offset_s - other.clock_offset_s]])
-
-    def arrays(self) -> tuple[Array, Array]:
-        """Rotations (2, 3, 3) and positions (2, 3) of video and left camera in the rig."""
-        poses = (self.rig_from_video, self.rig_from_left)
-        return np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
-
-
-@dataclass(frozen=True, eq=False)
-class PosePrior:
-    """What is believed about the pose at one exposure: it holds the world in place."""
-
-    exposure: int
-    world_from_rig: Pose
-    information: Array
-    """(6, 6) of the rotation in the rig [rad] and the position in the world [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class SplineProblem:
-    """All that is known; `solve` gives the same with better values."""
-
-    spline: Spline
-    times_s: Array
-    """(E,) of the exposures, as stamped."""
-    video: NDArray[np.bool_]
-    """(E,) which of them are the video camera's."""
-    points: AnchoredPoints
-    observations: RigObservations
-    rig: RigModel
-    rig_prior: RigModel
-    """What was known about the rig before these observations."""
-    prior: PosePrior
-    depth_prior: Array
-    """(M, 2) expected inverse depth [1/m] and its inverse variance."""
-    smoothness: tuple[float, float] = (100.0, 50.0)
-    """Standard deviations of angular [rad/s^2] and linear [m/s^2] acceleration."""
-    loss: float = 2.0
-    """Scale of the Cauchy loss, in standard deviations of an observation."""
-
-    def sampled(self) -> Sampled:
-        """The poses at the exposures, by the clock of the stereo pair."""
-        return self.spline.at(self.times_s + np.where(self.video, self.rig.clock_offset_s, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +51,7 @@ class Solution:
     sampled: Sampled
     hessian: Array
     """(n, n) of knots and rig at the end, points and undamped, with nothing that holds the world in its place."""
-    eliminated: tuple
+    eliminated: Eliminated
     """What the points were eliminated with."""
     errors: Array
     """(O,) reprojection errors [standard deviations]."""
@@ -186,12 +78,9 @@ class Solution:
 
     def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array) -> PointUncertainty:
         """Of the chosen points (K,), in their values."""
-        inverses, _, cross, cross_rig = self.eliminated
-        o, s, knots = self.problem.observations, self.sampled, len(self.problem.spline)
-        sensitivity = point_sensitivity(
-            chosen, s.first, s.rotation_jacobians, s.weights, knots, o.exposure, o.owner, inverses, cross, cross_rig
-        )
-        return PointUncertainty(sensitivity, inverses[chosen], parameters)
+        o, knots = self.problem.observations, _knots(self.problem, self.sampled)
+        sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
+        return PointUncertainty(sensitivity, self.eliminated.inverses[chosen], parameters)
 
     def refined_rig(self, parameters: Array) -> RigModel:
         """The rig as estimated, with the information that its covariance leaves."""
@@ -252,14 +141,20 @@ def _free(problem: SplineProblem) -> NDArray[np.int64]:
     return np.flatnonzero(np.concatenate([np.ones(6 * len(problem.spline), bool), problem.rig.free]))
 
 
-def _observed(problem: SplineProblem) -> tuple:
-    o, p = problem.observations, problem.points
-    return o.exposure, o.camera, o.owner, o.seen, o.inverse_sigma, p.anchors_r, p.anchors_t, p.values
+def _observed(problem: SplineProblem, sampled: Sampled) -> Observed:
+    o, p, rig = problem.observations, problem.points, problem.rig
+    return Observed(
+        sampled.rotations, sampled.positions, *rig.arrays(), rig.baseline_m, o.exposure, o.camera, o.owner, o.seen,
+        o.inverse_sigma, p.anchors_r, p.anchors_t, p.values,
+    )  # fmt: skip
+
+
+def _knots(problem: SplineProblem, sampled: Sampled) -> Knots:
+    return Knots(len(problem.spline), sampled.first, sampled.rotation_jacobians, sampled.weights, sampled.rates)
 
 
 def _squares(problem: SplineProblem, sampled: Sampled) -> Array:
-    rig = problem.rig
-    return squared_errors(sampled.rotations, sampled.positions, *rig.arrays(), rig.baseline_m, *_observed(problem))
+    return squared_errors(_observed(problem, sampled))
 
 
 def _prior_residual(problem: SplineProblem, sampled: Sampled) -> Array:
@@ -283,22 +178,19 @@ def _cost(problem: SplineProblem, sampled: Sampled) -> float:
     return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ problem.rig_prior.information @ g)
 
 
-def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array, tuple]:
+def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array, Eliminated]:
     """Reduced Hessian and right side, with all priors; and what finds the points' step."""
-    s, spline = sampled, problem.spline
-    arguments: tuple[Any, ...] = (s.rotations, s.positions, s.first, s.rotation_jacobians, s.weights, s.rates)
-    arguments += (len(spline), *problem.rig.arrays(), problem.rig.baseline_m, *_observed(problem))
-    arguments += (problem.depth_prior, problem.loss, damping)
-    arguments += (bool(problem.rig.free.any()),)
-    hessian, right, *points = reduce(*arguments)
+    spline, estimate_rig = problem.spline, bool(problem.rig.free.any())
+    knots, observed = _knots(problem, sampled), _observed(problem, sampled)
+    hessian, right, points = reduce(knots, observed, problem.depth_prior, problem.loss, damping, estimate_rig)
     add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, hessian, right)
-    j, r = s.jacobian(problem.prior.exposure, len(spline)), _prior_residual(problem, sampled)
-    knots = slice(0, 6 * len(spline))
-    hessian[knots, knots] += j.T @ problem.prior.information @ j
-    right[knots] -= j.T @ (problem.prior.information @ r)
+    j, r = sampled.jacobian(problem.prior.exposure, len(spline)), _prior_residual(problem, sampled)
+    shaping = slice(0, 6 * len(spline))
+    hessian[shaping, shaping] += j.T @ problem.prior.information @ j
+    right[shaping] -= j.T @ (problem.prior.information @ r)
     hessian[-RIG:, -RIG:] += problem.rig_prior.information
     right[-RIG:] -= problem.rig_prior.information @ problem.rig.minus(problem.rig_prior)
-    return hessian, right, tuple(points)
+    return hessian, right, points
 
 
 def _step(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array]:
@@ -308,7 +200,5 @@ def _step(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Arr
     reduced = hessian[np.ix_(free, free)]
     reduced[np.diag_indices_from(reduced)] *= 1 + damping
     step[free] = solve_factored(factor(reduced), right[free])
-    o, s = problem.observations, sampled
-    return step, point_steps(
-        step, s.first, s.rotation_jacobians, s.weights, len(problem.spline), o.exposure, o.owner, *points
-    )
+    o = problem.observations
+    return step, point_steps(step, _knots(problem, sampled), o.exposure, o.owner, points)

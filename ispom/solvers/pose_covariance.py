@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Array, Pose
-from ispom.kernels import kernel
-from ispom.solvers.continuous import AnchoredPoints, PointUncertainty
-from ispom.solvers.normal_equations import MIN_DEPTH, RIG, into_camera
+from ispom.kernels import kernel, part
+from ispom.solvers.continuous import PointUncertainty
+from ispom.solvers.spline_observation import MIN_DEPTH, RIG, Observed, cauchy_weight, empty_rows, linearise, placed
+from ispom.solvers.spline_problem import AnchoredPoints
 
 
 def pose_covariance(
@@ -26,15 +27,7 @@ def pose_covariance(
     points' errors do to the pose is followed back to the unknowns of their window, so that it is counted jointly.
     """
     information, noise, pull = _equations(
-        world_from_rig.rotation,
-        world_from_rig.translation,
-        rig_from_camera.rotation,
-        rig_from_camera.translation,
-        points.anchors_r,
-        points.anchors_t,
-        points.values,
-        np.ascontiguousarray(seen),
-        sigma,
+        _observed(world_from_rig, rig_from_camera, points, seen, sigma),
         loss,
         uncertainty.sensitivity,
         uncertainty.conditional,
@@ -55,60 +48,62 @@ def pose_information(
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
     none = np.zeros((len(seen), 3, 3))
     return _equations(
-        world_from_rig.rotation,
-        world_from_rig.translation,
-        rig_from_camera.rotation,
-        rig_from_camera.translation,
-        points.anchors_r,
-        points.anchors_t,
-        points.values,
-        np.ascontiguousarray(seen),
-        sigma,
-        loss,
-        none[:, :, :0].copy(),
-        none,
+        _observed(world_from_rig, rig_from_camera, points, seen, sigma), loss, none[:, :, :0].copy(), none
     )[0]
 
 
-@kernel()
-def _equations(r, p, camera_r, camera_t, anchors_r, anchors_t, values, seen, sigma, loss, rows, own):
-    """Information (6, 6) of the pose, the noise (6, 6) in its right side, and how that follows the window (6, n)."""
-    n = rows.shape[2]
-    information, noise, pull = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, n))
-    d, y, x, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    jp, jl = np.empty((2, 6)), np.empty((2, 3))
-    for m in range(len(values)):
-        into_camera(r, p, camera_r, camera_t, anchors_r[m], anchors_t[m], values[m], d, y, x)
-        if x[2] <= MIN_DEPTH:
+def _observed(
+    world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, sigma: float
+) -> Observed:
+    """One exposure of one camera, which sees each point once."""
+    count = len(seen)
+    none, per = np.zeros(count, np.int64), np.tile([1 / sigma, 1 / sigma, 0.0], (count, 1))
+    return Observed(
+        np.ascontiguousarray(world_from_rig.rotation)[None],
+        np.ascontiguousarray(world_from_rig.translation)[None],
+        np.ascontiguousarray(rig_from_camera.rotation)[None],
+        np.ascontiguousarray(rig_from_camera.translation)[None],
+        0.0,
+        none,
+        none,
+        np.arange(count),
+        np.column_stack([seen, np.zeros(count)]),
+        per,
+        points.anchors_r,
+        points.anchors_t,
+        points.values,
+    )
+
+
+@kernel(error_model="numpy")
+def _equations(observed, loss, follow, own):
+    """Information (6, 6) of the pose, the noise (6, 6) in its right side, and how that follows the window (6, n).
+
+    Points follow the window by `follow` (K, 3, n), and have covariances `own` (K, 3, 3) beside.
+    """
+    information, noise, pull = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, follow.shape[2]))
+    rows, by_pose = empty_rows(), np.empty((2, 6))
+    for m in range(len(own)):
+        rig, camera = placed(observed, m)
+        if camera[2] <= MIN_DEPTH:
             continue
-        iz, rho = 1.0 / x[2], values[m, 2]
-        u, v = x[0] * iz, x[1] * iz
-        e0, e1 = (u - seen[m, 0]) / sigma, (v - seen[m, 1]) / sigma
-        weight = 1.0 / (1.0 + (e0 * e0 + e1 * e1) / (loss * loss))
-        for i in range(2):
-            s, a = iz / sigma, u if i == 0 else v
-            for k in range(3):
-                row[k] = s * (camera_r[k, i] - a * camera_r[k, 2])
-            world = r @ row
-            for k in range(3):
-                jp[i, k] = -rho * row[k]
-                jl[i, k] = 0.0
-            jp[i, 3] = row[1] * y[2] - row[2] * y[1]
-            jp[i, 4] = row[2] * y[0] - row[0] * y[2]
-            jp[i, 5] = row[0] * y[1] - row[1] * y[0]
-            for k in range(3):
-                jl[i, 0] += world[k] * anchors_r[m, k, 0]
-                jl[i, 1] += world[k] * anchors_r[m, k, 1]
-                jl[i, 2] += world[k] * (anchors_t[m, k] - p[k]) - row[k] * camera_t[k]
-        doubt = jl @ own[m] @ jl.T
+        weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
+        by_pose[:, :3] = -observed.points[m, 2] * rows.by_rig[:2]
+        by_pose[:, 3:] = rows.by_pose[:2, :3]
+        by_point = rows.by_point[:2]
+        doubt = by_point @ own[m] @ by_point.T
         doubt[0, 0] += 1.0
         doubt[1, 1] += 1.0
-        information += weight * (jp.T @ jp)
-        noise += weight * weight * (jp.T @ doubt @ jp)
-        side = weight * (jp.T @ jl)
-        for k in range(6):
-            for j in range(3):
-                f = side[k, j]
-                for i in range(n):
-                    pull[k, i] -= f * rows[m, j, i]
+        information += weight * (by_pose.T @ by_pose)
+        noise += weight * weight * (by_pose.T @ doubt @ by_pose)
+        _pull(pull, weight * (by_pose.T @ by_point), follow[m])
     return information, noise, pull
+
+
+@part
+def _pull(out, side, follow):
+    """Subtracts side (6, 3) times follow (3, n) from out (6, n)."""
+    for k in range(6):
+        for j in range(3):
+            for i in range(out.shape[1]):
+                out[k, i] -= side[k, j] * follow[j, i]

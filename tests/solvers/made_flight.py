@@ -9,8 +9,16 @@ import numpy as np
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.path import Path
-from ispom.solvers.continuous import LEFT, VIDEO, AnchoredPoints, PosePrior, RigModel, RigObservations, SplineProblem
 from ispom.solvers.spline import Spline
+from ispom.solvers.spline_problem import (
+    LEFT,
+    VIDEO,
+    AnchoredPoints,
+    PosePrior,
+    RigModel,
+    RigObservations,
+    SplineProblem,
+)
 
 RIG = simulated_rig()
 

@@ -9,9 +9,10 @@ import pytest
 
 from ispom.geometry import so3_log
 from ispom.solvers import continuous
-from ispom.solvers.continuous import SplineProblem, solve
-from ispom.solvers.normal_equations import RIG
+from ispom.solvers.continuous import solve
 from ispom.solvers.spline import Spline
+from ispom.solvers.spline_observation import RIG
+from ispom.solvers.spline_problem import SplineProblem
 from tests.solvers.made_flight import Flight, made_flight, problem_of
 
 

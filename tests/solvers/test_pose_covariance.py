@@ -9,9 +9,10 @@ import pytest
 
 from ispom.geometry import Array, Pose
 from ispom.solvers import continuous
-from ispom.solvers.continuous import AnchoredPoints, PointUncertainty, PosePrior, RigModel, Solution, solve
+from ispom.solvers.continuous import PointUncertainty, Solution, solve
 from ispom.solvers.pose_covariance import pose_covariance
 from ispom.solvers.resection import refine_pose
+from ispom.solvers.spline_problem import AnchoredPoints, PosePrior, RigModel
 from tests.solvers.made_flight import RIG, made_flight, problem_of
 
 HELD = np.eye(6) * 1e10

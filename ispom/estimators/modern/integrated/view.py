@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.continuous import AnchoredPoints, PointUncertainty, RigModel
+from ispom.solvers.continuous import PointUncertainty
 from ispom.solvers.late_shutter import drift
+from ispom.solvers.spline_problem import AnchoredPoints, RigModel
 from ispom.solvers.window import offset_at
 
 LEAST_DISPARITY = 1 / 2000
