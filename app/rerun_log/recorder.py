@@ -4,7 +4,8 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
 
     /world/truth/{path,rig}                  the whole true path (static); the true pose now
     /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
-    /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it changed
+    /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it
+                                             changed (key frames and clouds: every MAP_EVERY exposures)
     /world/METHOD/camera                     the pose now
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line

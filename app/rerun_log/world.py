@@ -18,15 +18,18 @@ from ..run.events import Finished, Opened, Stepped
 from ..run.model import RunModel
 from ..run.placing import same_place
 from ..run.points import PointMap
+from ..run.poses import PoseHistory
 from . import entities
 from .batch import Columns, Entry
 
+MAP_EVERY = 10
+"""Exposures between two drawings of a method's key frames and points: they are most of what a viewer has to hold."""
 TINT = 0.3
 """How much of a cloud's colour is its method's, the rest being what the camera saw."""
 
 
 class World:
-    """Follows one run; only blocks of paths and clouds that changed are drawn again."""
+    """Follows one run; only blocks of paths, key frames and clouds that changed are drawn again."""
 
     def __init__(self, opened: Opened, first_ns: int) -> None:
         self._opened, self._first_ns = opened, first_ns
@@ -37,6 +40,10 @@ class World:
         self._drawn_frames: dict[str, Frame] = {}
         """Of the cameras that are drawn now."""
         self._drawn_points = {m: PointMap() for m in opened.methods}
+        self._drawn_keys: dict[str, PoseHistory] = {}
+        """Poses that the key frames were drawn from."""
+        self._map_drawn: dict[str, int] = {}
+        """Exposure at which key frames and points were drawn last."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
 
@@ -62,8 +69,10 @@ class World:
             yield from self._path_blocks(step.method, changed)
             yield from self._pose(step, resized)
             yield from self._uncertainty(step)
-            if step.key_frame:
-                yield from self._cloud(step.method)
+            due = event.index - self._map_drawn.get(step.method, -MAP_EVERY) >= MAP_EVERY
+            if (step.key_frame and due) or resized:
+                self._map_drawn[step.method] = event.index
+                yield from self._map(step.method, resized)
 
     def finished(self, event: Finished) -> Iterator[Entry | Columns]:
         yield from self._place(event.placements)
@@ -72,7 +81,7 @@ class World:
         times = self.model.times
         for method, trajectory in found.items():
             yield from self._path_blocks(method, self._changed(method, before))
-            yield from self._cloud(method)
+            yield from self._map(method)
             line = entities.lines([trajectory.translations], colours.of(method), 2.0)
             yield Entry(f"world/{method}/path/final", line)
             indices = times.indices(times.rows(trajectory.times_ns))
@@ -90,6 +99,7 @@ class World:
                 if method in self._drawn_frames:
                     yield self._camera(method)
                 yield from self._path_blocks(method, self.model.methods[method].poses.drawn_blocks())
+                yield from self._map(method, anew=True)
 
     def _truth_now(self, time_ns: int) -> Iterator[Entry]:
         pose = self._truth.at(time_ns) if self._truth is not None else None
@@ -121,12 +131,20 @@ class World:
 
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         poses, colour = self.model.methods[method].poses, colours.of(method)
-        outlines = self._outlines(poses.frame, self._size(method).key_frame, main_camera=True)
         for block in sorted(blocks):
             yield Entry(f"world/{method}/path/{block}", entities.lines([poses.line(block)], colour, 1.5))
+
+    def _map(self, method: str, anew: bool = False) -> Iterator[Entry]:
+        """Key frames and points, the blocks that changed since they were drawn last, or all of the key frames."""
+        poses = self.model.methods[method].poses
+        before = PoseHistory() if anew else self._drawn_keys.get(method, PoseHistory())
+        self._drawn_keys[method] = poses
+        outlines = self._outlines(poses.frame, self._size(method).key_frame, main_camera=True)
+        for block in sorted(poses.changed_blocks(before)):
             keys = poses.key_frames(block, outlines)
             if len(keys):
-                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colour, 0.5))
+                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colours.of(method), 0.5))
+        yield from self._cloud(method)
 
     def _cloud(self, method: str) -> Iterator[Entry]:
         """The blocks that changed since this was asked last."""

@@ -5,9 +5,12 @@ import { fed } from "./render_throttle.js";
 
 const AHEAD = 3; // messages asked for beyond the one that the viewer is taking in
 const RETRY_MS = 1000;
+const FULL_BYTES = 250e6; // of memory, beyond which the viewer is given time to give up its oldest exposures:
+const FRAMES_TO_FORGET = 8; // so many frames for each in which it takes in something. It forgets for 3.5 ms a frame
 const HEAD_BYTES = 4;
 
-export function feedLive(handle) {
+// `heap` gives the bytes of memory that the viewer has taken so far; it never gives any back.
+export function feedLive(handle, heap) {
   let run = "";
   let next = 0;
 
@@ -22,7 +25,7 @@ export function feedLive(handle) {
       else {
         next = new DataView(data).getUint32(0);
         handle.send_rrd_to_channel(run, new Uint8Array(data, HEAD_BYTES));
-        await fed(data.byteLength);
+        await fed(data.byteLength, heap() > FULL_BYTES ? FRAMES_TO_FORGET : 1);
         more();
       }
     };

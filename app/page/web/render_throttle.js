@@ -59,8 +59,9 @@ export function beBehind(now) {
 }
 
 // The viewer was given that much of its stream; resolves when it has taken in so much that it can take more.
-export function fed(bytes) {
-  behind += bytes / FRAME_BYTES;
+// `slower` times as many frames pass as it takes.
+export function fed(bytes, slower = 1) {
+  behind += (slower * bytes) / FRAME_BYTES;
   wake();
   return new Promise((done) => hungry.push(done));
 }

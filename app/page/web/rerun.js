@@ -42,7 +42,7 @@ export function openViewer(dark, seek, drawn) {
 
 async function start(canvas, dark, onEvent) {
   at("loaded").hidden = false;
-  await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
+  const { memory } = await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
   say("Starting the Rerun viewer …");
   const handle = new wasm_bindgen.WebHandle({
     hide_welcome_screen: true,
@@ -54,7 +54,7 @@ async function start(canvas, dark, onEvent) {
     on_viewer_event: (text) => onEvent(JSON.parse(text)),
   });
   await handle.start(canvas);
-  feedLive(handle);
+  feedLive(handle, () => memory.buffer.byteLength);
   return handle;
 }
 

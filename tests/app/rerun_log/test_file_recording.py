@@ -127,7 +127,7 @@ def test_a_full_disk_never_makes_the_writer_wait(tmp_path):
     assert file.ended(20.0) and file.failure is not None and file.failure.errno == errno.ENOSPC
 
 
-@pytest.mark.parametrize("kilobytes", [160, 250, 400])
+@pytest.mark.parametrize("kilobytes", [160, 250, 320])
 def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, monkeypatch, kilobytes):
     monkeypatch.setattr(file_recording, "RESERVE_BYTES", 0)
     full_after(monkeypatch, kilobytes * 1000)
