@@ -17,6 +17,12 @@ def main() -> int:
 
         if not anything_rendered():
             render_pool().start()
+    if any(word.split("=")[0] == "--external" for word in words):
+        from .external import add_programs
+
+        if fault := add_programs(words):  # before `options` makes flags of all methods
+            sys.stderr.write(f"ispom: {fault}\n")
+            return 2
     from .cli import main as run
 
     return run(words)

@@ -53,6 +53,15 @@ def settings_of(config: Config) -> Settings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Programs:
+    """Methods that are programs."""
+
+    external: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME[:video|stereo|video+stereo]=COMMAND: a program of yours as the method NAME, as described in
+    examples/external_program/README.md; can be given several times. It steps on video where nothing is said."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class SourceOptions:
     """How a source is opened."""
 
@@ -81,7 +90,7 @@ class SourceOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options(SourceOptions):
+class Options(SourceOptions, Programs):
     """What every command takes."""
 
     methods: tuple[Name, ...] = ()
@@ -196,7 +205,7 @@ class Diff:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fork:
+class Fork(Programs):
     """Runs again as an earlier run did up to an exposure, and from there on with other settings or methods."""
 
     run: tyro.conf.Positional[Path]
@@ -250,7 +259,7 @@ class Evaluate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class Report(Programs):
     """Writes one HTML file about runs, which opens in any browser without a network."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
@@ -260,7 +269,7 @@ class Report:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export:
+class Export(Programs):
     """Writes what a run found in the formats of other tools: trajectories, clouds, COLMAP models."""
 
     run: tyro.conf.Positional[Path]
@@ -277,7 +286,7 @@ class Export:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Repair:
+class Repair(Programs):
     """Finishes what a killed run left: recordings, and trajectories and metrics as far as the run came."""
 
     folder: tyro.conf.Positional[Path]

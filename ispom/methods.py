@@ -100,6 +100,20 @@ def faults() -> tuple[str, ...]:
     return _found()[1]
 
 
+def add(method: Method) -> None:
+    """A method of this process alone, beside those that are installed; before anything is made of the registry.
+
+    InputError where its name is taken.
+    """
+    if method.name in registry():
+        raise InputError(f"{method.name} is the name of another method: choose another name")
+    _ADDED.append(method)
+    _found.cache_clear()
+
+
+_ADDED: list[Method] = []
+
+
 @cache
 def _found() -> tuple[Mapping[str, Method], tuple[str, ...]]:
     found, skipped = {method.name: method for method in BUILT_IN}, []
@@ -114,6 +128,7 @@ def _found() -> tuple[Mapping[str, Method], tuple[str, ...]]:
             skipped.append(f"method {entry.name!r} skipped: {entry.value} gives no method of a new name")
             continue
         found[method.name] = method
+    found |= {method.name: method for method in _ADDED}
     return MappingProxyType(found), tuple(skipped)
 
 
