@@ -9,15 +9,13 @@ import sys
 import tomllib
 from pathlib import Path
 
-import cv2
 import pytest
 import yaml
 
-from ispom.types import VideoFrame
-from ispom.warm_up import flight, flight_rig
+from tests.examples.conftest import FRAMES
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_estimator"
-FRAMES, FORKED_AT = 20, 12
+FORKED_AT = 12
 
 
 @pytest.fixture(scope="module")
@@ -35,19 +33,6 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     lines = [f"[{g}]\n" + "".join(f"{k} = {v}\n" for k, v in e.items()) for g, e in described["entry-points"].items()]
     (info / "entry_points.txt").write_text("\n".join(lines))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of images past a cloud of balls, with its camera."""
-    folder, rig = tmp_path_factory.mktemp("recording"), flight_rig()
-    for i, frame in enumerate([e for e in flight(rig) if isinstance(e, VideoFrame)][:FRAMES]):
-        cv2.imwrite(str(folder / f"{i:03d}.png"), frame.image)
-    camera = rig.camera("video")
-    names = ("width", "height", "fx", "fy", "cx", "cy")
-    values = {name: getattr(camera, name) for name in names} | {"distortion": [*camera.distortion], "rate_hz": 30}
-    (folder / "camera.yaml").write_text(yaml.safe_dump(values))
     return folder
 
 
@@ -96,3 +81,20 @@ def test_it_is_run_forked_and_reported(installed: Path, recording: Path, tmp_pat
     found = python(installed, "-m", "ispom_app", "report", run, "--out", report)
     assert found.returncode == 0, found.stderr
     assert "frames" in report.read_text() and "#965ad2" in report.read_text(), "neither its name nor its colour"
+
+
+def test_it_stops_on_its_check_and_is_told_apart(installed: Path, recording: Path, tmp_path: Path) -> None:
+    run, stopped, other = tmp_path / "run", tmp_path / "stopped", tmp_path / "other"
+    words = ("-m", "ispom_app", "run", recording, "--methods", "frames", "--no-recording", "--out")
+    assert python(installed, *words, run).returncode == 0
+    with (run / "decisions.csv").open() as file:
+        made = {int(row["exposure"]): float(row["value"]) for row in csv.DictReader(file)}
+    until = f"exposure >= {FORKED_AT} and frames.inliers <= {made[FORKED_AT]} and frames.inliers.passed"
+    found = python(installed, *words, stopped, "--until", until)
+    assert found.returncode == 0, found.stderr
+    assert yaml.safe_load((stopped / "run.yaml").read_text())["stopped"]["exposure"] == FORKED_AT
+    assert python(installed, *words, other, "--frames.max-tracks", "150").returncode == 0
+    alike = python(installed, "-m", "ispom_app", "diff", run, run)
+    assert alike.returncode == 0 and "alike: frames" in alike.stdout, alike.stderr
+    apart = python(installed, "-m", "ispom_app", "diff", run, other)
+    assert apart.returncode == 1 and "frames.max_tracks: 400 | 150" in apart.stdout, apart.stderr

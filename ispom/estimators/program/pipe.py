@@ -36,6 +36,7 @@ class Pipe:
         self._child = Child([sys.executable, "-E", "-S", str(supervisor), *command])
         self._timeout_s = timeout_s
         self._deadline = 0.0
+        self._stopped = False
         self._read: Queue[bytes] = Queue(_CHUNKS)
         self._buffer = bytearray()
         Thread(target=_forward, args=(self._child.answers, self._read), name="program-answers", daemon=True).start()
@@ -50,7 +51,9 @@ class Pipe:
         try:
             answer = json.loads(line, parse_constant=_refuse_constant)
         except (ValueError, RecursionError) as fault:
-            raise ProgramFault(f"answers {_quoted(line)}, which is not JSON ({str(fault)[:QUOTED]})") from None
+            raise ProgramFault(
+                f"answers {_quoted(line)}, which is not JSON ({str(fault).split(':')[0][:QUOTED]})"
+            ) from None
         if not isinstance(answer, dict):
             raise ProgramFault(f"answers {_quoted(line)}, which is not a JSON object")
         if isinstance(said := answer.get("error"), str):
@@ -69,7 +72,10 @@ class Pipe:
         return lines[-1].strip() if lines else ""
 
     def stop(self) -> None:
-        """Ends the program and all that it started."""
+        """Ends the program and all that it started; once is enough."""
+        if self._stopped:
+            return
+        self._stopped = True
         with suppress(OSError):
             self._child.requests.close()
         ends = time.monotonic() + ENDING_S
