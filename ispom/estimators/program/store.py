@@ -55,6 +55,8 @@ class ExposureStore:
             try:
                 self._write(place, content)
             except OSError:
+                if place < self._end:
+                    places.append(place)
                 return Kept(digest)
             self._end = max(self._end, place + size)
             new = self._kept[digest] = Kept(digest, place, size)

@@ -12,7 +12,7 @@ import pytest
 
 from ispom.errors import InputError
 from ispom.estimators.program import ProgramConfig, program_method
-from ispom.estimators.program.store import STORE
+from ispom.estimators.program.store import STORE, ExposureStore
 from ispom.settings import Range, settings
 from ispom.testing import check_estimator
 from tests.estimators.program.programs import FORGETS, RIG, SAVES, assert_all_gone, config, faulty, walk
@@ -91,3 +91,18 @@ def test_changed_settings_act_from_there_where_the_program_saves() -> None:
     states = walk(CompassConfig().build(RIG), 4)
     blind = walk(CompassConfig(min_contrast=255.0).build(RIG), 1, states[2])[-1]
     assert poses(blind) == poses(states[2]) and blind.count == 3
+
+
+def test_what_a_full_disk_does_not_take_is_not_kept_and_its_place_stays_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    store = ExposureStore()
+    first, second = store.keep(b"1", b"abc", 1), store.keep(b"2", b"def", 1)
+    del first
+    with monkeypatch.context() as patched:
+        patched.setattr(store, "_write", full)
+        assert not store.keep(b"3", b"ghi", 1).size and store.read(b"3") is None
+        assert store.used_bytes == second.size == 3
+    again = store.keep(b"3", b"ghi", 1)
+    assert again.offset == 0 and store.read(b"3") == b"ghi" and store.read(b"2") == b"def"
