@@ -66,15 +66,15 @@ class SourceOptions:
     """How a source is opened."""
 
     stereo_every: int = 1
-    """Of a stereo recording, every K-th pair is stereo; every left image is video."""
+    """Use every K-th pair of a stereo recording as stereo, and every left image as video."""
     video_scale: float = 1.0
-    """Of a stereo recording, size of the video images relative to the left images, up to 1."""
+    """Size of the video images of a stereo recording relative to its left images, up to 1."""
     seed: int = 0
     """Seed of a simulation."""
     max_exposures: int | None = None
     """Use only the first N exposures."""
     camera: Path | None = None
-    """Calibration of a live camera (a camera.yaml); of images or a video, in place of that beside them."""
+    """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file beside them."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options; InputError where that cannot be, or may not."""
@@ -188,16 +188,16 @@ class Run(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class Diff:
-    """Finds the first exposure at which two runs differ, and in what: tracks, checks, poses, landmarks. Wall times
-    never count. Exit code 0: alike, 1: apart."""
+    """Finds the first exposure at which two runs differ, and in what: tracks, checks, poses, landmarks. Measured
+    times are not compared. The exit code is 0 where the runs are the same, 1 where they differ."""
 
     run_a: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
     run_b: tyro.conf.Positional[Path]
     """Another one; the methods that both ran are compared."""
     tolerance: float = 0.0
-    """Smaller differences of numbers do not count: relative above 1, absolute below. With one, arrays are not compared
-    bit by bit."""
+    """Ignore differences of numbers up to this: relative above 1, absolute below. Above 0, arrays are not compared bit
+    by bit."""
     count: int = 3
     """How many exposures to show: the first, and the next ones at which something else differs for the first time."""
     json: bool = False
@@ -206,14 +206,14 @@ class Diff:
 
 @dataclass(frozen=True, kw_only=True)
 class Fork(Programs):
-    """Runs again as an earlier run did up to an exposure, and from there on with other settings or methods."""
+    """Repeats a run up to an exposure, and goes on from there with other settings or methods."""
 
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` or `ispom fork` wrote."""
     at: int
     """First exposure with the given settings, counted from 0 as in the page and in steps.csv."""
     methods: tuple[Name, ...] = ()
-    """Methods from there on; none given means those of the run. One that did not run before starts there."""
+    """Methods from there on; default: those of the run. A method that did not run before starts there."""
     source: str | None = None
     """Where the run's source is now, if it has been moved."""
     out: Path | None = None
@@ -221,12 +221,12 @@ class Fork(Programs):
     recording: bool = True
     """Write run.rrd, which any Rerun viewer opens."""
     settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
-    """Those that are not given stay as they were in the run."""
+    """Settings that are not given stay as they were in the run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sources(Options):
-    """Says what is seen in a source: cameras, calibration, rates, gaps, truth. Runs nothing."""
+    """Describes a source without running anything: cameras, calibration, rates, gaps, ground truth."""
 
     source: tyro.conf.Positional[str]
     """sim:NAME, a path (a data set's folder, images, a video file ...), or a live camera (camera:0, http://...)."""
@@ -237,18 +237,18 @@ class Evaluate:
     """Compares trajectories with a reference: ATE, RPE, KITTI's errors, scale and coverage, with their protocol."""
 
     reference: tyro.conf.Positional[Path]
-    """Trajectory taken as true: a TUM, KITTI or EuRoC file, recognised by its content."""
+    """Reference trajectory: a TUM, KITTI or EuRoC file, recognised by its content."""
     estimates: tyro.conf.Positional[tuple[Path, ...]]
     """Trajectories to compare with it."""
     alignment: Alignment = "se3"
-    """How an estimate is brought into the reference's world: not at all, its first pose onto the reference's, its
-    unit only, by rotation and translation, or by those and scale (needed where its unit is not the metre)."""
+    """How an estimate is aligned with the reference. none; first: at the first pose; scale: scale only; se3: rotation
+    and translation; sim3: those and scale (needed where the estimate's unit is not the metre)."""
     max_difference_s: float = 0.01
-    """Largest difference in time of two poses that are compared."""
+    """Largest time difference of associated poses [s]."""
     times: Path | None = None
     """Times of the rows of KITTI files [s], as KITTI's times.txt."""
     delta: int = 1
-    """Poses between the two of a relative error (RPE)."""
+    """Distance of the two poses of a relative error (RPE) [poses]."""
     json: Path | None = None
     """Write all numbers and the protocol as JSON to this file."""
     csv: Path | None = None
@@ -256,11 +256,12 @@ class Evaluate:
     plots: Path | None = None
     """Write plots of trajectories, errors and scale to this folder."""
     plot_format: Literal["png", "svg"] = "png"
+    """Format of the plots."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Report(Programs):
-    """Writes one HTML file about runs, which opens in any browser without a network."""
+    """Writes an HTML report of one or several runs, a single file that needs no network."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """Folders that `ispom run` wrote; several are shown side by side."""
@@ -270,12 +271,12 @@ class Report(Programs):
 
 @dataclass(frozen=True, kw_only=True)
 class Export(Programs):
-    """Writes what a run found in the formats of other tools: trajectories, clouds, COLMAP models."""
+    """Converts a run for other tools: trajectories, point clouds, COLMAP models."""
 
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
     format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
-    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: key frames, points and what they saw, as a
+    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: key frames, points and observations, as a
     text model; csv: poses and points with a header."""
     methods: tuple[Name, ...] = ()
     """Methods to export; none given means all of the run."""
@@ -287,7 +288,7 @@ class Export(Programs):
 
 @dataclass(frozen=True, kw_only=True)
 class Repair(Programs):
-    """Finishes what a killed run left: recordings, and trajectories and metrics as far as the run came."""
+    """Repairs what a killed run left: completes recordings, writes trajectories and metrics up to where it ended."""
 
     folder: tyro.conf.Positional[Path]
-    """Folder of an incomplete run, or one with recordings and such folders in it."""
+    """Folder of an incomplete run, or a folder that holds recordings and such folders."""

@@ -13,8 +13,8 @@ class Bench:
     """Measures speed, memory and accuracy of every method, beside the figures of other programs."""
 
     data: Path = Path("data")
-    """Folder that holds KITTI odometry (kitti/sequences/06 and 00), EuRoC (V1_01_easy) ...; what is not there is
-    skipped. The simulations need none."""
+    """Folder that holds KITTI odometry (kitti/sequences/06 and 00), EuRoC (V1_01_easy) ...; missing ones are skipped.
+    The simulations need none."""
     sources: tuple[str, ...] = ()
     """Sources to measure, such as sim-tiny or kitti-06; none given means all."""
     methods: tuple[Name, ...] = ()
@@ -27,10 +27,10 @@ class Bench:
     """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of a
     simulation."""
     seeds: int = 20
-    """Of that simulation."""
+    """Number of seeds for --consistency."""
     soak: bool = False
     """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
     soak_exposures: int = 20_000
-    """Of each of these runs."""
+    """Exposures of each run of --soak."""
     json: Path | None = None
     """Write all numbers as JSON to this file."""
