@@ -22,7 +22,7 @@ window.fake = {
       ...number(5, 1),
     ]);
 
-  window.wasm_bindgen = Object.assign(async () => {}, {
+  window.wasm_bindgen = Object.assign(async () => ({ memory: { buffer: new ArrayBuffer(8) } }), {
     WebHandle: class {
       constructor(options) {
         window.fake.options = options;
