@@ -14,6 +14,8 @@ from .compare import ORIENTATION, Compared, MethodRow
 FATES = ("tracks_digest", "alive", "new", *DROPPED)
 RESULTS = tuple(q.key for q in STEP_QUANTITIES if q.key not in (*FATES, "seconds"))
 """What follows from tracks and checks; wall times never count."""
+FROM_POINTS = frozenset({*FATES, "inliers", "residual_median_px", "landmarks", "landmarks_digest"})
+"""What cannot be told of a record without its tracks, landmarks and residuals."""
 AT_LAST = tuple(key for key in DIGESTS if key not in FATES)
 
 

@@ -13,6 +13,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from ..session.session import Session
 from ..viser_ui.portless import PortlessViser
 from .messages import KEYS, Pane, command_of, message_of
+from .time_axis import AxisNews
 from .wakeup import Wakeup
 
 HEARTBEAT_S = 20.0
@@ -62,13 +63,14 @@ class Talk:
             self._session.post(heard)  # type: ignore[arg-type]
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, keys = None, KEYS
+        shown, keys, axis = None, KEYS, AxisNews()
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
-                if (state := self._session.state) is not shown:
+                if (state := self._session.state) is not shown or axis.behind:
                     shown = state
-                    message, keys = message_of(state) | ({"keys": keys} if keys else {}), []
+                    message = message_of(state) | {"keys": keys, "axis": axis.since(state, self._session.run)}
+                    keys = None
                     await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)
                 else:

@@ -71,9 +71,9 @@ class Series:
             return quantity.choices[int(number)]
         return bool(number) if quantity.kind == "flag" else number
 
-    def values(self, name: str) -> Array:
-        """(N,) a copy of a column, as it is kept; KeyError for one that there is not."""
-        return np.array(self._columns[name])
+    def values(self, name: str, start: int = 0, stop: int | None = None) -> Array:
+        """(N,) a copy of a column, or of a stretch of it, as it is kept; KeyError for one that there is not."""
+        return np.array(self._columns[name][start:stop])
 
     def stepped(self, methods: Iterable[str], index: int) -> bool:
         """Whether one of these methods stepped on the exposure; "" stands for the exposure itself."""

@@ -8,6 +8,7 @@ from ispom.errors import InputError
 from ispom.methods import Config, in_order
 
 from .branches import MOST, NAME_LENGTH, Branch, changes
+from .comparing import advanced, begin
 from .current_run import CurrentRun
 from .state import Resumed
 from .store import Store
@@ -83,7 +84,30 @@ class BranchDesk:
         if number == self._store.state.branch:
             raise InputError("the branch that is shown cannot be deleted: show another one first")
         del self._runs[number]
+        compared = self._store.state.comparison
+        if compared is not None and number in (compared.shown, compared.other):
+            self._store.set(comparison=None)
         self._store.set(branches=tuple(b for b in self._store.state.branches if b.number != number))
+
+    def compare(self, number: int) -> None:
+        """The branch that is shown with another one, from now on. InputError where there is nothing to compare."""
+        state, other = self._store.state, self._found(number)
+        self._store.set(comparison=begin(state.branches, state.branch, number, self._shown(), other))
+
+    @property
+    def comparing(self) -> bool:
+        compared = self._store.state.comparison
+        return compared is not None and not compared.finished
+
+    def compare_on(self) -> None:
+        """A little of it, where there is something left."""
+        compared = self._store.state.comparison
+        if compared is not None and not compared.finished:
+            found = None  # where this fails, it is not tried again
+            try:
+                found = advanced(compared, self._found(compared.shown), self._found(compared.other))
+            finally:
+                self._store.set(comparison=found)
 
     def _change(self, number: int, **values: object) -> None:
         branches = self._store.state.branches

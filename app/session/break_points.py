@@ -31,7 +31,7 @@ def find(state: State, run: CurrentRun | None, condition: str, *, forwards: bool
     if index is None:
         where = "after" if forwards else "before"
         raise InputError(f"{expression.text} holds at no computed exposure {where} {max(state.index, 0)}")
-    return changed(playing=False, target=None), Displayed(run.history[index])
+    return changed(playing=False, target=None, marked=expression), Displayed(run.history[index])
 
 
 def run_until(state: State, run: CurrentRun | None, condition: str) -> tuple[Event, ...]:
@@ -39,11 +39,12 @@ def run_until(state: State, run: CurrentRun | None, condition: str) -> tuple[Eve
     run, expression = _asked(run, condition)
     index = first_match(expression, run.series, range(state.index + 1, state.computed))
     if index is not None:
-        return changed(playing=False, target=None), Displayed(run.history[index]), reached(expression, run, index)
+        moved = changed(playing=False, target=None, marked=expression), Displayed(run.history[index])
+        return *moved, reached(expression, run, index)
     last = len(run.playback.sequence) - 1
     if state.computed > last:
         raise InputError(f"{expression.text} holds at no exposure after {max(state.index, 0)}")
-    return (changed(playing=False, target=last, until=expression),)
+    return (changed(playing=False, target=last, until=expression, marked=expression),)
 
 
 def after_step(state: State, run: CurrentRun, target: int) -> tuple[Event, ...]:

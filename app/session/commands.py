@@ -112,6 +112,13 @@ class DeleteBranch:
 
 
 @dataclass(frozen=True)
+class CompareBranch:
+    """Look for the first differences between the branch that is shown and another one."""
+
+    number: int
+
+
+@dataclass(frozen=True)
 class Open:
     """Open another source, and play it: `sim:NAME`, an address, or a path."""
 
@@ -172,7 +179,7 @@ class FindMatch:
 
 
 Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
-OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch
+OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
 Command = (
     Moves
     | RunUntil

@@ -104,6 +104,8 @@ class Controller:
                 self._branches.hide(number, hidden)
             case do.DeleteBranch(number):
                 self._branches.delete(number)
+            case do.CompareBranch(number):
+                self._branches.compare(number)
             case do.Open(source, options):
                 if self._open(source, options):
                     store.set(playing=True)
@@ -123,11 +125,14 @@ class Controller:
         try:
             self._player.advance()
         finally:
+            self._branches.compare_on()
             self._viewers.check()
             self._compiling.watch()
             self._watch_recordings()
 
     def patience_s(self) -> float:
+        if self._branches.comparing:
+            return 0.0
         busy = self._recordings.busy or self._repairs.busy
         return self._player.patience_s(RECORDING_S if busy else IDLE_S)
 

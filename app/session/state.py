@@ -15,6 +15,7 @@ from ..run.events import Finished, Opened
 from ..run.record import ExposureRecord, MethodStatus
 from ..run.tally import Tally
 from .branches import FIRST, Branch
+from .comparing import Comparison
 
 MAX_NOTICES = 5
 
@@ -94,9 +95,13 @@ class State:
     """Of the source, since its run was started; the first is that run."""
     branch: int = 0
     """The number of the one that is shown."""
+    comparison: Comparison | None = None
+    """Of two branches."""
     loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
+    marked: Expression | None = None
+    """The condition that was asked for last: where it holds is marked on the time axis."""
     target: int | None = None
     """The exposure that a seek is computing towards."""
     ended: bool = False
@@ -197,7 +202,7 @@ class Changed:
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"unfinished"}
-_CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop"}
+_CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
 
 def changed(**values: object) -> Changed:
@@ -222,7 +227,9 @@ def reduce(state: State, event: Event) -> State:
                 computed=0,
                 branches=(),
                 branch=0,
+                comparison=None,
                 loop=None,
+                marked=None,
             )
         case OpeningFailed(reason):
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))

@@ -17,6 +17,7 @@ from ..session import commands as do
 from ..session.session import Session
 from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
+from .panels.differences import DifferencesPanel
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel
@@ -27,7 +28,17 @@ from .portless import PortlessViser
 from .scene import Scene
 
 log = logging.getLogger(__name__)
-Panel = RunPanel | SourcePanel | MethodsPanel | BranchesPanel | BreakPointPanel | ViewPanel | WhyPanel | RecordPanel
+Panel = (
+    RunPanel
+    | SourcePanel
+    | MethodsPanel
+    | BranchesPanel
+    | DifferencesPanel
+    | BreakPointPanel
+    | ViewPanel
+    | WhyPanel
+    | RecordPanel
+)
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
@@ -80,13 +91,14 @@ class Screen:
             methods = MethodsPanel(gui, self._session)
         with tabs.add_tab("Branches"):
             branches = BranchesPanel(gui, self._session)
+            differences = DifferencesPanel(gui, self._session)
         with tabs.add_tab("Break"):
             break_point = BreakPointPanel(gui, self._session)
         with tabs.add_tab("View"):
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
-        return [run, source, why, methods, branches, break_point, view, record]
+        return [run, source, why, methods, branches, differences, break_point, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)

@@ -1,4 +1,5 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
+import { makeAxis } from "./time_axis.js";
 import { openControls } from "./controls.js";
 import { listen, setKeys } from "./keyboard.js";
 import { showNotices } from "./notices.js";
@@ -27,8 +28,9 @@ function connect() {
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
     if (state.keys) setKeys(state.keys);
-    window.ispom = { state, viewer, send };
+    window.ispom = { state, viewer, send, axis: axis.data };
     showState(state);
+    axis.show(state);
     showNotices(state.notices);
     viewer.follow(state);
   };
@@ -51,8 +53,6 @@ function command(message) {
 listen(window, command);
 openControls(dark.matches, command);
 
-document.getElementById("track").addEventListener("click", (event) => {
-  if (state?.total) command({ do: "seek", index: Math.round((event.clientX / innerWidth) * (state.total - 1)) });
-});
+const axis = makeAxis((index) => command({ do: "seek", index }));
 
 connect();

@@ -11,8 +11,6 @@ export function showState(state) {
   document.body.dataset.playing = state.playing;
   at("exposure").textContent = state.total ? `exposure ${state.index < 0 ? "–" : state.index} / ${state.total - 1}` : "";
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
-  at("computed").style.width = `${(100 * state.computed) / Math.max(state.total, 1)}%`;
-  at("cursor").style.left = `${(100 * Math.max(state.index, 0)) / Math.max(state.total - 1, 1)}%`;
   at("methods").replaceChildren(...state.methods.map(method));
   at("methods").classList.toggle("many", state.methods.length > 3);
   at("compiling").textContent = state.compiling ?? "";

@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 NO_BRANCH: tuple[str, ...] = ("-",)
-SHOW, DELETE = "Show", "Delete"
+SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
+COMMANDS = {SHOW: do.ShowBranch, COMPARE: do.CompareBranch, DELETE: do.DeleteBranch}
+
+
+HINT = "Compare: looks for the first differences between the branch that is shown and this one."
 
 
 class BranchesPanel:
@@ -28,7 +32,7 @@ class BranchesPanel:
         self._text = gui.add_html(_text(session.state))
         self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
         self._choice.on_update(lambda _: self._fill())
-        self._buttons = gui.add_button_group("", (SHOW, DELETE))
+        self._buttons = gui.add_button_group("", tuple(COMMANDS), hint=HINT)
         self._buttons.on_click(self._clicked)
         self._drawn = gui.add_checkbox("drawn", True, hint="Draw its trajectories while another branch is shown.")
         self._drawn.on_update(self._drawn_changed)
@@ -45,7 +49,7 @@ class BranchesPanel:
             self._session.post(command(branch))
 
     def _clicked(self, _: object) -> None:
-        command = do.ShowBranch if self._buttons.value == SHOW else do.DeleteBranch
+        command = COMMANDS[self._buttons.value]
         self._post(lambda branch: command(branch.number))
 
     def _drawn_changed(self, _: object) -> None:

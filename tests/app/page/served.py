@@ -15,6 +15,7 @@ from ispom_app.page.gateway import Backends, Gateway
 from ispom_app.page.rerun_assets import NAMES
 from ispom_app.rerun_log.tape import Tape
 from ispom_app.session import commands as do
+from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
 from ispom_app.subscribers import Subscribers
 from ispom_app.viser_ui.portless import PortlessViser
@@ -27,6 +28,7 @@ class FakeSession:
 
     def __init__(self) -> None:
         self.state = State("double")
+        self.run: CurrentRun | None = None
         self.changes = Subscribers()
         self.commands: list[do.Command] = []
 

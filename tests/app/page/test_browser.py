@@ -196,7 +196,7 @@ def test_the_buttons_of_the_panel_work(page: Page):
 
 
 def test_the_bar_seeks(page: Page):
-    page.tab.locator("#track").click(position={"x": 640, "y": 4})
+    page.tab.locator("#axis").click(position={"x": 640, "y": 4})
     page.until("Math.abs(state.index - 21) <= 1", "the middle")
 
 

@@ -15,7 +15,7 @@ from ispom_app.session.branches import Beside, Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 from ispom_app.viser_ui.branch_scene import BranchScene
-from ispom_app.viser_ui.panels.branches import DELETE, SHOW, BranchesPanel
+from ispom_app.viser_ui.panels.branches import COMPARE, DELETE, SHOW, BranchesPanel
 
 from tests import doubles
 from tests.alone import METHODS
@@ -79,9 +79,10 @@ def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.V
     panel, asked = made(server, two)
     assert panel._choice.value == f"1: {NAME}" and panel._name.value == NAME and panel._drawn.value
     panel._buttons.value = SHOW
+    panel._buttons.value = COMPARE
     panel._buttons.value = DELETE
     press(panel._rename)
-    assert asked == [do.ShowBranch(1), do.DeleteBranch(1), do.RenameBranch(1, NAME)]
+    assert asked == [do.ShowBranch(1), do.CompareBranch(1), do.DeleteBranch(1), do.RenameBranch(1, NAME)]
     panel._drawn.value = False
     assert asked[-1] == do.HideBranch(1, True)
 

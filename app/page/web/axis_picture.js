@@ -1,0 +1,61 @@
+// The picture of the time axis, row by row: video exposures, stereo exposures, each method's key frames and losses, where the
+// condition holds, what is computed. At most one mark of a kind to a pixel.
+export const PAD = 8;
+const TICKS = 6;
+const LANE = 7;
+const BAR = 3;
+const rows = (axis) => axis.methods.length + (axis.condition ? 1 : 0);
+
+export const heightOf = (axis) => 2 + 2 * TICKS + rows(axis) * LANE + BAR + 2;
+
+// What the row at this height shows.
+export function laneAt(axis, y) {
+  if (y < 2 + TICKS) return "Video exposures";
+  if (y < 2 + 2 * TICKS) return "Stereo exposures";
+  const row = Math.floor((y - 2 - 2 * TICKS) / LANE);
+  if (row < axis.methods.length) return `${axis.methods[row].label}: marks are key frames, red is lost`;
+  return row < rows(axis) ? `Where ${axis.condition} holds` : "Bar: computed so far";
+}
+
+export function drawAxis(canvas, axis, place) {
+  const scale = devicePixelRatio;
+  const [width, height] = [canvas.clientWidth, heightOf(axis)];
+  Object.assign(canvas, { width: width * scale, height: height * scale });
+  const ink = canvas.getContext("2d");
+  ink.scale(scale, scale);
+  const style = getComputedStyle(document.documentElement);
+  const colour = (name) => style.getPropertyValue(`--${name}`);
+  const box = (from, to, y, tall, fill, alpha = 1) => {
+    Object.assign(ink, { fillStyle: fill, globalAlpha: alpha });
+    ink.fillRect(from, y, Math.max(to - from, 1), tall);
+  };
+  const marks = (indices, y, tall, fill, wide = 1) => {
+    let last = -1;
+    for (const index of indices) {
+      const x = Math.round(place(index));
+      if (x > last) box((last = x), x + wide, y, tall, fill);
+    }
+  };
+  if (!axis.times.length) return;
+  if (axis.loop) box(place(axis.loop[0]), place(axis.loop[1] ?? axis.times.length - 1), 0, height, colour("accent"), 0.22);
+  const all = [...axis.times.keys()];
+  marks(all.filter((i) => axis.kinds[i] === "v"), 2, TICKS - 1, colour("quiet"));
+  marks(all.filter((i) => axis.kinds[i] === "s"), 2 + TICKS, TICKS - 1, colour("text"));
+  let y = 2 + 2 * TICKS;
+  for (const { colour: own, keyFrames, lost } of axis.methods) {
+    box(place(0), place(Math.max(axis.computed - 1, 0)), y + LANE / 2, 1, own, 0.5);
+    for (const [first, last] of lost) box(place(first), place(last + 1), y + 1, LANE - 2, colour("alarm"));
+    marks(keyFrames, y, LANE - 1, own, 2);
+    y += LANE;
+  }
+  if (axis.condition) {
+    marks(axis.matches, y, LANE - 1, colour("text"), 2);
+    y += LANE;
+  }
+  box(place(0), place(axis.times.length - 1), y + 1, BAR, colour("field"));
+  if (axis.computed) box(place(0), place(axis.computed - 1), y + 1, BAR, colour("accent"), 0.6);
+  for (const branch of axis.branches) {
+    box(place(branch.at) - 1, place(branch.at) + 1, 0, height, branch.colour);
+    box(place(branch.at) - 1, place(branch.at) + 7, 0, 5, branch.colour);
+  }
+}

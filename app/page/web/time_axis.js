@@ -1,0 +1,105 @@
+// The time axis under the bar: where what happened in the run, and where it stands. The server sends each exposure once;
+// the picture is drawn when something was added, and at other times only the cursor moves.
+import { drawAxis, heightOf, laneAt, PAD } from "./axis_picture.js";
+
+const at = (id) => document.getElementById(id);
+
+export function makeAxis(seek) {
+  const strip = at("axis");
+  const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], loop: null };
+  let index = -1;
+  const draw = () => {
+    strip.style.setProperty("--axis", `${heightOf(axis)}px`);
+    drawAxis(strip.querySelector("canvas"), axis, (i) => place(axis, strip, i));
+    at("cursor").style.left = `${place(axis, strip, Math.max(index, 0))}px`;
+  };
+  let asked = null;
+  const seekTo = ({ clientX }) => {
+    const wanted = nearest(axis, strip, clientX);
+    if (axis.times.length && wanted !== asked) seek((asked = wanted));
+  };
+  addEventListener("resize", draw);
+  strip.addEventListener("pointerdown", (event) => {
+    strip.setPointerCapture(event.pointerId);
+    asked = null;
+    seekTo(event);
+  });
+  strip.addEventListener("pointermove", (event) => {
+    if (strip.hasPointerCapture(event.pointerId)) seekTo(event);
+    hint(axis, strip, event);
+  });
+  strip.addEventListener("pointerleave", () => (at("axis-hint").hidden = true));
+
+  return {
+    data: axis,
+    show: (state) => {
+      index = state.index;
+      const loop = String(axis.loop);
+      axis.loop = state.loop;
+      if (state.axis) take(axis, state.axis);
+      if (state.axis || String(state.loop) !== loop) draw();
+      else at("cursor").style.left = `${place(axis, strip, Math.max(index, 0))}px`;
+    },
+  };
+}
+
+function take(axis, news) {
+  if (news.methods) {
+    const methods = news.methods.map((method) => ({ ...method, keyFrames: [], lost: [] }));
+    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, matches: [], condition: "", branches: [] });
+  }
+  axis.times = axis.times.concat(news.times_ms ?? []);
+  axis.kinds += news.kinds ?? "";
+  axis.computed = news.computed ?? axis.computed;
+  (news.results ?? []).forEach(({ key_frames, lost }, i) => {
+    const method = axis.methods[i];
+    method.keyFrames.push(...key_frames);
+    for (const [first, last] of lost) {
+      const before = method.lost.at(-1);
+      if (before?.[1] === first - 1) before[1] = last;
+      else method.lost.push([first, last]);
+    }
+  });
+  if (news.condition !== undefined) Object.assign(axis, { condition: news.condition, matches: [] });
+  axis.matches.push(...(news.matches ?? []));
+  axis.branches = news.branches ?? axis.branches;
+}
+
+const room = (strip) => Math.max(strip.clientWidth - 2 * PAD, 1);
+const length = ({ times }) => Math.max(times.at(-1) ?? 0, 1);
+const place = (axis, strip, index) => PAD + (room(strip) * (axis.times[Math.min(index, axis.times.length - 1)] ?? 0)) / length(axis);
+
+// The exposure whose time is nearest to a place.
+function nearest(axis, strip, clientX) {
+  const { times } = axis;
+  const time = ((clientX - strip.getBoundingClientRect().left - PAD) / room(strip)) * length(axis);
+  let low = 0;
+  let high = times.length - 1;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] < time) low = middle + 1;
+    else high = middle;
+  }
+  return low > 0 && time - times[low - 1] < times[low] - time ? low - 1 : low;
+}
+
+function hint(axis, strip, { clientX, clientY }) {
+  const box = at("axis-hint");
+  box.hidden = !axis.times.length;
+  if (box.hidden) return;
+  const index = nearest(axis, strip, clientX);
+  box.textContent = [
+    laneAt(axis, clientY - strip.getBoundingClientRect().top),
+    `exposure ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${axis.kinds[index] === "s" ? "stereo" : "video"}`,
+    index >= axis.computed ? "not computed yet" : "",
+    ...axis.methods.map((method) => happened(method, index)),
+    axis.matches.includes(index) ? `holds: ${axis.condition}` : "",
+    ...axis.branches.filter((branch) => branch.at === index).map((branch) => `${branch.name} begins`),
+  ].filter(Boolean).join("\n");
+  box.style.left = `${Math.min(Math.max(clientX - box.offsetWidth / 2, 4), innerWidth - box.offsetWidth - 4)}px`;
+}
+
+function happened({ label, keyFrames, lost }, index) {
+  const what = [keyFrames.includes(index) && "key frame", lost.some(([first, last]) => first <= index && index <= last) && "lost"];
+  return what.some(Boolean) ? `${label}: ${what.filter(Boolean).join(", ")}` : "";
+}

@@ -1,0 +1,163 @@
+"""The time axis: what a page is told of a run, and what it shows and does in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ispom_app.expressions.parser import parse
+from ispom_app.page import time_axis
+from ispom_app.page.time_axis import AxisNews
+from ispom_app.run.playback import Playback
+from ispom_app.session.branches import Branch
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.state import State
+
+from tests import doubles
+from tests.alone import METHODS
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+
+
+def build(config, methods, rig):
+    return doubles.ensemble(methods, doubles.FullEstimator)
+
+
+@pytest.fixture
+def run() -> CurrentRun:
+    return CurrentRun(Playback(doubles.sequence(40), METHODS, builder=build), 10**8)
+
+
+def told(parts: list[dict]) -> list[tuple[list[int], list[list[int]]]]:
+    """Of each method: its key frames and losses, as a page puts them together."""
+    found: list[tuple[list[int], list[list[int]]]] = [([], []) for _ in METHODS]
+    for part in parts:
+        for (keys, lost), result in zip(found, part.get("results", ()), strict=False):
+            keys.extend(result["key_frames"])
+            for first, last in result["lost"]:
+                if lost and lost[-1][1] == first - 1:
+                    lost[-1][1] = last
+                else:
+                    lost.append([first, last])
+    return found
+
+
+def test_in_increments_a_page_hears_what_one_that_comes_late_hears(run: CurrentRun) -> None:
+    early, parts = AxisNews(), []
+    state = State("double:40")
+    while not run.playback.done:
+        run.step()
+        parts.append(early.since(state, run))
+    assert early.since(state, run) is None, "each exposure is told once"
+    late = AxisNews().since(state, run)
+    assert late is not None and told(parts) == told([late])
+    assert parts[0]["kinds"] == late["kinds"] and late["kinds"].count("s") == 4
+    for method, (keys, lost) in zip(METHODS, told([late]), strict=True):
+        steps = [(r.index, s) for r in run.history for s in r.steps if s.method == method]
+        assert keys == [i for i, s in steps if s.key_frame]
+        assert [i for i, s in steps if s.status == "lost"] == [i for i, s in steps if any(a <= i <= b for a, b in lost)]
+
+
+def test_matches_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_axis, "SLICE", 10)
+    while not run.playback.done:
+        run.step()
+    state = replace(State("double:40"), marked=parse('monocular.status == "lost"', run.series.quantities))
+    news, found, messages = AxisNews(), [], 0
+    while messages == 0 or news.behind:
+        found += (news.since(state, run) or {}).get("matches", [])
+        messages += 1
+    assert messages == 5
+    assert found == [r.index for r in run.history for s in r.steps if s.method == "monocular" and s.status == "lost"]
+    assert news.since(replace(state, marked=None), run) == {"condition": ""}
+
+
+def test_branches_are_told_where_they_begin_and_only_when_that_changes(run: CurrentRun) -> None:
+    run.step()
+    news, first = AxisNews(), Branch(0, "first run")
+    state = replace(State("double:40"), branches=(first, Branch(1, "other", 0, 9)))
+    assert (news.since(state, run) or {})["branches"] == [{"name": "other", "at": 9, "colour": "#56b4e9"}]
+    longer = replace(state, branches=(replace(first, computed=7), Branch(1, "other", 0, 9)))
+    assert news.since(longer, run) is None
+    assert news.since(replace(state, branches=(first,)), run) == {"branches": []}
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.until("state.ended && !state.playing", "the end")
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+
+
+@in_chromium
+def test_a_click_and_a_drag_on_the_axis_seek(page: Page) -> None:
+    axis = page.tab.locator("#axis")
+    axis.click(position={"x": 640, "y": 6})
+    page.until("Math.abs(state.index - 21) <= 1", "the middle")
+    axis.click(position={"x": 2, "y": 20})
+    page.until("state.index === 0", "the first")
+    box = axis.bounding_box()
+    page.tab.mouse.move(box["x"] + 300, box["y"] + 5)
+    page.tab.mouse.down()
+    for x in (500, 900, 1278):
+        page.tab.mouse.move(box["x"] + x, box["y"] + 300)
+        page.until(f"state.index >= {int((x - 20) / 1280 * 43)}", "the drag")
+    page.tab.mouse.up()
+    page.until("state.index === 43", "the last")
+
+
+@in_chromium
+def test_hovering_says_exposure_time_and_what_happened(page: Page) -> None:
+    hint = page.tab.locator("#axis-hint")
+    page.tab.locator("#axis").hover(position={"x": 1279, "y": 2})
+    assert hint.inner_text().split("\n")[:2] == ["Video exposures", "exposure 43 · 1.30 s · video"]
+    page.tab.locator("#axis").hover(position={"x": 9, "y": 14})
+    lines = hint.inner_text().split("\n")
+    assert lines[:2] == ["Monocular: marks are key frames, red is lost", "exposure 0 · 0.00 s · video"]
+    assert "Monocular: key frame" in lines
+    page.tab.locator("#canvas").hover()
+    hint.wait_for(state="hidden")
+
+
+@in_chromium
+def test_the_axis_marks_where_a_condition_holds_and_where_a_branch_begins(page: Page) -> None:
+    page.controls.get_by_role("tab", name="Break").click()
+    field = page.controls.get_by_role("textbox").last
+    field.fill("stereo.key_frame")
+    page.controls.get_by_text("holds at 1 of 44").wait_for()
+    page.controls.get_by_role("button", name="◀ Match").click()
+    page.until("state.index === 1 && window.ispom.axis.matches.length === 1", "the match")
+    assert page.tab.evaluate("window.ispom.axis.matches") == [1]
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.controls.get_by_role("button", name="Fork").click()
+    page.until("window.ispom.axis.branches.length === 1", "the branch")
+    assert page.tab.evaluate("window.ispom.axis.branches")[0]["at"] == 2
+    page.until("state.ended && !state.playing && window.ispom.axis.computed === 44", "the branch's end")
+
+
+@in_chromium
+def test_of_5000_exposures_no_pixel_is_drawn_twice_in_a_row(page: Page) -> None:
+    script = """async () => {
+      const { drawAxis } = await import(new URL("web/axis_picture.js", document.baseURI));
+      const indices = [...Array(5000).keys()];
+      const methods = [0, 1, 2].map(() => ({ colour: "#d55e00", keyFrames: indices, lost: [[10, 19], [4000, 4009]] }));
+      const axis = { times: indices, kinds: "vvvs".repeat(1250), methods, computed: 5000, branches: [] };
+      axis.condition = "stereo.key_frame";
+      axis.matches = indices;
+      const canvas = document.querySelector("#axis canvas");
+      const draw = CanvasRenderingContext2D.prototype.fillRect;
+      let count = 0;
+      CanvasRenderingContext2D.prototype.fillRect = () => count++;
+      drawAxis(canvas, axis, (index) => (index * 1000) / 5000);
+      CanvasRenderingContext2D.prototype.fillRect = draw;
+      return count;
+    }"""
+    assert 5000 < page.tab.evaluate(script) < 6020, "six rows of 1,000 pixels, and some bars"
