@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ispom.geometry import Array
 from ispom.types import Status
 
 from .. import colours
@@ -98,7 +97,7 @@ def _result(series: Series, method: str, start: int, stop: int) -> dict[str, Any
     }
 
 
-def _stretches(mask: Array) -> Array:
+def _stretches(mask: np.ndarray) -> np.ndarray:
     """(K, 2) first index and one beyond the last of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     return edges.reshape(-1, 2)

@@ -79,7 +79,7 @@ class RunPanel:
         self._slider.value = index
 
 
-def _buttons(gui: viser.GuiApi, session: Session, label: str, names: dict[str, str]) -> viser.GuiButtonGroupHandle[str]:
+def _buttons(gui: viser.GuiApi, session: Session, label: str, names: dict[str, str]) -> viser.GuiButtonGroupHandle:
     hint = " ".join(f"{text}: {BY_NAME[name].hint} Key: {BY_NAME[name].key}." for text, name in names.items())
     found = gui.add_button_group(label, tuple(names), hint=hint)
     found.on_click(lambda _: session.post(BY_NAME[names[found.value]].command))
