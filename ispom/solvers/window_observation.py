@@ -35,18 +35,17 @@ class Observed(NamedTuple):
 @kernel(error_model="numpy", fastmath={"contract"})
 def squared_errors(observed):
     """(K,) over all images; inf behind the camera."""
-    out = np.empty(len(observed.cameras))
+    out, wrong = np.empty(len(observed.cameras)), correction(observed.extra)
     for k in range(len(out)):
-        out[k] = _squared_error(observed, k)
+        out[k] = _squared_error(observed, k, wrong)
     return out
 
 
 @part
-def _squared_error(observed, k):
+def _squared_error(observed, k, wrong):
     q = in_camera(observed, k)
     if q[2] <= MIN_DEPTH:
         return np.inf
-    wrong = correction(observed.extra)
     _, _, _, ex, ey, er = residual(q, vector(observed.seen, k), observed.rates[k], observed.baseline, wrong)
     return ex * ex + ey * ey + er * er
 
