@@ -1,4 +1,4 @@
-"""The spline solver against `scipy.optimize.least_squares`: the same minimum from the same start."""
+"""The spline solver against `scipy.optimize.least_squares`, from a start near the minimum: both stay at the same place."""
 
 from __future__ import annotations
 
