@@ -1,4 +1,4 @@
-"""The spline solver against `scipy.optimize.least_squares`, from a start near the minimum: both stay at the same place."""
+"""The spline solver against `scipy.optimize.least_squares`: from near the minimum, both end at the same place."""
 
 from __future__ import annotations
 
