@@ -21,14 +21,14 @@ from tests.alone import ALL, METHODS
 from tests.app import helpers
 from tests.same import assert_same
 
-DARK_NS = (800_000_000, 1_200_000_000)
+DARK_NS = (800_000_000, 1_100_000_000)
 """Where there is no light: every method is lost there."""
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
-    """2.4 s of sim:tiny with a dark stretch; each exposure made once."""
-    bright = open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=2.4)
+    """1.8 s of sim:tiny with a dark stretch; each exposure made once."""
+    bright = open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=1.8)
 
     def load(i: int) -> Exposure:
         found = bright[i]
