@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
-from ispom.numerics.vectors import cross, dot, inverse, store, symmetric, vector
+from ispom.numerics.vectors import cross, damped, dot, inverse, store, symmetric, vector
 from ispom.solvers.spline_observation import MIN_DEPTH, RIG, cauchy_weight, empty_rows, linearise, placed
 
 
@@ -170,11 +170,8 @@ def _add_rig(m, weight, e, g, reduced, eliminated, rows, by_rig):
 @part
 def _invert(block, damping):
     """A point's block (3, 3), damped, in its place."""
-    share = 1.0 + damping
-    inverted = inverse(
-        (block[0, 0] * share, block[0, 1], block[0, 2], block[1, 1] * share, block[1, 2], block[2, 2] * share)
-    )
-    a, b, c = symmetric(inverted)
+    kept = block[0, 0], block[0, 1], block[0, 2], block[1, 1], block[1, 2], block[2, 2]
+    a, b, c = symmetric(inverse(damped(kept, damping)))
     store(block, 0, a)
     store(block, 1, b)
     store(block, 2, c)

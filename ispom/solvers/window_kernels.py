@@ -17,6 +17,7 @@ from ispom.numerics.reprojection import add_by_twist, subtract_by_twists
 from ispom.numerics.vectors import (
     congruent,
     cross,
+    damped,
     dot,
     inverse,
     matrix,
@@ -90,7 +91,7 @@ def reduce_points(scale, damping, reduced, eliminated, observed):
 def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
     """Point m, whose observations start at `begin`; where they end."""
     end, block, gradient = _linearise(m, begin, per, reduced, eliminated, terms, observed)
-    inverted = inverse(_damped(block, damping))
+    inverted = inverse(damped(block, damping))
     store6(eliminated.inverses, m, inverted)
     store(eliminated.gradients, m, gradient)
     _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated)
@@ -165,15 +166,6 @@ def _add_corrections(m, n, by_point, second, first, reduced, eliminated, terms):
         for d in range(e + 1):
             corner[e, d] += factors[n, e] * factors[n, d] * second
         corner[e, len(corner)] += factors[n, e] * first
-
-
-@part
-def _damped(block, damping):
-    """A point's block for its inverse."""
-    # A share of the block: anything fixed, however little, would hold what is far where it was first thought.
-    a, b, c = block[0], block[3], block[5]
-    least = 1e-10 * (a + b + c)
-    return a + damping * a + least, block[1], block[2], b + damping * b + least, block[4], c + damping * c + least
 
 
 @part

@@ -107,3 +107,26 @@ def test_a_loss_far_narrower_than_the_first_errors_does_not_keep_a_wrong_clock()
     assert rig.clock_offset_s == pytest.approx(0.02, abs=3e-4)
     turned = so3_log(start.rig.rig_from_video.rotation.T @ rig.rig_from_video.rotation)
     assert np.degrees(np.linalg.norm(turned + turn)) < 0.1
+
+
+@pytest.mark.parametrize("m", range(12))
+def test_a_point_that_ran_away_across_its_anchor_leaves_the_hessian_positive(m: int) -> None:
+    problem = problem_of(made_flight(0.5, 30))
+    points = problem.points
+    direction = points.anchors_r[m] @ np.append(points.values[m, :2], 1.0)
+    # The same direction, from an anchor that looks across it: beyond all bounds in x and y, and infinitely far.
+    anchors, values = points.anchors_r.copy(), points.values.copy()
+    values[m] = -2.3e8, -7.6e7, -33.0
+    across = np.append(values[m, :2], 1.0)
+    anchors[m] = turned_onto(across / np.linalg.norm(across), direction / np.linalg.norm(direction))
+    runaway = replace(problem, points=replace(points, anchors_r=anchors, values=values))
+    hessian, _, _ = continuous._normal_equations(runaway, problem.sampled(), 0.0)
+    assert np.linalg.eigvalsh(hessian[:-RIG, :-RIG]).min() > 0
+
+
+def turned_onto(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The least rotation that takes the unit vector a to b."""
+    from scipy.spatial.transform import Rotation
+
+    axis = np.cross(a, b)
+    return Rotation.from_rotvec(axis / np.linalg.norm(axis) * np.arccos(a @ b)).as_matrix()
