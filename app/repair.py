@@ -56,7 +56,9 @@ def _finish_recordings(folder: Path) -> Found:
     lines, problems = [], []
     for path in unfinished(folder):
         try:
-            lines.append(f"{finish(path)}: recording finished, up to where its writer came")
+            done = finish(path)
+            said = f"{done}: recording finished, up to where its writer came" if done else f"{path}: empty, removed"
+            lines.append(said)
         except InputError as problem:
             problems.append(str(problem))
     return lines, problems

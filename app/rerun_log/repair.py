@@ -15,7 +15,7 @@ from ispom.io.whole import part_of, whole_of
 
 from ..run.lock import locked
 from .piped_file import PipedFile
-from .rrd import count_messages, is_finished, whole_bytes
+from .rrd import count_messages, is_empty, is_finished, whole_bytes
 
 PATIENCE_S = 3600.0
 """Longest wait for the copy of a recording."""
@@ -27,10 +27,10 @@ def unfinished(folder: Path) -> list[Path]:
     return [path for path in files if path != whole_of(path) or not is_finished(path)]
 
 
-def finish(path: Path) -> Path:
-    """Gives a recording its index, and a hidden one its name; where it is then.
+def finish(path: Path) -> Path | None:
+    """Gives a recording its index, and a hidden one its name; where it is then, None where it held nothing and is gone.
 
-    InputError where it is still being written, holds nothing, or the disk does not take it; the file stays then.
+    InputError where it is still being written, or the disk does not take it; the file stays then.
     """
     final = whole_of(path)
     try:
@@ -40,11 +40,17 @@ def finish(path: Path) -> Path:
         raise InputError(f"{path} cannot be repaired ({error}): make room, or see to its folder") from None
 
 
-def _finish(path: Path, final: Path) -> Path:
+def _finish(path: Path, final: Path) -> Path | None:
+    if path != final and is_empty(path):
+        path.unlink()
+        return None
     if final != path and final.exists():
         raise InputError(f"{final} exists already: move it away, and repair again")
     if not is_finished(path):
-        os.truncate(path, whole_bytes(path))
+        whole = whole_bytes(path)
+        if whole == 0:
+            raise InputError(f"{path} is no recording of this version of Rerun: it stays as it is")
+        os.truncate(path, whole)
         copy = part_of(final.with_name(f"repaired-{final.name}"))
         try:
             _copy(path, copy)

@@ -84,3 +84,10 @@ def count_messages(path: Path) -> int:
             count += kind == _DATA
             at += _HEAD.size + content
     return count
+
+
+def is_empty(path: Path) -> bool:
+    """Whether the file is a stream that was stopped before its first data. OSError where it cannot be read."""
+    with path.open("rb") as file:
+        begins = file.read(len(HEADER))
+    return HEADER.startswith(begins) and not count_messages(path)

@@ -94,3 +94,22 @@ def test_a_complete_run_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_folder_that_is_none_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["repair", str(tmp_path / "nowhere")]) == 2
     assert "is no folder: give that of a run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["old.rrd", ".part-old.rrd"])
+def test_a_recording_of_another_version_is_not_touched(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = b"RRF1" + bytes(range(256)) * 20
+    (tmp_path / name).write_bytes(old)
+    assert main(["repair", str(tmp_path)]) == 2
+    assert f"{name} is no recording of this version of Rerun" in capsys.readouterr().err
+    assert (tmp_path / name).read_bytes() == old
+
+
+def test_a_recording_that_was_killed_before_its_first_data_is_removed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / ".part-run.rrd").write_bytes(b"RRF2")
+    assert main(["repair", str(tmp_path)]) == 0
+    assert "empty, removed" in capsys.readouterr().out and not list(tmp_path.iterdir())

@@ -149,15 +149,18 @@ def test_what_a_stopped_app_left_unfinished_is_listed_and_repaired(tmp_path: Pat
     with FileRecording(left, run.opened) as file:
         file.write(run.step())
     left.rename(part_of(left))
+    foreign = tmp_path / ".part-foreign.rrd"
+    foreign.write_bytes(b"somebody else's, or another version's")
     (tmp_path / ".part-empty.rrd").write_bytes(b"")
     with FileRecording(running, run.opened):
         session = started(tmp_path, autoplay=False)
         wait_for(lambda: session.state.phase == "ready", "opening")
-        assert session.state.unfinished == (".part-empty.rrd", ".part-left.rrd")
+        assert session.state.unfinished == (".part-empty.rrd", ".part-foreign.rrd", ".part-left.rrd")
         session.post(do.RepairRecordings())
-        wait_for(lambda: session.state.unfinished == (".part-empty.rrd",), "the repair")
+        wait_for(lambda: session.state.unfinished == (".part-foreign.rrd",), "the repair")
         assert [file.name for file in session.state.recordings] == ["left.rrd"] and exposures_in(left) == {0}
-        assert ".part-empty.rrd" in session.state.notices[-1].text and session.close(5.0)
+        assert ".part-foreign.rrd" in session.state.notices[-1].text and session.close(5.0)
+    assert foreign.read_bytes() == b"somebody else's, or another version's"
 
 
 def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
