@@ -17,11 +17,12 @@ export function laneAt(axis, y) {
   return row < rows(axis) ? `Where ${axis.condition} holds` : "Bar: computed so far";
 }
 
-export function drawAxis(canvas, axis, place) {
+export function drawAxis(canvas, width, axis, place) {
   const scale = devicePixelRatio;
-  const [width, height] = [canvas.clientWidth, heightOf(axis)];
+  const height = heightOf(axis);
   Object.assign(canvas, { width: width * scale, height: height * scale });
-  const ink = canvas.getContext("2d");
+  // Drawn here and not by the graphics' process: where that is software, thousands of marks hold up all other pictures.
+  const ink = canvas.getContext("2d", { willReadFrequently: true });
   ink.scale(scale, scale);
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`);

@@ -1,24 +1,32 @@
 // The time axis under the bar: where what happened in the run, and where it stands. The server sends each exposure once;
-// the picture is drawn when something was added, and at other times only the cursor moves.
+// the picture is drawn when something was added, while it grows once in a while, and at other times only the cursor moves.
 import { drawAxis, heightOf, laneAt, PAD } from "./axis_picture.js";
 
+const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
 const at = (id) => document.getElementById(id);
 
 export function makeAxis(seek) {
   const strip = at("axis");
   const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], loop: null };
   let index = -1;
+  let width = strip.clientWidth;
+  let due = null;
+  const moveCursor = () => (at("cursor").style.left = `${place(axis, width, Math.max(index, 0))}px`);
   const draw = () => {
+    clearTimeout(due);
+    due = null;
     strip.style.setProperty("--axis", `${heightOf(axis)}px`);
-    drawAxis(strip.querySelector("canvas"), axis, (i) => place(axis, strip, i));
-    at("cursor").style.left = `${place(axis, strip, Math.max(index, 0))}px`;
+    drawAxis(strip.querySelector("canvas"), width, axis, (i) => place(axis, width, i));
+    moveCursor();
   };
   let asked = null;
   const seekTo = ({ clientX }) => {
     const wanted = nearest(axis, strip, clientX);
     if (axis.times.length && wanted !== asked) seek((asked = wanted));
   };
-  addEventListener("resize", draw);
+  new ResizeObserver(() => {
+    if (width !== strip.clientWidth) draw((width = strip.clientWidth));
+  }).observe(strip);
   strip.addEventListener("pointerdown", (event) => {
     strip.setPointerCapture(event.pointerId);
     asked = null;
@@ -37,8 +45,10 @@ export function makeAxis(seek) {
       const loop = String(axis.loop);
       axis.loop = state.loop;
       if (state.axis) take(axis, state.axis);
-      if (state.axis || String(state.loop) !== loop) draw();
-      else at("cursor").style.left = `${place(axis, strip, Math.max(index, 0))}px`;
+      const { results, computed, ...rest } = state.axis ?? {};
+      if (Object.keys(rest).length || String(state.loop) !== loop) draw();
+      else if (results) due ??= setTimeout(draw, GROWS_MS);
+      moveCursor();
     },
   };
 }
@@ -65,14 +75,14 @@ function take(axis, news) {
   axis.branches = news.branches ?? axis.branches;
 }
 
-const room = (strip) => Math.max(strip.clientWidth - 2 * PAD, 1);
+const room = (width) => Math.max(width - 2 * PAD, 1);
 const length = ({ times }) => Math.max(times.at(-1) ?? 0, 1);
-const place = (axis, strip, index) => PAD + (room(strip) * (axis.times[Math.min(index, axis.times.length - 1)] ?? 0)) / length(axis);
+const place = (axis, width, index) => PAD + (room(width) * (axis.times[Math.min(index, axis.times.length - 1)] ?? 0)) / length(axis);
 
 // The exposure whose time is nearest to a place.
 function nearest(axis, strip, clientX) {
   const { times } = axis;
-  const time = ((clientX - strip.getBoundingClientRect().left - PAD) / room(strip)) * length(axis);
+  const time = ((clientX - strip.getBoundingClientRect().left - PAD) / room(strip.clientWidth)) * length(axis);
   let low = 0;
   let high = times.length - 1;
   while (low < high) {

@@ -156,8 +156,36 @@ def test_of_5000_exposures_no_pixel_is_drawn_twice_in_a_row(page: Page) -> None:
       const draw = CanvasRenderingContext2D.prototype.fillRect;
       let count = 0;
       CanvasRenderingContext2D.prototype.fillRect = () => count++;
-      drawAxis(canvas, axis, (index) => (index * 1000) / 5000);
+      drawAxis(canvas, 1016, axis, (index) => (index * 1000) / 5000);
       CanvasRenderingContext2D.prototype.fillRect = draw;
       return count;
     }"""
     assert 5000 < page.tab.evaluate(script) < 6020, "six rows of 1,000 pixels, and some bars"
+
+
+@in_chromium
+def test_a_run_that_goes_on_is_drawn_once_for_many_exposures(page: Page) -> None:
+    """One picture for each exposure took all of a software GPU's time, and the viewer's memory grew meanwhile."""
+    script = """async () => {
+      const { makeAxis } = await import(new URL("web/time_axis.js", document.baseURI));
+      const pictures = [];
+      const take = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (...asked) {
+        pictures.push(asked);
+        return take.apply(this, asked);
+      };
+      const axis = makeAxis(() => {});
+      const methods = [{ label: "Stereo", colour: "#0072b2" }];
+      const times_ms = [...Array(500).keys()];
+      const nothing = { computed: 0, results: [] };
+      axis.show({ index: 0, loop: null, axis: { methods, times_ms, kinds: "v".repeat(500), ...nothing } });
+      const first = pictures.length;
+      for (const index of times_ms)
+        axis.show({ index, loop: null, axis: { computed: index + 1, results: [{ key_frames: [index], lost: [] }] } });
+      const atOnce = pictures.length;
+      while (pictures.length === atOnce) await new Promise(requestAnimationFrame);
+      HTMLCanvasElement.prototype.getContext = take;
+      return [first, atOnce, pictures.length, axis.data.computed, pictures[0]];
+    }"""
+    found = page.tab.evaluate(script)
+    assert found == [1, 1, 2, 500, ["2d", {"willReadFrequently": True}]], found
