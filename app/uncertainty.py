@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ispom.geometry import Array, Pose
 from ispom.types import Step
 
 from .texts import length
 
-CHI2_95_OF_3 = float(chi2.ppf(0.95, 3))
+CHI2_95_OF_3 = float(chdtri(3, 0.05))
 """What a chi-square variable with 3 degrees of freedom stays below with 95 %."""
 
 

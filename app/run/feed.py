@@ -76,7 +76,9 @@ class Feed:
                 finished, self.finished = self.finished, None
                 return finished
             index = self.position
-            fresh = next((event for event in self._fresh if event.index == index), None)
+            while self._fresh and self._fresh[0].index < index:
+                self._fresh.popleft()
+            fresh = self._fresh.popleft() if self._fresh and self._fresh[0].index == index else None
         event = fresh or self._bare(index)
         self.position += 1
         return event

@@ -15,6 +15,10 @@ from ..run.record import ExposureRecord
 from ..run.series import Series
 from ..run.tally import Tally
 
+EXPOSURES_SHARE, STATES_SHARE = 0.1, 0.1
+"""Of its memory: for the newest exposures, which are on disk as well and from there take a millisecond, and for states
+to fork from. The rest is for what no count of arrays shows: what is known of all poses and points, the objects around
+them, and what the allocator keeps for itself."""
 REST_SHARE = 16
 """Of its memory, a run that is not on the screen keeps one part in so many."""
 
@@ -30,16 +34,15 @@ class CurrentRun:
         checkpoints: Checkpoints | None = None,
         series: Series | None = None,
     ) -> None:
-        """Half of the memory is for the newest exposures, half for states. A fork has a `past`, the exposures that it
-        did not compute itself, with their `series`, and `checkpoints` among them, at the last of which its playback
-        stands.
+        """A fork has a `past`, the exposures that it did not compute itself, with their `series`, and `checkpoints`
+        among them, at the last of which its playback stands.
         """
         self.playback = playback
         self.opened: Opened = playback.opened
         self._memory_bytes = memory_bytes
-        self.history = History(memory_bytes // 2, past=past)
+        self.history = History(int(EXPOSURES_SHARE * memory_bytes), past=past)
         self.series = series or Series(self.opened.methods)
-        self.checkpoints = checkpoints or Checkpoints(memory_bytes // 2)
+        self.checkpoints = checkpoints or Checkpoints(int(STATES_SHARE * memory_bytes))
         origin = self.checkpoints.nearest(playback.position)
         self._model = RunModel.start(self.opened.methods) if origin is None else origin.model.of(self.opened.methods)
         self.tally = Tally() if origin is None else origin.tally
@@ -97,8 +100,8 @@ class CurrentRun:
         self._limit(self._memory_bytes)
 
     def _limit(self, memory_bytes: int) -> None:
-        self.history.limit(memory_bytes // 2)
-        self.checkpoints.limit(memory_bytes // 2)
+        self.history.limit(int(EXPOSURES_SHARE * memory_bytes))
+        self.checkpoints.limit(int(STATES_SHARE * memory_bytes))
 
     def finish(self) -> Finished:
         """The trajectories as of the last computed exposure."""

@@ -11,18 +11,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from ispom_app.options import SourceOptions
-from ispom_app.page.server import Serving, serve
-from ispom_app.session import commands as do
-from ispom_app.session.session import Session
 from playwright.sync_api import sync_playwright
 
-from ispom.sequences import open_sequence
-from ispom.types import Sequence, Trajectory
 from tests.app.page import memory
 from tests.app.page.test_browser import CHROMIUM, FLAGS, App, Page, launched
 
@@ -45,43 +38,6 @@ STEP_BACK = """async (from) => {
   return (await shown(from - 1)) - began;
 }"""
 """The time from the command to the new state in the page [ms], when nothing is drawn meanwhile."""
-
-
-def to_and_fro(drive: Sequence, count: int) -> Sequence:
-    """The drive forwards, backwards, forwards ..., its images read again each time."""
-    stamps, first = np.unique(drive.times_ns, return_index=True)
-    together = np.split(np.arange(len(drive)), first[1:])  # a pair and the video frame of the same time
-    there = np.arange(len(stamps))
-    turns = np.resize(np.concatenate([there, there[-2:0:-1]]), count)
-    way = np.concatenate([together[i] for i in turns])[:count]
-    new_ns = np.arange(count) * int(np.median(np.diff(stamps)))
-    times_ns = np.concatenate([np.full(len(together[i]), t) for i, t in zip(turns, new_ns, strict=True)])[:count]
-    truth = drive.truth
-    if truth is not None:
-        poses = [truth.at(int(stamps[i])) for i in turns]
-        truth = Trajectory.of([(int(t), pose) for t, pose in zip(new_ns, poses, strict=True) if pose is not None])
-    return replace(
-        drive,
-        name=f"{drive.name} to and fro",
-        times_ns=times_ns,
-        kinds=tuple(drive.kinds[i] for i in way),
-        load=lambda i: replace(drive[int(way[i])], time_ns=int(times_ns[i])),
-        truth=truth,
-    )
-
-
-def serve_soak(folder: Path, source: str, count: int) -> int:
-    """The app, as a process of its own."""
-
-    def opener(source: str, options: SourceOptions | None = None) -> Sequence:
-        return to_and_fro(open_sequence(source), count)
-
-    def session(live) -> Session:
-        found = Session(opener, source, folder, live=live)
-        found.post(do.Speed(None))
-        return found
-
-    return serve(session, Serving(port=0, open_browser=False))
 
 
 def sampled(page: Page, app: App, say: Callable[[str], object]) -> None:
@@ -109,7 +65,7 @@ def main(source: str, count: int = COUNT) -> int:
         sys.stdout.flush()
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as p:
-        command = [sys.executable, "-m", "tests.app.page.soak", "serve", folder, source, str(count)]
+        command = [sys.executable, "-m", "tests.app.page.served_soak", folder, source, str(count)]
         app = launched(command, Path(folder))
         try:
             browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
@@ -127,6 +83,4 @@ def main(source: str, count: int = COUNT) -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "serve":
-        sys.exit(serve_soak(Path(sys.argv[2]), sys.argv[3], int(sys.argv[4])))
     sys.exit(main(sys.argv[1], *map(int, sys.argv[2:])))

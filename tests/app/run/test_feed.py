@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 from threading import Thread
 
@@ -87,3 +89,16 @@ def test_an_image_that_went_missing_is_blank(run: Playback) -> None:
     feed = Feed(opened, History(), rereads=True)
     fed(run, feed, N)
     assert pixels(feed.take() or Finished({}, {})) == 0
+
+
+def test_images_that_were_taken_are_not_kept(run: Playback) -> None:
+    feed = Feed(run.opened, History(), rereads=False)
+    fed(run, feed, 5)
+    kept = []
+    for _ in range(4):
+        event = feed.take()
+        assert event is not None and pixels(event) > 0
+        kept.append(weakref.ref(event))
+    del event
+    gc.collect()
+    assert [ref() for ref in kept] == [None] * 4
