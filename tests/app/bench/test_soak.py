@@ -64,7 +64,8 @@ def test_rows_are_printed_and_written(
         assert module == "soak" and task["exposures"] == 5000
         if task["scenario"] == "still":
             return {"error": "failed, please report it: why"}
-        times = {"early_ms": 4.0, "last_ms": 5.0 if task["scenario"] == "stops" else 4.0}
+        units = {"early_unit_ms": 20.0, "last_unit_ms": 40.0}  # the machine takes twice as long by then
+        times = units | {"early_ms": 4.0, "last_ms": 10.0 if task["scenario"] == "stops" else 8.0}
         return times | {"exposures": 5000, "half_mb": 200.0, "last_mb": 201.0, "located_percent": 99.0}
 
     monkeypatch.setattr(command, "_child", child)
