@@ -102,9 +102,9 @@ def _execute(
 
         return diff(command)
     if isinstance(command, Sources):
-        from .sources import tell
+        from .sources import print_description
 
-        return tell(command.open(command.source))
+        return print_description(command.open(command.source))
     if isinstance(command, Evaluate):
         from .evaluate.command import evaluate
 

@@ -41,7 +41,7 @@ def export(options: Export) -> int:
         raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
     folder = options.out or run / "export" / options.format
     if exists(run / MARKER):
-        _say(f"{run} is not complete: the part that was computed is exported")
+        _print(f"{run} is not complete: the part that was computed is exported")
     failures: list[InputError] = []
     for method in methods:
         try:
@@ -52,15 +52,15 @@ def export(options: Export) -> int:
         claim_folder(folder, f"export {options.format}")
         for name, content in files.items():
             write_whole(folder / name, content)
-        _say(f"{method}: {summary}: {', '.join(files)}")
+        _print(f"{method}: {summary}: {', '.join(files)}")
     if len(failures) < len(methods):
-        _say(f"in {folder}")
+        _print(f"in {folder}")
     if failures:
         raise failures[0]
     return 0
 
 
-def _say(line: str) -> None:
+def _print(line: str) -> None:
     sys.stdout.write(f"{printable(line)}\n")
 
 

@@ -19,7 +19,7 @@ EARLIEST_DATE_NS = 1_000_000_000_000_000_000
 """Times from here on (2001) are dates; smaller ones count from the recording's own zero."""
 
 
-def tell(sequence: Sequence) -> int:
+def print_description(sequence: Sequence) -> int:
     """Prints the description; the exit code is 0. A live source is let go."""
     if sequence.stop is not None:
         sequence.stop()
@@ -49,8 +49,9 @@ def _line(name: str, text: str) -> str:
 
 
 def _camera(name: str, camera: Camera, what: str) -> list[str]:
-    bent = f"distortion {', '.join(f'{k:.4g}' for k in camera.distortion)}" if camera.distortion else "no distortion"
-    calibration = f"fx {camera.fx:.2f}, fy {camera.fy:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px, {bent}"
+    coefficients = ", ".join(f"{k:.4g}" for k in camera.distortion)
+    distortion = f"distortion {coefficients}" if coefficients else "no distortion"
+    calibration = f"fx {camera.fx:.2f}, fy {camera.fy:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px, {distortion}"
     return [_line(name, f"{camera.width} x {camera.height} px, {what}"), _line("", calibration)]
 
 

@@ -75,7 +75,7 @@ def _rows_and_blocks(console: Console, chosen: list[Case], options: Bench, repor
             print_case(console, found, rows)
             report["rows"] += [asdict(row) for row in rows]
     if options.blocks:
-        with _telling("building blocks"):
+        with _progress("building blocks"):
             blocks = _child("blocks", {"pair": _texts(pair)})
         print_blocks(console, blocks)
         report["blocks"] = blocks
@@ -87,7 +87,7 @@ def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
     # Not the user's cache: so many flights would push out the ones that are really used.
     with tempfile.TemporaryDirectory() as folder:
         for method in (m for m in names() if not options.methods or m in options.methods):
-            with _telling(f"{method}: {options.seeds} seeds"):
+            with _progress(f"{method}: {options.seeds} seeds"):
                 found = _child("consistency", {"method": method, "seeds": options.seeds, "folder": folder})
             print_consistency(console, method, found)
             measured.append({"method": method, **found})
@@ -99,7 +99,7 @@ def _soak(console: Console, options: Bench) -> list[dict[str, Any]]:
     for method in (m for m in names() if not options.methods or m in options.methods):
         rows = {}
         for scenario in scenarios(method):
-            with _telling(f"{method}, {scenario.name}: {options.soak_exposures} exposures"):
+            with _progress(f"{method}, {scenario.name}: {options.soak_exposures} exposures"):
                 task = {"method": method, "scenario": scenario.name, "exposures": options.soak_exposures}
                 rows[scenario.name] = _child("soak", task)
             found.append({"method": method, "scenario": scenario.name, **rows[scenario.name]})
@@ -117,10 +117,10 @@ def _chosen(options: Bench) -> list[Case]:
 def _rows(case: Case, methods: list[str], options: Bench, pair: tuple[Path, ...]) -> Iterator[Row]:
     task: dict[str, Any] = {"case": case.key, "source": case.source, "pair": _texts(pair), "runs": options.runs}
     if case.simulated:
-        with _telling(f"{case.title}: rendering, where that was not done before"):
+        with _progress(f"{case.title}: rendering, where that was not done before"):
             _child("measure", task | {"method": None}, one_thread=False)
     for method in methods:
-        with _telling(f"{case.title}: {method}, {options.runs} runs"):
+        with _progress(f"{case.title}: {method}, {options.runs} runs"):
             yield Row(case.key, method, _child("measure", task | {"method": method}))
 
 
@@ -163,8 +163,8 @@ def _about(options: Bench) -> dict[str, Any]:
 
 
 @contextmanager
-def _telling(what: str) -> Iterator[None]:
-    """What is going on, on a terminal."""
+def _progress(what: str) -> Iterator[None]:
+    """Shows on a terminal what is measured."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield

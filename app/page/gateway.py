@@ -53,7 +53,7 @@ class Gateway:
         self._wide: set[Hashable] = set()
         self.app = web.Application(middlewares=[self._guard])
         self.app.cleanup_ctx.append(self._listen)
-        self.app.on_shutdown.append(self._say_goodbye)
+        self.app.on_shutdown.append(self._close_sockets)
         base = access.base
         self.app.add_routes(
             [
@@ -84,7 +84,7 @@ class Gateway:
     def _unpacking(self) -> asyncio.Task[Path]:
         return asyncio.create_task(asyncio.to_thread(self._to.assets))
 
-    async def _say_goodbye(self, app: web.Application) -> None:
+    async def _close_sockets(self, app: web.Application) -> None:
         for socket in set(self._sockets):
             await socket.close(code=1001, message=b"the server stopped")
 

@@ -73,7 +73,7 @@ def serve(make_session: Callable[[LiveStream], Session], serving: Serving) -> in
 
 async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving) -> int:
     access = serving.access()
-    listening = listener(serving.host, serving.port, _say)
+    listening = listener(serving.host, serving.port, _print)
     port = listening.getsockname()[1]
     stopped = asyncio.Event()
     _on_signals(stopped)
@@ -85,10 +85,10 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
     try:
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
         address = f"http://{_name(serving.host)}:{port}{access.base}?token="
-        _say(f"ISPOM is at {address}{access.token}   (Ctrl-C ends it)")
+        _print(f"ISPOM is at {address}{access.token}   (Ctrl-C ends it)")
         if serving.lets_others_in:
-            _say("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
-            _say(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
+            _print("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
+            _print(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
         if serving.open_browser:
             threading.Thread(
                 target=webbrowser.open, args=(address + access.ticket.text,), daemon=True, name="browser"
@@ -96,10 +96,10 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         await stopped.wait()
         server.close()
     finally:
-        _say("closing …")
+        _print("closing …")
         recording = backends.session.state.recording
         if not await asyncio.to_thread(backends.session.close, CLOSE_S) and recording is not None:
-            _say(f"The worker was still busy: {recording.name} ends with what was written so far.")
+            _print(f"The worker was still busy: {recording.name} ends with what was written so far.")
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(runner.cleanup(), 0.7)
     return 0
@@ -141,7 +141,7 @@ def _on_signals(stopped: asyncio.Event) -> None:
             signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop))
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     """For the person at the terminal."""
     sys.stderr.write(f"{text}\n")
     sys.stderr.flush()

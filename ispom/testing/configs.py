@@ -8,7 +8,7 @@ from dataclasses import is_dataclass, replace
 from typing import Any, Literal, get_args, get_origin
 
 from ispom.settings import Setting, check, settings
-from ispom.testing.trial import Trial, Walk, told, walked
+from ispom.testing.trial import Trial, Walk, failing_as, walked
 
 NAME = re.compile(r"[a-z][a-z0-9_-]*(\.[a-z0-9_-]+)*")
 CHANGED = 3
@@ -24,13 +24,13 @@ def check_declared(trial: Trial) -> None:
     trial.require(trial.exposures and method.possible(trial.rig), "lacks cameras: give a sequence that has them")
     frozen = is_dataclass(config) and type(config).__dataclass_params__.frozen  # type: ignore[attr-defined]
     trial.require(frozen, "has settings that are no frozen dataclass")
-    with told(method, "has settings that cannot be listed"):
+    with failing_as(method, "has settings that cannot be listed"):
         listed = settings(type(config))
     for setting in listed:
         trial.require(setting.help, f"does not explain its setting {setting.name}: write a docstring below it")
         limited = setting.type in (bool, str) or setting.range or get_origin(setting.type) is Literal
         trial.require(limited, f"has no Range for its setting {setting.name}")
-    with told(method, "has a default outside its range"):
+    with failing_as(method, "has a default outside its range"):
         check(config, f"{method.name}.")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 
-from ispom.testing.trial import Numbered, Trial, Walk, told, walked
+from ispom.testing.trial import Numbered, Trial, Walk, failing_as, walked
 from ispom.testing.values import TIMES, depth, digest
 from ispom.types import Exposure, StereoPair, VideoFrame
 
@@ -32,7 +32,7 @@ def check_values(trial: Trial, walk: Walk) -> None:
         frozen = is_dataclass(state) and type(state).__dataclass_params__.frozen  # type: ignore[attr-defined]
         trial.require(frozen, f"has a State that is no frozen dataclass ({type(state).__name__})", place)
         _require_shallow(trial, state, place)
-        with told(trial.method, "has a State that cannot be copied, pickled and printed", place):
+        with failing_as(trial.method, "has a State that cannot be copied, pickled and printed", place):
             copies = [copy.deepcopy(state), pickle.loads(pickle.dumps(state))]  # noqa: S301 (made in this line)
             repr(state)
         whole = digest(state)
@@ -89,8 +89,8 @@ def check_bounded(trial: Trial, walk: Walk) -> None:
     half = len(sizes) // 2
     grown = (max(sizes[half:]) - max(sizes[:half])) / half
     most = GROWTH * total / len(sizes)
-    told = f"has a State that grows by {grown:.0f} bytes per exposure, more than {most:.0f}"
-    trial.require(grown <= most, f"{told}, while nothing moves after the last exposure")
+    problem = f"has a State that grows by {grown:.0f} bytes per exposure, more than {most:.0f}"
+    trial.require(grown <= most, f"{problem}, while nothing moves after the last exposure")
 
 
 def check_unchanged(trial: Trial, walk: Walk) -> None:

@@ -100,8 +100,8 @@ class _Said:
             self.trial.require(d.key in declared, f"makes a check {d.key!r} that is not in Method.checks", place)
             described = declared[d.key]
             known = (described.name, described.unit, described.relation, described.question, described.kind)
-            told = (d.name, d.unit, d.relation, d.question, d.kind)
-            self.trial.require(told == known, f"describes its check {d.key!r} in two ways, {known} and {told}", place)
+            now = (d.name, d.unit, d.relation, d.question, d.kind)
+            self.trial.require(now == known, f"describes its check {d.key!r} in two ways, {known} and {now}", place)
 
     def _tracks(self, step: Step, place: str) -> None:
         for camera, tracks in step.tracks.items():

@@ -45,7 +45,7 @@ class Trial:
         rig = flight_rig() if sequence is None else sequence.rig
         found = flight(rig) if sequence is None else (sequence[i] for i in range(len(sequence)))
         used = tuple(Numbered(e, f"exposure {i}") for i, e in enumerate(found) if method.uses(e))
-        with told(method, "cannot make its default settings"):
+        with failing_as(method, "cannot make its default settings"):
             chosen = method.config() if settings is None else settings
         return Trial(method, chosen, rig, used)
 
@@ -53,7 +53,7 @@ class Trial:
         """A new estimator with these settings, and new ones of those that it asks with their defaults."""
         rig = rig or self.rig
         members = {n: Member(m := registered(n), m.config().build(rig)) for n in with_asked(self.method.asks.values())}
-        with told(self.method, "cannot be built"):
+        with failing_as(self.method, "cannot be built"):
             members[self.method.name] = Member(self.method, (settings or self.settings).build(rig))
         return Built(self.method, members)
 
@@ -81,7 +81,7 @@ class Built:
         images, before = _images(exposure), [image.copy() for image in _images(exposure)]
         for name, member in self.members.items():
             if member.method.uses(exposure):
-                with told(self.method, "cannot step", numbered.place):
+                with failing_as(self.method, "cannot step", numbered.place):
                     after[name], step = member.estimator.step(after[name], exposure, *member.asked(steps))
                     steps[name] = replace(step, method=name)
         if any((now != then).any() for now, then in zip(images, before, strict=True)):
@@ -91,7 +91,7 @@ class Built:
     def finish(self, state: Mapping[str, Any], place: str) -> Trajectory:
         found = dict[str, Trajectory]()
         for name, member in self.members.items():
-            with told(self.method, "cannot finish after", place):
+            with failing_as(self.method, "cannot finish after", place):
                 found[name] = member.estimator.finish(state[name], *member.asked(found))
         return found[self.method.name]
 
@@ -121,7 +121,7 @@ def walked(built: Built, exposures: Iterable[Numbered], state: Mapping[str, Any]
 
 
 @contextmanager
-def told(method: Method, what: str, place: str = "") -> Iterator[None]:
+def failing_as(method: Method, what: str, place: str = "") -> Iterator[None]:
     """Any exception as a failure of the method."""
     try:
         yield
@@ -138,7 +138,7 @@ def _sentence(method: Method, what: str, place: str) -> str:
 
 
 def _digest(built: Built, state: Any, place: str) -> bytes:
-    with told(built.method, "has a State that is not made of plain values", place):
+    with failing_as(built.method, "has a State that is not made of plain values", place):
         return digest(state)
 
 

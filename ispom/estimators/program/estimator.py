@@ -87,7 +87,7 @@ class Program:
         except ProgramFault as fault:
             self._stop()
             where = f"at exposure {state.count} of those that it was given"
-            raise InputError(told(self._config, fault, where, self._pipe)) from None
+            raise InputError(explained(self._config, fault, where, self._pipe)) from None
         except BaseException:  # in the middle of an exchange
             self._stop()
             raise
@@ -152,7 +152,7 @@ class Program:
             self._pipe.stop()
 
 
-def told(config: type[ProgramConfig] | ProgramConfig, fault: ProgramFault, where: str, pipe: Pipe | None) -> str:
+def explained(config: type[ProgramConfig] | ProgramConfig, fault: ProgramFault, where: str, pipe: Pipe | None) -> str:
     """A fault as a sentence; the program has been stopped."""
     last = pipe.last_line() if pipe else ""
     heard = f" (its last line on standard error: {last})" if last and last not in str(fault) else ""
@@ -163,7 +163,7 @@ def _exchange(running: _Running, content: bytes) -> tuple[dict[str, Any], bytes 
     """The answer about an exposure, and the state that was saved after it."""
     answer, saves = running.pipe.ask(content), running.described.saves
     if saves != ("state_bytes" in answer):
-        raise ProgramFault(f"answers {'without' if saves else 'with'} state_bytes, but told that saves is {saves}")
+        raise ProgramFault(f"answers {'without' if saves else 'with'} state_bytes, but said that saves is {saves}")
     if not saves:
         return answer, None
     return answer, running.pipe.follow(plain.count(answer["state_bytes"], "state_bytes", STATE_BYTES))

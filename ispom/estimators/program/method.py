@@ -8,7 +8,7 @@ from ispom.errors import InputError
 from ispom.estimator import Method
 from ispom.estimators.program.config import ProgramConfig
 from ispom.estimators.program.description import greeted
-from ispom.estimators.program.estimator import told
+from ispom.estimators.program.estimator import explained
 from ispom.estimators.program.pipe import Pipe, ProgramFault
 from ispom.types import Kind
 
@@ -20,7 +20,7 @@ def program_method(config: type[ProgramConfig], needs: Iterable[Kind]) -> Method
         found = greeted(pipe)
     except ProgramFault as fault:
         pipe.stop()
-        raise InputError(told(config, fault, "when it was greeted", pipe)) from None
+        raise InputError(explained(config, fault, "when it was greeted", pipe)) from None
     finally:
         pipe.stop()
     return Method(config.name, frozenset(needs), config, found.unit, found.source, checks=found.checks)

@@ -68,5 +68,5 @@ def text(value: Any, where: str) -> str:
 
 
 def wrong(where: str, value: Any, wanted: str) -> ProgramFault:
-    told = repr(value)
-    return ProgramFault(f"answers with {where} {told if len(told) <= QUOTED else told[:QUOTED] + '…'}, not {wanted}")
+    shown = repr(value)
+    return ProgramFault(f"answers with {where} {shown if len(shown) <= QUOTED else shown[:QUOTED] + '…'}, not {wanted}")

@@ -26,7 +26,7 @@ FAULTS = {
     "sys.stdout.buffer.write(b'\\xff\\x00\\n'); sys.stdout.flush()": "which is not JSON",
     "say({**GOOD, 'pose': {'translation': [float('nan'), 0, 0], 'rotation_xyzw': [0, 0, 0, 1]}})": "NaN is no number",
     "say({'error': 'no vocabulary'})": "says 'no vocabulary'",
-    "say({**GOOD, 'state_bytes': 3})": "answers with state_bytes, but told that saves is False",
+    "say({**GOOD, 'state_bytes': 3})": "answers with state_bytes, but said that saves is False",
     ENDLESS: "answers with a line of more than 16 MB",
     "sys.stderr.write('what I said\\n'); print('{', flush=True); time.sleep(600)": r"standard error: what I said\)",
 }
