@@ -150,4 +150,4 @@ def test_a_map_for_drawing_takes_fewer_and_fewer_of_very_many() -> None:
     for i in range(1500):
         points = points.with_points(landmarks(range(i * NEW_PER_STEP, (i + 1) * NEW_PER_STEP)), i)
         counts.append(points.count)
-    assert counts[99] == 100 * NEW_PER_STEP and counts[-1] < 3.2 * HALVED_EVERY
+    assert counts[HALVED_EVERY // NEW_PER_STEP - 1] == HALVED_EVERY and counts[-1] < 4.5 * HALVED_EVERY
