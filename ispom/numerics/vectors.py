@@ -149,7 +149,7 @@ def inverse(s):
 def damped(s, damping):
     """A point's block, six numbers, for its inverse."""
     # A share of the block: anything fixed, however little, would hold what is far where it was first thought. Without
-    # it a point that ran away along its ray leaves a reduced Hessian that rounding makes indefinite.
+    # it a point that ran away across its anchor leaves a reduced Hessian that rounding makes indefinite.
     a, b, c = s[0], s[3], s[5]
     least = 1e-10 * (a + b + c)
     return a + damping * a + least, s[1], s[2], b + damping * b + least, s[4], c + damping * c + least

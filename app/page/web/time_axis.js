@@ -25,7 +25,9 @@ export function makeAxis(seek) {
     if (axis.times.length && wanted !== asked) seek((asked = wanted));
   };
   new ResizeObserver(() => {
-    if (width !== strip.clientWidth) draw((width = strip.clientWidth));
+    if (width === strip.clientWidth) return;
+    width = strip.clientWidth;
+    draw();
   }).observe(strip);
   strip.addEventListener("pointerdown", (event) => {
     strip.setPointerCapture(event.pointerId);
