@@ -130,9 +130,9 @@ def _execute(
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     from .page.server import Serving, serve
     from .run import warmup
-    from .session.folders import Folders
-    from .session.recent import RecentSources
     from .session.session import Session
+    from .session.sources.folders import Folders
+    from .session.sources.recent import RecentSources
 
     opener = command.opener(source)
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))

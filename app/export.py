@@ -23,8 +23,8 @@ from ispom.types import Frame, Trajectory
 from . import colours
 from .options import Export
 from .outputs import claim_folder
-from .run.run_file import read_run_file
-from .run.run_folder import MARKER
+from .run.folder.run_file import read_run_file
+from .run.folder.run_folder import MARKER
 
 Files = dict[str, str | bytes]
 MIN_SHARE = 0.8

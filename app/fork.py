@@ -18,8 +18,8 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 from .headless.command import run as run_headless
 from .headless.job import Origin
 from .options import Fork, Run, config_of, settings_of
+from .run.folder.run_file import RunFile, read_run_file
 from .run.playback import Builder, Stage
-from .run.run_file import RunFile, read_run_file
 
 _SOURCE_OPTIONS = {"seed": int, "stereo_every": int, "video_scale": (float, int), "max_exposures": int, "camera": str}
 

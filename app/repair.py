@@ -11,22 +11,12 @@ from ispom.io.tum import read_tum, tum_text
 from ispom.types import Rig, Trajectory
 
 from .options import Repair
-from .run.journal import JOURNAL, Journal, read_journal
-from .run.results import Results, in_frame, metrics_text
-from .run.run_file import RunFile, read_run_file
-from .run.run_folder import (
-    DECISIONS,
-    METRICS,
-    RIG,
-    RUN,
-    STEPS,
-    TRUTH,
-    RunFolder,
-    is_incomplete,
-    trajectory_file,
-)
-from .run.step_log import counted
-from .run.table import cut_to_rows, read_table
+from .run.folder.journal import JOURNAL, Journal, read_journal
+from .run.folder.results import Results, in_frame, metrics_text
+from .run.folder.run_file import RunFile, read_run_file
+from .run.folder.run_folder import DECISIONS, METRICS, RIG, RUN, STEPS, TRUTH, RunFolder, is_incomplete, trajectory_file
+from .run.folder.step_log import counted
+from .run.folder.table import cut_to_rows, read_table
 
 Found = tuple[list[str], list[str]]
 """What was done, and what could not be: a line each."""

@@ -81,7 +81,7 @@ def test_it_is_reported_evaluated_and_exported(
 
 def test_what_is_compiled_runs(bare: list[str], environment: dict[str, str], tmp_path: Path) -> None:
     script = (
-        "import numpy as np; from ispom.solvers.twist import moved; "
+        "import numpy as np; from ispom.numerics.twist import moved; "
         "print(moved(np.eye(3)[None], np.zeros((1, 3)), np.ones((1, 6)))[1])"
     )
     assert execute([*bare, sys.executable, "-c", script], environment, tmp_path).startswith("[[1.")

@@ -20,8 +20,8 @@ import numpy as np
 
 from ispom.geometry import so3_exp
 from ispom.sequences import open_sequence
-from ispom.sequences.simulated import open_simulated
-from ispom.solvers import window
+from ispom.sequences.formats.simulated import open_simulated
+from ispom.solvers.window import adjustment as window
 
 from .peers import PEERS_UNIT_MS, WINDOW_PEERS
 from .plan import CASES
@@ -109,11 +109,11 @@ def rendering() -> Block:
 def logging(unit: Unit, folder: Path) -> Block:
     """What the worker spends on each exposure besides estimating: recording, tables, the map, the app's history."""
     from ..rerun_log.file_recording import FileRecording  # brings Rerun
-    from ..run.map_memory import MapCollectors
+    from ..run.folder.run_folder import RunFolder
+    from ..run.folder.step_log import StepLog
+    from ..run.history.record import ExposureRecord
+    from ..run.model.map_memory import MapCollectors
     from ..run.playback import Playback
-    from ..run.record import ExposureRecord
-    from ..run.run_folder import RunFolder
-    from ..run.step_log import StepLog
 
     playback = Playback(next(c for c in CASES if c.key == "sim-city").open(), ("monocular", "stereo", "integrated"))
     memories, history, ms = MapCollectors(), [], []

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from ispom.evaluation.consistency import PARTS, Errors, consistency, errors
 from ispom.methods import method as registered
-from ispom.sequences.simulated import open_simulated
+from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Sequence, Step
 
 from .measure import ensemble_of

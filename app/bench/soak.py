@@ -20,9 +20,9 @@ from ispom.ensemble import build
 from ispom.methods import Config, in_order, with_asked
 from ispom.methods import method as registered
 
-from ..run.history import History
+from ..run.history.history import History
+from ..run.history.record import ExposureRecord
 from ..run.playback import Builder, Playback
-from ..run.record import ExposureRecord
 from .rounds import SCENARIOS, Scenario
 from .unit import Unit, cpu_clock
 

@@ -14,8 +14,8 @@ from ispom.io.files import exists
 from ispom.types import Frame
 
 from ..options import Diff
-from ..run.run_file import read_run_file
-from ..run.run_folder import MARKER
+from ..run.folder.run_file import read_run_file
+from ..run.folder.run_folder import MARKER
 from .compare import Divergence, divergences
 from .final import final_divergences
 from .folder import run_rows

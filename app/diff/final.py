@@ -9,7 +9,7 @@ from ispom.io.files import exists
 from ispom.io.tum import read_tum
 from ispom.types import Frame, Trajectory
 
-from ..run.run_folder import trajectory_file
+from ..run.folder.run_folder import trajectory_file
 from .compare import ORIENTATION, Difference, Divergence, distance, further
 
 

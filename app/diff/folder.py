@@ -14,10 +14,10 @@ from pathlib import Path
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
 
-from ..run.digests import DIGESTS
-from ..run.quantities import STEP_QUANTITIES, finite
-from ..run.run_folder import DECISIONS, STEPS
-from ..run.step_log import DECISION_COLUMNS, POSE, STEP_COLUMNS
+from ..run.folder.digests import DIGESTS
+from ..run.folder.run_folder import DECISIONS, STEPS
+from ..run.folder.step_log import DECISION_COLUMNS, POSE, STEP_COLUMNS
+from ..run.history.quantities import STEP_QUANTITIES, finite
 from .compare import Compared, MethodRow
 from .order import Made, in_order
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from ispom.types import Step
 
-from ..run.digests import DIGESTS
-from ..run.quantities import DROPPED, STEP_QUANTITIES, finite, step_values
+from ..run.folder.digests import DIGESTS
+from ..run.history.quantities import DROPPED, STEP_QUANTITIES, finite, step_values
 from .compare import ORIENTATION, Compared, MethodRow
 
 FATES = ("tracks_digest", "alive", "new", *DROPPED)

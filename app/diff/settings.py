@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..run.run_file import RunFile
+from ..run.folder.run_file import RunFile
 
 WRITTEN = ("recording", "methods")
 """Options that say what is written, not what is computed."""

@@ -6,7 +6,7 @@ from ispom.errors import InputError
 from ispom.io.trajectories import TrajectoryFile
 
 from ..options import Evaluate
-from ..run.run_file import read_run_file
+from ..run.folder.run_file import read_run_file
 
 ALIGNMENTS = {
     "none": "none: coordinates are compared as they are",

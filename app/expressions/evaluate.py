@@ -10,7 +10,7 @@ import math
 import operator
 from typing import assert_never
 
-from ..run.quantities import NO_ROW, Row, Value, known
+from ..run.history.quantities import NO_ROW, Row, Value, known
 from .parser import Expression
 from .syntax import All, Any, Call, Chain, Comparison, Name, Negative, Node, Not, Number, Text
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..run.series import Series
+from ..run.history.series import Series
 from .evaluate import holds
 from .parser import Expression
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..run.quantities import Quantity
+from ..run.history.quantities import Quantity
 
 
 @dataclass(frozen=True)

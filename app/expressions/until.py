@@ -9,7 +9,7 @@ from ispom.errors import InputError
 from ispom.methods import names
 
 from ..run.events import Stepped
-from ..run.quantities import NO_ROW, Row, Value, by_method, quantities, row_after
+from ..run.history.quantities import NO_ROW, Row, Value, by_method, quantities, row_after
 from .evaluate import holds, values
 from .parser import Expression, parse
 

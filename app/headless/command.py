@@ -18,9 +18,9 @@ from ..expressions.until import Until, require_run, until
 from ..options import Run
 from ..run import warmup
 from ..run.events import Finished
+from ..run.folder.results import summary
+from ..run.folder.run_folder import METRICS, RunFolder
 from ..run.playback import Builder, Playback, Stage
-from ..run.results import summary
-from ..run.run_folder import METRICS, RunFolder
 from ..run.signals import Signals, terminable
 from .job import Job, Origin
 from .output import describe, write_inputs

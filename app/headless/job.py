@@ -8,9 +8,9 @@ from typing import Any
 
 from ..expressions.until import Until
 from ..options import Run
+from ..run.folder.run_file import RunFile, fork_entry
+from ..run.folder.run_folder import RunFolder
 from ..run.playback import Playback, Stage
-from ..run.run_file import RunFile, fork_entry
-from ..run.run_folder import RunFolder
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from ispom.io.tum import tum_text
 from ispom.sequences.address import without_secrets
 
 from ..run.events import Finished
-from ..run.map_memory import MapCollectors
-from ..run.results import Results, in_frame, metrics_text
-from ..run.run_file import run_file
-from ..run.run_folder import LANDMARKS, METRICS, RIG, RUN, TRUTH, trajectory_file
-from ..run.statistics import RunStatistics
+from ..run.folder.results import Results, in_frame, metrics_text
+from ..run.folder.run_file import run_file
+from ..run.folder.run_folder import LANDMARKS, METRICS, RIG, RUN, TRUTH, trajectory_file
+from ..run.folder.statistics import RunStatistics
+from ..run.model.map_memory import MapCollectors
 from .job import Job
 
 _OPTIONS = ("frame", "seed", "stereo_every", "video_scale", "max_exposures", "until", "recording")

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from ..run.console import progress, wait_for_compiler
 from ..run.events import Finished
-from ..run.journal import PoseJournal
-from ..run.map_memory import MapCollectors
-from ..run.run_folder import trajectory_file
+from ..run.folder.journal import PoseJournal
+from ..run.folder.run_folder import trajectory_file
+from ..run.folder.statistics import RunStatistics
+from ..run.folder.step_log import StepLog
+from ..run.model.map_memory import MapCollectors
 from ..run.signals import Signals, ended_by_interrupt
-from ..run.statistics import RunStatistics
-from ..run.step_log import StepLog
 from .job import Job
 from .output import write_results
 from .recording import NoRecording, Recording

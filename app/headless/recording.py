@@ -7,7 +7,7 @@ from typing import Self
 from ispom.errors import InputError
 
 from ..run.events import Event
-from ..run.run_folder import RECORDING
+from ..run.folder.run_folder import RECORDING
 from ..run.signals import Signals
 from .job import Job
 

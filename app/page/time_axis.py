@@ -11,8 +11,8 @@ from ispom.types import Status
 from .. import colours
 from ..expressions.matches import matches
 from ..expressions.parser import Expression
-from ..run.series import Series
-from ..session.branches import Branch
+from ..run.history.series import Series
+from ..session.branching.branches import Branch
 from ..session.current_run import CurrentRun
 from ..session.state import State
 

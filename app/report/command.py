@@ -9,7 +9,7 @@ from ispom.errors import InputError, printable
 
 from ..options import Report
 from ..outputs import require_own, write_file
-from ..run.run_folder import MARKER
+from ..run.folder.run_folder import MARKER
 from .folder import read_run
 from .page import GENERATOR, page
 

@@ -20,8 +20,8 @@ from ispom.io.tum import read_tum
 from ispom.methods import names
 from ispom.types import Rig, Trajectory
 
-from ..run.run_file import read_run_file
-from ..run.run_folder import DECISIONS, MARKER, STEPS
+from ..run.folder.run_file import read_run_file
+from ..run.folder.run_folder import DECISIONS, MARKER, STEPS
 from .steps import DecisionRow, Steps, read_decisions, read_steps
 
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")

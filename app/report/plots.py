@@ -8,7 +8,7 @@ from ispom.methods import method as registered
 from ispom.types import TrackStatus
 
 from .. import colours
-from ..run.quantities import DROPPED
+from ..run.history.quantities import DROPPED
 from .analysis import errors, step_scale
 from .folder import Run
 from .traces import MAX_POINTS, Figure, colour_of, line, over_time, rounded, thinned

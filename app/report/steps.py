@@ -15,8 +15,8 @@ from ispom.io.rows import read_text
 from ispom.methods import names
 from ispom.types import Decision
 
-from ..run.quantities import DROPPED
-from ..run.step_log import DECISION_COLUMNS, STEP_COLUMNS
+from ..run.folder.step_log import DECISION_COLUMNS, STEP_COLUMNS
+from ..run.history.quantities import DROPPED
 
 NUMBERS = ("error_m", "scale", "inliers", "residual_median_px", "alive", "new", *DROPPED, "seconds")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
-from ..run.quantities import DROPPED
+from ..run.history.quantities import DROPPED
 from .analysis import changes, notable
 from .blocks import Block, Details, MethodName, Paragraph, Table
 from .folder import Run

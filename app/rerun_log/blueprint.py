@@ -18,8 +18,8 @@ from ispom.geometry import Array
 from ispom.methods import method
 from ispom.types import Trajectory
 
-from ..run.drawn_size import drawn_truth
 from ..run.events import Opened
+from ..run.model.drawn_size import drawn_truth
 from . import entities
 from .layers import IMAGE_LAYERS
 from .plots import NO_ERROR, why_no_error

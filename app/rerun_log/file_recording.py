@@ -25,7 +25,7 @@ from ispom.errors import InputError
 from ispom.io.whole import part_of
 
 from ..run.events import Event, Opened
-from ..run.lock import locked
+from ..run.folder.lock import locked
 from . import blueprint
 from .piped_file import PIPES, PipedFile
 from .recorder import Recorder

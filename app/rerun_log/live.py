@@ -18,8 +18,8 @@ from dataclasses import replace
 import rerun as rr
 
 from ..run.events import Event, Finished, Opened
-from ..run.feed import Feed
-from ..run.history import History
+from ..run.history.feed import Feed
+from ..run.history.history import History
 from ..subscribers import Subscribers
 from . import blueprint
 from .batch import Batch, Columns, Entry

@@ -13,7 +13,7 @@ from ispom.types import Step
 
 from .. import colours
 from ..run.events import Opened, Stepped
-from ..run.model import RunModel
+from ..run.model.run_model import RunModel
 from .batch import Entry
 
 NO_ERROR = "plots/error/none"

@@ -25,9 +25,9 @@ import rerun as rr
 from ispom.geometry import Similarity
 from ispom.types import Step, StereoPair, Tracks
 
-from ..run.drawn_size import unit_in_metres
 from ..run.events import Event, Finished, Opened, Stepped
-from ..run.record import with_parts
+from ..run.history.record import with_parts
+from ..run.model.drawn_size import unit_in_metres
 from . import entities
 from .batch import Batch, Entry
 from .plots import Plots

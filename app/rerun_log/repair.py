@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from ispom.errors import InputError
 from ispom.io.whole import part_of, whole_of
 
-from ..run.lock import locked
+from ..run.folder.lock import locked
 from .piped_file import PipedFile
 from .rrd import count_messages, is_empty, is_finished, whole_bytes
 

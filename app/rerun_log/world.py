@@ -13,12 +13,12 @@ from ispom.methods import method as registered
 from ispom.types import Frame, Step
 
 from .. import colours, uncertainty
-from ..run.drawn_size import DrawnSize, drawn_size, drawn_truth, true_size
 from ..run.events import Finished, Opened, Stepped
-from ..run.model import RunModel
-from ..run.placing import same_place
-from ..run.points import PointMap
-from ..run.poses import PoseHistory
+from ..run.model.drawn_size import DrawnSize, drawn_size, drawn_truth, true_size
+from ..run.model.placing import same_place
+from ..run.model.points import PointMap
+from ..run.model.poses import PoseHistory
+from ..run.model.run_model import RunModel
 from . import entities
 from .batch import Columns, Entry
 

@@ -20,7 +20,7 @@ from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .events import Finished, Opened, Stepped, blank
-from .placing import Placing
+from .model.placing import Placing
 
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of the asked methods; InputError as `ispom.estimators.build`."""

@@ -12,15 +12,15 @@ from ..options import SourceOptions
 from ..run.playback import Playback
 from . import break_points, moves
 from . import commands as do
-from .branch_desk import BranchDesk
+from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
-from .opening import SourceOpener
 from .player import Player
-from .recent import RecentSources
-from .recording_desk import RecordingDesk
-from .recordings import list_recordings
-from .repairs import Repairs
+from .recording.desk import RecordingDesk
+from .recording.listing import list_recordings
+from .recording.repairs import Repairs
+from .sources.opening import SourceOpener
+from .sources.recent import RecentSources
 from .state import NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
 from .store import Store
 from .viewers import Viewers

@@ -6,14 +6,14 @@ from threading import Thread
 
 from ispom.methods import Config
 
-from ..run.checkpoints import Checkpoint, Checkpoints
 from ..run.events import Finished, Opened, Stepped
-from ..run.history import History, Past
-from ..run.model import RunModel
+from ..run.history.checkpoints import Checkpoint, Checkpoints
+from ..run.history.history import History, Past
+from ..run.history.record import ExposureRecord
+from ..run.history.series import Series
+from ..run.model.run_model import RunModel
+from ..run.model.tally import Tally
 from ..run.playback import Playback
-from ..run.record import ExposureRecord
-from ..run.series import Series
-from ..run.tally import Tally
 
 EXPOSURES_SHARE, STATES_SHARE = 0.1, 0.1
 """Of its memory: for the newest exposures, which are on disk as well and from there take a millisecond, and for states

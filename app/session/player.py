@@ -8,7 +8,7 @@ from ..run.events import Finished
 from . import break_points, moves
 from .compiling import Compiling
 from .current_run import CurrentRun
-from .recording_desk import RecordingDesk
+from .recording.desk import RecordingDesk
 from .state import Computed, Displayed, Event, NoticeAdded, changed
 from .store import Store
 from .viewers import Viewers

@@ -12,21 +12,21 @@ from ispom.types import Sequence
 
 from ..options import SourceOptions
 from ..run.events import Opened
-from ..run.history import MEMORY_BYTES, History
-from ..run.model import RunModel
+from ..run.history.history import MEMORY_BYTES, History
+from ..run.history.series import Series
+from ..run.model.run_model import RunModel
 from ..run.playback import Builder
-from ..run.series import Series
 from . import commands as do
-from .branch_desk import BranchDesk
-from .branches import Beside
+from .branching.branches import Beside
+from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .controller import CLOSE_S, Controller
 from .current_run import CurrentRun
-from .folders import Folders
-from .opening import SourceOpener
 from .player import Player
-from .recent import RecentSources
-from .recording_desk import RecordingDesk
+from .recording.desk import RecordingDesk
+from .sources.folders import Folders
+from .sources.opening import SourceOpener
+from .sources.recent import RecentSources
 from .state import NoticeAdded, State
 from .store import Store
 from .viewers import EventSink, Viewers

@@ -12,10 +12,10 @@ from ispom.methods import Config, possible_methods
 from ..expressions.parser import Expression
 from ..options import SourceOptions
 from ..run.events import Finished, Opened
-from ..run.record import ExposureRecord, MethodStatus
-from ..run.tally import Tally
-from .branches import FIRST, Branch
-from .comparing import Comparison
+from ..run.history.record import ExposureRecord, MethodStatus
+from ..run.model.tally import Tally
+from .branching.branches import FIRST, Branch
+from .branching.comparing import Comparison
 
 MAX_NOTICES = 5
 

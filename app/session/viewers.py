@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from ..run.events import Event, Opened
-from ..run.history import History
+from ..run.history.history import History
 
 log = logging.getLogger(__name__)
 RESTARTS = 1

@@ -10,8 +10,8 @@ import viser
 
 from ispom.geometry import Array, Similarity
 
-from ..run.model import MethodModel
-from ..session.branches import Beside
+from ..run.model.run_model import MethodModel
+from ..session.branching.branches import Beside
 from .method_scene import add_line
 
 ROOT = "/branches"

@@ -12,12 +12,12 @@ from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera
 
 from .. import colours
-from ..run.drawn_size import DrawnSize, drawn_size
 from ..run.events import Opened
-from ..run.model import MethodModel
-from ..run.placing import same_place
-from ..run.points import PointMap
-from ..run.poses import PoseHistory, Times
+from ..run.model.drawn_size import DrawnSize, drawn_size
+from ..run.model.placing import same_place
+from ..run.model.points import PointMap
+from ..run.model.poses import PoseHistory, Times
+from ..run.model.run_model import MethodModel
 from ..uncertainty import ellipsoid
 
 MAX_CLOUD = 20_000

@@ -9,11 +9,11 @@ import viser
 from ispom.geometry import Similarity
 
 from .. import colours
-from ..run.drawn_size import drawn_truth
 from ..run.events import Opened
-from ..run.model import RunModel
-from ..run.record import ExposureRecord
-from ..session.branches import Beside
+from ..run.history.record import ExposureRecord
+from ..run.model.drawn_size import drawn_truth
+from ..run.model.run_model import RunModel
+from ..session.branching.branches import Beside
 from .branch_scene import BranchScene
 from .method_scene import MethodScene, add_line
 

@@ -12,7 +12,7 @@ import viser
 from ispom.types import Sequence, Trajectory
 
 from ..rerun_log.blueprint import looking_at
-from ..run.drawn_size import drawn_truth
+from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
 from .panels.branches import BranchesPanel

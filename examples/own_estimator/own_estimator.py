@@ -11,7 +11,7 @@ from ispom.frontends import corners, klt
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
 from ispom.settings import Range
-from ispom.solvers.essential import relative_pose
+from ispom.solvers.multiview.essential import relative_pose
 from ispom.types import Check, Status, Step, Tracks, TrackStatus, Trajectory, as_grey
 
 INLIERS = Check("inliers", "tracks that agree", "requirement", "Located?")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 
 MIN_COMMON = 8
 """With fewer points in common two frames show no parallax: a median of so few may be that of outliers."""

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from ispom.geometry import Pose, Similarity
-from ispom.solvers.alignment import umeyama
+from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Trajectory
 
 Alignment = Literal["none", "first", "scale", "se3", "sim3"]

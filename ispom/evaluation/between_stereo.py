@@ -6,7 +6,7 @@ import numpy as np
 
 from ispom.evaluation.ate import rms
 from ispom.geometry import Array
-from ispom.solvers.interpolation import interpolate
+from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Pose, Similarity
-from ispom.solvers.interpolation import interpolate
+from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Rig, Trajectory
 
 

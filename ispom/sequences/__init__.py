@@ -7,20 +7,20 @@ from pathlib import Path
 
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded, is_folder, names
-from ispom.sequences.bags import looks_like_bag, open_bag
-from ispom.sequences.described import looks_described, open_described
-from ispom.sequences.euroc import looks_like_euroc, open_euroc
-from ispom.sequences.folder import looks_like_images, open_folder
-from ispom.sequences.kitti import looks_like_kitti, open_kitti
-from ispom.sequences.kitti_raw import looks_like_kitti_raw, open_kitti_raw
-from ispom.sequences.live import looks_live, open_live
+from ispom.sequences.formats.bags import looks_like_bag, open_bag
+from ispom.sequences.formats.described import looks_described, open_described
+from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
+from ispom.sequences.formats.folder import looks_like_images, open_folder
+from ispom.sequences.formats.kitti import looks_like_kitti, open_kitti
+from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_raw
+from ispom.sequences.formats.live import looks_live, open_live
+from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
+from ispom.sequences.formats.tum import looks_like_tum, open_tum
+from ispom.sequences.formats.video import looks_like_video, open_video
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.recording import Recording
-from ispom.sequences.seven_scenes import looks_like_seven_scenes, open_seven_scenes
-from ispom.sequences.tum import looks_like_tum, open_tum
 from ispom.sequences.two_rate import check_shape, two_rate
-from ispom.sequences.video import looks_like_video, open_video
 from ispom.types import Exposure, Sequence
 
 MIN_FRAMES = 3
@@ -68,7 +68,7 @@ def open_sequence(
         raise InputError(f"--seed is {seed}, give a value from 0 to {MAX_SEED}")
     calibration = None if camera is None else expanded(camera)
     if source.startswith("sim:"):
-        from ispom.sequences.simulated import open_simulated  # brings the ray caster, which takes seconds
+        from ispom.sequences.formats.simulated import open_simulated  # brings the ray caster, which takes seconds
 
         name, _, own_seed = source.removeprefix("sim:").partition("#")
         if own_seed and not (

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.solvers.interpolation import interpolate
+from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
 
 PAIR_NS = 2_000_000

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.solvers import window
+from ispom.solvers.window import adjustment as window
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
+from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.reprojection import add_by_twist, gradient_by_point, hessian_by_point, subtract_by_twists
+from ispom.numerics.twist import moved
 from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
-from ispom.solvers.cholesky import factor, solve_factored
-from ispom.solvers.twist import moved
 
 ITERATIONS = 30
 """At most; about eight are needed from a good guess."""

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from ispom_app.cli import main
 from ispom_app.rerun_log import file_recording
+from ispom_app.run.folder.run_folder import MARKER, RunFolder
 from ispom_app.run.playback import Builder
-from ispom_app.run.run_folder import MARKER, RunFolder
 
 from ispom.ensemble import Ensemble, build
 from ispom.io.tum import read_tum
@@ -179,7 +179,7 @@ def test_a_bad_image_in_the_middle_loses_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drive, out = make_drive(tmp_path / "kitti"), tmp_path / "out"
-    monkeypatch.setattr("ispom.sequences.kitti._count", lambda _: 6)  # it may vanish while the run goes on, too
+    monkeypatch.setattr("ispom.sequences.formats.kitti._count", lambda _: 6)  # it may vanish while the run goes on, too
     spoil(drive / image)
     told = sentence(capsys, str(drive), "--out", str(out))
     assert f"{drive / image} {message}" in told and "restore" in told

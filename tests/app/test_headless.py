@@ -16,9 +16,9 @@ import yaml
 from ispom_app.cli import main
 from ispom_app.rerun_log.rrd import is_finished
 from ispom_app.run import console
+from ispom_app.run.folder.results import in_frame
+from ispom_app.run.folder.run_folder import MARKER
 from ispom_app.run.playback import Builder
-from ispom_app.run.results import in_frame
-from ispom_app.run.run_folder import MARKER
 
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum

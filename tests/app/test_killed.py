@@ -12,8 +12,8 @@ import pytest
 from ispom_app.cli import main
 from ispom_app.rerun_log.file_recording import FLUSH_EVERY
 from ispom_app.rerun_log.rrd import is_finished
-from ispom_app.run.run_folder import MARKER, is_incomplete
-from ispom_app.run.table import read_table
+from ispom_app.run.folder.run_folder import MARKER, is_incomplete
+from ispom_app.run.folder.table import read_table
 from rerun.chunk import RrdReader
 
 from ispom.io.tum import read_tum

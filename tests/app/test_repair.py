@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from ispom_app.cli import main
 from ispom_app.rerun_log.rrd import is_finished
-from ispom_app.run.run_folder import MARKER
+from ispom_app.run.folder.run_folder import MARKER
 from rerun.chunk import RrdReader
 
 from ispom.ensemble import Ensemble

@@ -10,7 +10,7 @@ from ispom_app import uncertainty
 from ispom_app.rerun_log import blueprint
 from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.run.events import Opened, Stepped
-from ispom_app.run.record import ExposureRecord
+from ispom_app.run.history.record import ExposureRecord
 from ispom_app.viser_ui.panels.why import report
 
 from ispom.geometry import Pose, Similarity

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ispom.sequences.simulated import open_simulated
+from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Exposure, Sequence
 
 

@@ -11,7 +11,7 @@ import pytest
 from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.estimators.paper.stereo.estimator import StereoConfig
 from ispom.geometry import Pose
-from ispom.solvers.alignment import umeyama
+from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Exposure, Sequence, StereoPair, TrackStatus, Trajectory, VideoFrame
 from tests.alone import alone, run
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.sequences.kitti import open_kitti
+from ispom.sequences.formats.kitti import open_kitti
 from ispom.sequences.two_rate import two_rate
 from ispom.types import Image, StereoPair, VideoFrame
 from tests.sequences.kitti_folder import HEIGHT, WIDTH, make_drive

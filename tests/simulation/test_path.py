@@ -5,7 +5,7 @@ import pytest
 
 from ispom.geometry import rotation_angle_rad
 from ispom.simulation.path import Path
-from ispom.solvers.interpolation import interpolate
+from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
 
 SECOND_NS = 1_000_000_000

@@ -9,8 +9,8 @@ import numpy as np
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.path import Path
-from ispom.solvers.spline import Spline
-from ispom.solvers.spline_problem import (
+from ispom.solvers.spline.curve import Spline
+from ispom.solvers.spline.problem import (
     LEFT,
     VIDEO,
     AnchoredPoints,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ispom.geometry import Array, Pose, so3_exp, so3_log
-from ispom.solvers.prior import Prior
-from ispom.solvers.window import Window
+from ispom.solvers.window.adjustment import Window
+from ispom.solvers.window.prior import Prior
 
 
 def cauchy(errors: Array) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Pose
-from ispom.solvers import window
 from ispom.solvers.bundle import Bundle, adjust
+from ispom.solvers.window import adjustment as window
 
 CAMERAS = tuple(
     Pose.from_rotvec(np.array([0.01 * i, 0.03 * i, 0.0]), np.array([0.3 * i, 0.02 * i * i, 0.5 * i])).inverse()

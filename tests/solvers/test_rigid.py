@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ispom.geometry import Pose, so3_exp
+from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement, rotate
+from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.solvers.rigid import horn, rigid_motion
-from ispom.solvers.rotation import dominant_rotation, median_displacement, rotate
-from ispom.solvers.triangulation import points_from_disparity
 from ispom.types import Camera
 
 numbers = st.floats(-2, 2)

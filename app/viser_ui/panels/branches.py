@@ -9,9 +9,9 @@ import viser
 from ispom.methods import in_order
 
 from ... import colours
-from ...run.tally import MethodTally
+from ...run.model.tally import MethodTally
 from ...session import commands as do
-from ...session.branches import NAME_LENGTH, Branch
+from ...session.branching.branches import NAME_LENGTH, Branch
 from ...session.state import State
 from ..markup import render
 

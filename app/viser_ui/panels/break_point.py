@@ -12,8 +12,8 @@ from ispom.errors import InputError
 from ...expressions.matches import matches
 from ...expressions.parser import Expression, parse
 from ...expressions.until import shown
-from ...run.quantities import Quantity
-from ...run.series import Series
+from ...run.history.quantities import Quantity
+from ...run.history.series import Series
 from ...session import commands as do
 from ...session.break_points import anomaly
 from ...session.state import State

@@ -8,7 +8,7 @@ import viser
 
 from ...diff.text import lines
 from ...session import commands as do
-from ...session.comparing import MOST, Comparison
+from ...session.branching.comparing import MOST, Comparison
 from ...session.state import State
 from ..markup import render
 

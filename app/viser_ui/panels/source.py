@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from ...session import commands as do
-from ...session.folders import Entry
+from ...session.sources.folders import Entry
 from ...session.state import State
 from ..controls import ConfigForm
 

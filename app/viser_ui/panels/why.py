@@ -15,8 +15,8 @@ from ispom.types import Decision, Step, TrackStatus
 
 from ... import colours
 from ...decisions import answers, mark, measured, named
-from ...run.drawn_size import unit_in_metres
-from ...run.record import ExposureRecord
+from ...run.history.record import ExposureRecord
+from ...run.model.drawn_size import unit_in_metres
 from ...session.state import State
 from ...uncertainty import describe
 from ..markup import render

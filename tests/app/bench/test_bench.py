@@ -120,7 +120,7 @@ def test_the_peak_counts_what_is_held() -> None:
 
 
 def test_the_window_is_of_the_size_that_is_told() -> None:
-    window = pytest.importorskip("ispom.solvers.window")
+    window = pytest.importorskip("ispom.solvers.window.adjustment")
     from ispom_app.bench import blocks
 
     problem = blocks.bundle_window()

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from ispom_app.cli import main
-from ispom_app.run.run_folder import MARKER
+from ispom_app.run.folder.run_folder import MARKER
 
 from ispom.sequences import open_sequence
 from ispom.types import VideoFrame

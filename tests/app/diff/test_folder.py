@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from ispom_app.diff.folder import run_rows
 from ispom_app.diff.order import step_row
+from ispom_app.run.folder.run_folder import DECISIONS, STEPS, RunFolder
+from ispom_app.run.folder.step_log import StepLog
+from ispom_app.run.history.quantities import by_method
 from ispom_app.run.playback import Playback
-from ispom_app.run.quantities import by_method
-from ispom_app.run.run_folder import DECISIONS, STEPS, RunFolder
-from ispom_app.run.step_log import StepLog
 
 from ispom.errors import InputError
 from tests import doubles

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from ispom_app.cli import main
 from ispom_app.evaluate.evaluated import distinct_names
-from ispom_app.run.run_file import RunFile
+from ispom_app.run.folder.run_file import RunFile
 
 from ispom.geometry import Pose
 from ispom.io.euroc import euroc_text

@@ -8,7 +8,7 @@ import pytest
 from ispom_app.expressions.parser import DEEPEST, parse
 from ispom_app.expressions.syntax import All, Any, Call, Chain, Comparison, Name, Not, Number, Text
 from ispom_app.expressions.words import LONGEST
-from ispom_app.run.quantities import quantities
+from ispom_app.run.history.quantities import quantities
 
 from ispom.errors import InputError
 from ispom.methods import names

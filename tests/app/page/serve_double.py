@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ispom_app.options import SourceOptions
 from ispom_app.page.server import Serving, serve
-from ispom_app.session.folders import Folders
 from ispom_app.session.session import Session
+from ispom_app.session.sources.folders import Folders
 
 from ispom.sequences import open_sequence
 from ispom.types import Sequence

@@ -11,7 +11,7 @@ from ispom_app.expressions.parser import parse
 from ispom_app.page import time_axis
 from ispom_app.page.time_axis import AxisNews
 from ispom_app.run.playback import Playback
-from ispom_app.session.branches import Branch
+from ispom_app.session.branching.branches import Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
 

@@ -10,10 +10,10 @@ import pytest
 import rerun as rr
 from ispom_app.rerun_log import blueprint, live, rrd, tape
 from ispom_app.run.events import Stepped
-from ispom_app.run.feed import IMAGES_WAITING
-from ispom_app.run.history import History
+from ispom_app.run.history.feed import IMAGES_WAITING
+from ispom_app.run.history.history import History
+from ispom_app.run.history.record import ExposureRecord
 from ispom_app.run.playback import Playback
-from ispom_app.run.record import ExposureRecord
 from rerun.chunk import RrdReader
 
 from tests import doubles

@@ -17,10 +17,10 @@ from ispom_app.rerun_log.batch import Entry
 from ispom_app.rerun_log.blueprint import blueprint
 from ispom_app.rerun_log.file_recording import FileRecording
 from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.encoding import decode, encode
 from ispom_app.run.events import Finished, Stepped
+from ispom_app.run.history.encoding import decode, encode
+from ispom_app.run.history.record import ExposureRecord
 from ispom_app.run.playback import Playback
-from ispom_app.run.record import ExposureRecord
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.blueprint.api import View
 from rerun.chunk import RrdReader

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 from ispom_app.run.events import Finished, Opened, Stepped
-from ispom_app.run.history import History
+from ispom_app.run.history.history import History
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
 from ispom.io.tum import tum_text
-from ispom.sequences.simulated import open_simulated
+from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Sequence
 from tests.alone import METHODS
 from tests.app.helpers import wait_for

@@ -14,7 +14,7 @@ from ispom_app.run.playback import Playback, Snapshot
 from ispom.errors import InputError
 from ispom.geometry import Similarity
 from ispom.methods import Config
-from ispom.sequences.simulated import open_simulated
+from ispom.sequences.formats.simulated import open_simulated
 from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, VideoFrame
 from tests import doubles
 from tests.alone import ALL, METHODS

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from ispom_app.expressions.parser import parse
-from ispom_app.run.quantities import quantities
+from ispom_app.run.history.quantities import quantities
 from ispom_app.session import commands as do
 from ispom_app.session.break_points import anomaly
 from ispom_app.session.session import Session

@@ -10,10 +10,10 @@ from threading import Event
 import pytest
 from ispom_app.rerun_log.file_recording import FileRecording
 from ispom_app.run.events import Opened, Stepped
-from ispom_app.run.history import History
+from ispom_app.run.history.history import History
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
-from ispom_app.session.recordings import list_recordings
+from ispom_app.session.recording.listing import list_recordings
 from ispom_app.session.session import Session
 
 from ispom.errors import InputError

@@ -10,10 +10,11 @@ import pytest
 import yaml
 from ispom_app.cli import main
 from ispom_app.headless import play
-from ispom_app.run.run_folder import MARKER
+from ispom_app.run.folder.run_folder import MARKER
 from ispom_app.session import commands as do
 
-from ispom.sequences import live, open_sequence
+from ispom.sequences import open_sequence
+from ispom.sequences.formats import live
 from tests import doubles
 from tests.app.helpers import build, started, wait_for
 from tests.sequences.folders import images

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 import viser
+from ispom_app.run.model.tally import Tally
 from ispom_app.run.playback import Playback
-from ispom_app.run.tally import Tally
 from ispom_app.session import commands as do
-from ispom_app.session.branches import Beside, Branch
+from ispom_app.session.branching.branches import Beside, Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 from ispom_app.viser_ui.branch_scene import BranchScene

@@ -11,8 +11,8 @@ import pytest
 import viser
 from ispom_app.diff.compare import Difference, Divergence
 from ispom_app.session import commands as do
-from ispom_app.session.branches import Branch
-from ispom_app.session.comparing import Comparison
+from ispom_app.session.branching.branches import Branch
+from ispom_app.session.branching.comparing import Comparison
 from ispom_app.session.state import State
 from ispom_app.viser_ui.panels.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
 

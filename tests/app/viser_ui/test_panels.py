@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 import viser
-from ispom_app.run.record import ExposureRecord
+from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
-from ispom_app.session.folders import Folders
+from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import RecordedFile, Recording, State
 from ispom_app.viser_ui.panels.record import RecordPanel
 from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel

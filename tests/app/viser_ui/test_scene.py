@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import viser
 from ispom_app.run.events import Opened
-from ispom_app.run.model import RunModel
+from ispom_app.run.history.record import ExposureRecord
+from ispom_app.run.model.run_model import RunModel
 from ispom_app.run.playback import Playback
-from ispom_app.run.record import ExposureRecord
 from ispom_app.viser_ui.scene import Scene
 from numpy.testing import assert_allclose
 

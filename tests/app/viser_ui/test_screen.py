@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
+from ispom_app.run.history.record import ExposureRecord
 from ispom_app.run.playback import Playback
-from ispom_app.run.record import ExposureRecord
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.folders import Folders
+from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import Computed, Displayed, Recording, State, changed, reduce
 from ispom_app.viser_ui import screen as screens
 from ispom_app.viser_ui.panels.record import RecordPanel

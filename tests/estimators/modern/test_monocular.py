@@ -15,7 +15,7 @@ from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose, so3_log
 from ispom.sequences import open_sequence
-from ispom.solvers.alignment import umeyama
+from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Exposure, Rig, Sequence, Status, Step, TrackStatus, Trajectory, VideoFrame
 from tests.alone import run
 from tests.estimators.test_contract import same

@@ -18,8 +18,8 @@ from ispom.estimators.modern.integrated.stereo_world import common_pair
 from ispom.estimators.modern.integrated.thinning import shortened, thinned
 from ispom.estimators.modern.integrated.view import Reference
 from ispom.geometry import Array, Pose
-from ispom.solvers.continuous import Solution, solve
-from ispom.solvers.spline_problem import PosePrior
+from ispom.solvers.spline.continuous import Solution, solve
+from ispom.solvers.spline.problem import PosePrior
 from ispom.types import Decision
 
 USUAL_FRAME_S = 0.1

@@ -10,7 +10,7 @@ from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import common_pair
 from ispom.estimators.modern.integrated.view import Noise, View
 from ispom.geometry import Array
-from ispom.solvers.pose_covariance import pose_covariance
+from ispom.solvers.spline.pose_covariance import pose_covariance
 from ispom.types import Step
 
 

@@ -24,8 +24,8 @@ from ispom.estimators.modern.integrated.view import Noise
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.settings import Range
-from ispom.solvers.resection import Resection
-from ispom.solvers.spline_problem import RigModel
+from ispom.solvers.multiview.resection import Resection
+from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
 from ispom.types import Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame, colours_at
 

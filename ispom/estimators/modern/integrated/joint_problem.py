@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.view import Noise, located_poses, times_s
 from ispom.geometry import Array
-from ispom.solvers.spline_fit import fitted
-from ispom.solvers.spline_problem import LEFT, VIDEO, PosePrior, RigModel, RigObservations, SplineProblem
+from ispom.solvers.spline.fit import fitted
+from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, RigObservations, SplineProblem
 
 MIN_VIEWS = {True: 3, False: 2}
 """Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""

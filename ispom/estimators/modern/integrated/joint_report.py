@@ -6,8 +6,8 @@ import numpy as np
 
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.solvers.continuous import Solution
-from ispom.solvers.spline_observation import RIG
+from ispom.solvers.spline.continuous import Solution
+from ispom.solvers.spline.observation import RIG
 from ispom.types import Decision
 
 

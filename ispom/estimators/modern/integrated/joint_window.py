@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 from ispom.estimators.modern.integrated.view import Reference, Table, View
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
-from ispom.solvers.prior import LENS, PAIR
-from ispom.solvers.spline_problem import RigModel
+from ispom.solvers.spline.problem import RigModel
+from ispom.solvers.window.prior import LENS, PAIR
 
 LEAST_INVERSE_DEPTH = 1e-4
 """[1/m] A smaller one, from a disparity with its errors, is none: 10 km are beyond what any rig measures."""

@@ -9,8 +9,8 @@ import numpy as np
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.view import located_poses, times_s
-from ispom.solvers.spline import ORDER
-from ispom.solvers.spline_fit import fitted, misfits
+from ispom.solvers.spline.curve import ORDER
+from ispom.solvers.spline.fit import fitted, misfits
 from ispom.types import Decision
 
 KNOT_FRAMES = (6.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0)

@@ -11,8 +11,8 @@ from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import Noise, View
 from ispom.geometry import Array
-from ispom.solvers.pose_covariance import pose_information
-from ispom.solvers.resection import Resection, refine_pose, resect
+from ispom.solvers.multiview.resection import Resection, refine_pose, resect
+from ispom.solvers.spline.pose_covariance import pose_information
 from ispom.types import Status
 
 ENOUGH_POINTS = 30

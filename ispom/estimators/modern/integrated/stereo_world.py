@@ -10,7 +10,7 @@ from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import View
 from ispom.geometry import Pose
-from ispom.solvers.anchoring import anchored
+from ispom.solvers.trajectory.anchoring import anchored
 from ispom.types import Trajectory
 
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.continuous import PointUncertainty
 from ispom.solvers.late_shutter import drift
-from ispom.solvers.spline_problem import AnchoredPoints, RigModel
-from ispom.solvers.window import offset_at
+from ispom.solvers.spline.continuous import PointUncertainty
+from ispom.solvers.spline.problem import AnchoredPoints, RigModel
+from ispom.solvers.window.adjustment import offset_at
 
 LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""

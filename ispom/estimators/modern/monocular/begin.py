@@ -16,7 +16,7 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose
-from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.types import Decision, Status
 
 LEAVING_SHARE = 0.4

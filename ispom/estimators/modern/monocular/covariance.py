@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
-from ispom.solvers.prior import LENS, POSE
-from ispom.solvers.window import Window, covariance
+from ispom.solvers.window.adjustment import Window, covariance
+from ispom.solvers.window.prior import LENS, POSE
 
 LOSS = 1.5
 """Width of the robust loss, in deviations of a tracked place."""

@@ -16,10 +16,10 @@ from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Star
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
-from ispom.solvers.prior import LENS, POSE, Prior
-from ispom.solvers.rotation import rotate
-from ispom.solvers.two_view import hypotheses
-from ispom.solvers.window import Adjusted
+from ispom.solvers.multiview.rotation import rotate
+from ispom.solvers.multiview.two_view import hypotheses
+from ispom.solvers.window.adjustment import Adjusted
+from ispom.solvers.window.prior import LENS, POSE, Prior
 from ispom.types import Decision
 
 MIN_SHARE = 0.3

@@ -17,8 +17,8 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
 from ispom.solvers.motion_only import PoseFit
-from ispom.solvers.resection import resect
-from ispom.solvers.rotation import rotate
+from ispom.solvers.multiview.resection import resect
+from ispom.solvers.multiview.rotation import rotate
 from ispom.types import TrackStatus
 
 MIN_LOCATED = 15

@@ -11,9 +11,9 @@ from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular.setup import INLIER
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
-from ispom.solvers.inverse_depth import InverseDepths, intersect
-from ispom.solvers.prior import LENS, Prior
-from ispom.solvers.window import Adjusted, Window, adjust
+from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
+from ispom.solvers.window.adjustment import Adjusted, Window, adjust
+from ispom.solvers.window.prior import LENS, Prior
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame, bundle_problem
 from ispom.geometry import Pose
-from ispom.solvers.prior import POSE, Prior
-from ispom.solvers.window import marginalise
+from ispom.solvers.window.adjustment import marginalise
+from ispom.solvers.window.prior import POSE, Prior
 
 DYING_SHARE = 0.3
 """Share of its points still tracked, below which the oldest key frame leaves: it constrains nothing new any more."""

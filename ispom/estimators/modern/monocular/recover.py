@@ -16,7 +16,7 @@ from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.frontends.contrast import has_contrast
 from ispom.geometry import Pose
-from ispom.solvers.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.types import Decision, Status
 
 PATIENCE = 5

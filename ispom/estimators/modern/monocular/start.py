@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.monocular.setup import TURN_LOSS
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
-from ispom.solvers.prior import LENS
-from ispom.solvers.rotation import dominant_rotation
+from ispom.solvers.multiview.rotation import dominant_rotation
+from ispom.solvers.window.prior import LENS
 
 BUFFER = 40
 """Frames remembered while waiting; older ones keep the pose held until then."""

@@ -18,7 +18,7 @@ from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import sight
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
-from ispom.solvers.prior import PAIR
+from ispom.solvers.window.prior import PAIR
 from ispom.stopwatch import Stopwatch
 from ispom.types import Exposure, Rig, Status, Step, StereoPair, Trajectory
 

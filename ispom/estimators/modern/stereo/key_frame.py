@@ -11,19 +11,12 @@ from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.window import (
-    KeyFrame,
-    StereoMap,
-    adjusted,
-    with_key,
-    with_rows,
-    without_oldest,
-)
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, with_rows, without_oldest
 from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.solvers.prior import PAIR
+from ispom.solvers.window.prior import PAIR
 from ispom.types import Check, Decision
 
 SIDE = 0.5

@@ -14,7 +14,7 @@ from ispom.frontends import sift
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import PoseFit, fit_pose
-from ispom.solvers.resection import resect
+from ispom.solvers.multiview.resection import resect
 
 MIN_INLIER_SHARE = 0.6
 """A pose refined from a prediction that fewer of its points agree with is sought again from three-point samples."""

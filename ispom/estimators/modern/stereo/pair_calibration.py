@@ -9,7 +9,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Array
 from ispom.solvers.late_shutter import drift
-from ispom.solvers.window import offset_at
+from ispom.solvers.window.adjustment import offset_at
 
 LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""

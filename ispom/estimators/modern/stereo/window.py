@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.solvers.late_shutter import RowFit, drift
-from ispom.solvers.prior import PAIR, POSE, Prior, anchored
-from ispom.solvers.window import Adjusted, Window, adjust, covariance, marginalise
+from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance, marginalise
+from ispom.solvers.window.prior import PAIR, POSE, Prior, anchored
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""

@@ -18,7 +18,7 @@ from ispom.estimators.paper.integrated.segment import fitted
 from ispom.estimators.paper.integrated.state import IntegratedState
 from ispom.geometry import Pose
 from ispom.settings import Range
-from ispom.solvers.interpolation import Interpolation, interpolate
+from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ispom.estimators.paper import checks
 from ispom.estimators.paper.integrated.state import IntegratedState
-from ispom.solvers.interpolation import Interpolation, interpolate
-from ispom.solvers.segment import Segment, fit_rotations, fit_segment
+from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
+from ispom.solvers.trajectory.segment import Segment, fit_rotations, fit_segment
 from ispom.types import Decision, Trajectory
 
 DOUBTFUL_DEG = 10.0

@@ -29,8 +29,8 @@ from ispom.estimators.paper.monocular.tracks import follow
 from ispom.estimators.paper.monocular.triples import triple_of
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.settings import Range
-from ispom.solvers.interpolation import Interpolation
-from ispom.solvers.triple import ScaleTransfer
+from ispom.solvers.multiview.triple import ScaleTransfer
+from ispom.solvers.trajectory.interpolation import Interpolation
 from ispom.stopwatch import Stopwatch
 from ispom.types import Decision, Exposure, Rig, Step, Trajectory, VideoFrame, as_grey
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
-from ispom.solvers.interpolation import Interpolation, interpolate
-from ispom.solvers.resection import refine_pose
+from ispom.solvers.multiview.resection import refine_pose
+from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.types import Trajectory
 
 

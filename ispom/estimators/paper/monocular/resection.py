@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Pose
-from ispom.solvers.resection import Resection, refine_pose, resect
+from ispom.solvers.multiview.resection import Resection, refine_pose, resect
 
 MIN_POINTS = 10
 """Fewer known points than this, and a frame gets no pose of its own."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.paper import checks
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.solvers.triple import ScaleTransfer, Triple, depth_ratio, step_length
+from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, step_length
 from ispom.types import Decision
 
 LEAST_LENGTH = 0.05

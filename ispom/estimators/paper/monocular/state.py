@@ -11,7 +11,7 @@ from ispom.estimators.paper.monocular.scale_transfer import ScaleStep
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.solvers.triple import Triple
+from ispom.solvers.multiview.triple import Triple
 from ispom.types import Decision, Image
 
 

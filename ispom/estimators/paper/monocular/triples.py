@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.paper import checks
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.solvers.triple import Triple, solve_triple
+from ispom.solvers.multiview.triple import Triple, solve_triple
 from ispom.types import Decision
 
 MIN_EPIPOLAR_SHARE = 0.5

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
-from ispom.solvers.triple import Triple
+from ispom.solvers.multiview.triple import Triple
 
 MAX_WAITING = 300
 """Frames after the last key frame whose poses may still change: 10 s at 30 Hz."""

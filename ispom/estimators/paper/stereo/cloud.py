@@ -9,7 +9,7 @@ from ispom.estimators.paper.stereo.correspondence import Correspondences
 from ispom.estimators.paper.stereo.state import Cloud
 from ispom.frontends import sift
 from ispom.frontends.disparity import RowSearch
-from ispom.solvers.triangulation import points_from_disparity
+from ispom.solvers.multiview.triangulation import points_from_disparity
 from ispom.types import Image, Rig
 
 MIN_DISPARITY_PX = 1.0

@@ -1,0 +1,79 @@
+"""The poses of a run while it goes on: what is left of the trajectories where it is killed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ispom.geometry import Pose
+from ispom.types import Trajectory
+
+from ..events import Stepped
+from .run_folder import RunFolder
+from .table import GrowingTable, read_table
+
+JOURNAL = "poses.csv"
+_VALUES = ("x", "y", "z", "qx", "qy", "qz", "qw")
+COLUMNS = ("exposure", "method", "frame", "unit_m", "time_ns", *_VALUES)
+"""A row for each pose, given or revised: of a method and time the last one counts. `unit_m` is empty while unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Journal:
+    """What was known when the run ended."""
+
+    exposures: int
+    """Gone through."""
+    trajectories: Mapping[str, Trajectory]
+    """By method: world_from_frame, in the method's own unit."""
+    units_m: Mapping[str, float | None]
+    """By method: what that unit is in metres, where that is known."""
+
+
+class PoseJournal:
+    """Grows with each exposure; removed when the trajectories are written."""
+
+    def __init__(self, folder: RunFolder, unit_m: Callable[[str], float | None]) -> None:
+        """`unit_m` gives a method's unit [m] as known now."""
+        self._table, self._unit_m = GrowingTable(folder, JOURNAL, COLUMNS), unit_m
+
+    def add(self, event: Stepped) -> None:
+        for step in event.steps:
+            unit_m = self._unit_m(step.method)
+            known = (event.index, step.method, step.frame, "" if unit_m is None else repr(float(unit_m)))
+            poses = step.revised.items()
+            if step.world_from_frame is not None:
+                poses.append((step.time_ns, step.world_from_frame))
+            self._table.add(
+                (*known, time_ns, *(repr(float(v)) for v in (*pose.translation, *pose.xyzw))) for time_ns, pose in poses
+            )
+
+    def close(self, keep: bool) -> None:
+        """Keeps it, whole, under its own name where the trajectories could not be written."""
+        self._table.close(keep)
+
+
+def read_journal(path: Path) -> Journal:
+    """InputError never: rows that are damaged are as if they had not been written."""
+    poses: dict[str, dict[int, Pose]] = {}
+    frames, units, exposures = {}, {}, 0
+    for row in read_table(path):
+        try:
+            values = np.array([float(row[name]) for name in _VALUES])
+            time_ns, index = int(row["time_ns"]), int(row["exposure"])
+            unit_m = float(row["unit_m"]) if row["unit_m"] else None
+        except ValueError:
+            continue
+        if not np.isfinite(values).all() or not math.isclose(float(np.linalg.norm(values[3:])), 1.0, abs_tol=0.01):
+            continue
+        if row["frame"] not in ("rig", "left", "right", "video"):
+            continue
+        poses.setdefault(row["method"], {})[time_ns] = Pose.from_xyzw(values[3:], values[:3])
+        frames[row["method"]], units[row["method"]] = row["frame"], unit_m
+        exposures = max(exposures, index + 1)
+    found = {method: Trajectory.of(list(known.items()), frames[method]) for method, known in poses.items()}
+    return Journal(exposures, found, units)

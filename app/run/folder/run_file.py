@@ -1,0 +1,170 @@
+"""run.yaml: what is needed to repeat a run, and to know that it was on the same images."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ispom.errors import InputError
+from ispom.io.files import exists
+from ispom.io.mapping import read_mapping
+from ispom.methods import Config, in_order, method, names, with_asked
+from ispom.settings import from_plain
+from ispom.types import Frame, Sequence
+
+from ..playback import Stage
+from .run_folder import RUN
+
+FRAMES: tuple[Frame, ...] = ("rig", "left", "video")
+"""Whose poses a run may write."""
+PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "embreex", "rerun-sdk")
+_NEEDED = {"source": str, "sequence": str, "notes": list, "options": dict, "config": dict, "versions": dict}
+
+
+@dataclass(frozen=True)
+class RunFile:
+    """Plain values, lists of them, and mappings of those."""
+
+    source: str
+    sequence: str
+    """Its name."""
+    options: Mapping[str, Any]
+    """Those of `ispom run`."""
+    config: Mapping[str, Any]
+    """By method: every setting."""
+    notes: list[str] = field(default_factory=list)
+    exposures: Mapping[str, int] = field(default_factory=dict)
+    """Given, by kind: video, stereo."""
+    images_sha256: str | None = None
+    """Of all images that the estimators saw; None where the run did not come to its end."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    platform: str = ""
+    forked: list[Mapping[str, Any]] = field(default_factory=list)
+    """What ran before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
+    stopped: Mapping[str, Any] | None = None
+    """By what --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not."""
+
+    @property
+    def earlier(self) -> tuple[Stage, ...]:
+        """The runs that this one was forked from, up to where they were left.
+
+        InputError where that is not as `ispom fork` writes it.
+        """
+        return tuple(_stage(entry) for entry in self.forked)
+
+    def configs(self) -> Config:
+        """The settings; InputError for what is none."""
+        return _config(self.config, "config")
+
+    @property
+    def frame(self) -> Frame:
+        """Whose poses the run's trajectories hold."""
+        return self.options["frame"]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Those of the run that this installation knows."""
+        asked = self.options.get("methods")
+        return tuple(name for name in names() if isinstance(asked, list) and name in asked)
+
+    @property
+    def text(self) -> str:
+        """The file's content."""
+        return yaml.safe_dump(asdict(self), sort_keys=False, allow_unicode=True)
+
+
+def run_file(
+    source: str,
+    sequence: Sequence,
+    options: Mapping[str, Any],
+    config: Mapping[str, Any],
+    images_sha256: str | None = None,
+    forked: Iterable[Mapping[str, Any]] = (),
+    stopped: Mapping[str, Any] | None = None,
+) -> RunFile:
+    """Of a run on this machine, with these versions."""
+    return RunFile(
+        source,
+        sequence.name,
+        dict(options),
+        dict(config),
+        list(sequence.notes),
+        {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
+        images_sha256,
+        {"python": platform.python_version(), **_versions()},
+        platform.platform(),
+        list(forked),
+        stopped,
+    )
+
+
+def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
+    """What a fork's file says of `run`, which it is as up to the stage's end; the exposure `at` counts from 0."""
+    config = {name: asdict(stage.config.of(name)) for name in with_asked(stage.methods)}
+    return {"run": run, "at": stage.until, "methods": list(stage.methods), "config": config}
+
+
+def _stage(entry: Mapping[str, Any]) -> Stage:
+    at, methods = entry.get("at"), entry.get("methods")
+    if not isinstance(at, int) or at < 1 or not isinstance(methods, list) or not methods:
+        raise InputError(f"{RUN} says of a fork {str(entry)[:60]!r}: restore the file, or run again")
+    return Stage(at, in_order(str(name) for name in methods), _config(entry.get("config"), "forked.config"))
+
+
+def _config(plain: Any, where: str) -> Config:
+    if not isinstance(plain, dict):
+        raise InputError(f"{RUN}: {where} holds no settings: restore the file, or run again")
+    return Config({name: from_plain(method(name).config, values, f"{where}.{name}") for name, values in plain.items()})
+
+
+def _versions() -> dict[str, str]:
+    """Of the packages that are here; the ray caster has no wheels for some machines."""
+    found = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def read_run_file(folder: Path) -> RunFile:
+    """InputError where the folder holds no run, or its run.yaml is not as written. Nothing in it is trusted."""
+    path = folder / RUN
+    if not exists(path):
+        raise InputError(f"{folder} holds no run (no {RUN}): give a folder that `ispom run` wrote")
+    found = read_mapping(path)
+    for name, kind in _NEEDED.items():
+        if not isinstance(found.get(name), kind):
+            raise InputError(f"{path} has no {name} as `ispom run` writes it: restore the file, or run again")
+    _require_plain(path, found, 0)
+    frame = found["options"].setdefault("frame", "rig")
+    if frame not in FRAMES:
+        raise InputError(f"{path}: the frame is {str(frame)[:40]!r}, not one of {', '.join(FRAMES)}")
+    forked = found.get("forked", [])
+    if not isinstance(forked, list) or not all(isinstance(entry, dict) for entry in forked):
+        raise InputError(f"{path} does not say what it was forked from as `ispom fork` writes it: restore the file")
+    exposures, images, machine = found.get("exposures"), found.get("images_sha256"), found.get("platform")
+    return RunFile(
+        **{name: found[name] for name in _NEEDED},
+        exposures=exposures if isinstance(exposures, dict) else {},
+        images_sha256=images if isinstance(images, str) else None,
+        platform=machine if isinstance(machine, str) else "",
+        forked=forked,
+    )
+
+
+def _require_plain(path: Path, value: Any, depth: int) -> None:
+    """Refuses nests, for YAML's aliases can make a small file a huge page, and names that are no text."""
+    inner = [*value.values(), *value.keys()] if isinstance(value, dict) else value if isinstance(value, list) else []
+    if depth > 6 or len(inner) > 500:
+        raise InputError(f"{path} holds more than a run's settings: restore the file, or run again")
+    if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
+        raise InputError(f"{path} has names that are no text: restore the file, or run again")
+    for item in inner:
+        _require_plain(path, item, depth + 1)

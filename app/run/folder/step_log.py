@@ -1,0 +1,93 @@
+"""steps.csv and decisions.csv: what every method said about every exposure, written while a run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from typing import Self
+
+from ispom.types import Status, Step
+
+from ..events import Stepped
+from ..history.quantities import STEP_QUANTITIES, Value, by_method, finite, step_values
+from .digests import DIGESTS
+from .run_folder import DECISIONS, STEPS, RunFolder
+from .statistics import RunStatistics
+from .table import GrowingTable
+
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+STEP_COLUMNS = (
+    *("exposure", "time_ns", "method", *(quantity.key for quantity in STEP_QUANTITIES), "stages"),
+    *("frame", *POSE, *DIGESTS),
+)
+"""`error_m` and the pose (world_from_FRAME, in the method's own world and unit) are as given at that time; `stages` is
+`name=seconds;...`, `seconds` their sum. Numbers have all digits that tell them from others."""
+DECISION_COLUMNS = (
+    "exposure",
+    "time_ns",
+    "method",
+    "key",
+    "about",
+    "question",
+    "kind",
+    "name",
+    "value",
+    "relation",
+    "threshold",
+    "unit",
+    "passed",
+    "consequence",
+)
+
+
+class StepLog:
+    """The two files of one run, growing row by row; nothing is kept in memory. They get their names at the end."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self._steps = GrowingTable(folder, STEPS, STEP_COLUMNS)
+        self._decisions = GrowingTable(folder, DECISIONS, DECISION_COLUMNS)
+
+    def add(self, event: Stepped) -> None:
+        """The rows of one exposure."""
+        steps = list(by_method(event.steps).values())
+        self._steps.add(_step_row(event, step) for step in steps)
+        self._decisions.add(row for step in steps for row in _decision_rows(event, step))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Closes both files, whole as far as they go, and gives them their names."""
+        self._steps.close()
+        self._decisions.close()
+
+
+def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
+    """The times and losses that the rows of steps.csv tell."""
+    statistics = RunStatistics()
+    for row in rows:
+        with suppress(ValueError):
+            statistics.count(row["method"], 1000 * float(row["seconds"]), row["status"] == Status.LOST)
+    return statistics
+
+
+def _step_row(event: Stepped, step: Step) -> list[str]:
+    values, pose = step_values(step, event.errors_m.get(step.method)), step.world_from_frame
+    numbers = ("",) * len(POSE) if pose is None else (*pose.translation.tolist(), *pose.xyzw.tolist())
+    cells = (event.index, step.time_ns, step.method, *(values[quantity.key] for quantity in STEP_QUANTITIES))
+    stages = ";".join(f"{stage}={_cell(seconds)}" for stage, seconds in step.seconds.items())
+    return [_cell(c) for c in (*cells, stages, step.frame, *numbers, *(of(step) for of in DIGESTS.values()))]
+
+
+def _decision_rows(event: Stepped, step: Step) -> Iterator[list[str]]:
+    for d in step.decisions:
+        described = (event.index, step.time_ns, step.method, d.key, d.about, d.question, d.kind, d.name)
+        made = (finite(d.value), d.relation, finite(d.threshold), d.unit, d.passed, d.consequence)
+        yield [_cell(value) for value in (*described, *made)]
+
+
+def _cell(value: Value) -> str:
+    """Empty for what is not known."""
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if value is None else repr(float(value)) if isinstance(value, float) else str(value)

@@ -1,0 +1,104 @@
+"""The events of one run for somebody who draws or writes them at their own pace: nobody waits for them, and what they
+have not taken yet is not kept for them, but read from the history."""
+
+from __future__ import annotations
+
+from collections import deque
+from threading import Condition
+
+from ispom.errors import UnreadableImage
+from ispom.types import Exposure
+
+from ..events import Event, Finished, Opened, Stepped, blank
+from .history import History
+
+IMAGES_WAITING = 30
+"""Exposures whose images wait in memory: a second of video."""
+
+
+class Feed:
+    """One run, from its first exposure on. `offer`, `finish` and `close` never wait; `take` is for one other thread."""
+
+    def __init__(self, opened: Opened, history: History, *, rereads: bool) -> None:
+        """`history` is that of this run. `rereads`: images that did not wait are read from the sequence again;
+        otherwise the exposure comes without, and is counted in `dropped`."""
+        self.opened, self.history = opened, history
+        self.position = 0
+        """Exposures taken."""
+        self.dropped = 0
+        """Exposures that came without their images."""
+        self._rereads = rereads
+        self._fresh: deque[Stepped] = deque(maxlen=IMAGES_WAITING)
+        self.finished: Finished | None = None
+        """The final trajectories, while they wait."""
+        self._end: int | None = None
+        self._closed = False
+        self._news = Condition()
+
+    def offer(self, event: Stepped) -> None:
+        """The newest exposure of the history, with its images."""
+        with self._news:
+            self._fresh.append(event)
+            self._news.notify()
+
+    def finish(self, finished: Finished | None, *, ends: bool = False) -> None:
+        """The final trajectories come after all that the history holds by now; with `ends`, nothing comes after."""
+        with self._news:
+            if self._end is None:
+                self.finished = finished
+                self._end = len(self.history) if ends else None
+            self._news.notify()
+
+    def skip(self) -> None:
+        """What waits is given up, except for the final trajectories."""
+        with self._news:
+            self._end = self.position
+            self._news.notify()
+
+    def close(self) -> None:
+        """Nothing comes any more."""
+        with self._news:
+            self._closed = True
+            self._news.notify()
+
+    @property
+    def ending(self) -> bool:
+        """Whether the last event is known."""
+        return self._end is not None or self._closed
+
+    def take(self) -> Event | None:
+        """The next event, waiting for it; None when no more will come."""
+        with self._news:
+            self._news.wait_for(lambda: self._closed or self._waiting or self.finished or self._end is not None)
+            if self._closed:
+                return None
+            if not self._waiting:
+                finished, self.finished = self.finished, None
+                return finished
+            index = self.position
+            while self._fresh and self._fresh[0].index < index:
+                self._fresh.popleft()
+            fresh = self._fresh.popleft() if self._fresh and self._fresh[0].index == index else None
+        event = fresh or self._bare(index)
+        self.position += 1
+        return event
+
+    @property
+    def empty(self) -> bool:
+        """Whether all that came so far was taken."""
+        return not self._waiting and self.finished is None
+
+    @property
+    def _waiting(self) -> bool:
+        return self.position < (len(self.history) if self._end is None else self._end)
+
+    def _bare(self, index: int) -> Stepped:
+        record = self.history[index]
+        self.dropped += not self._rereads
+        return record.stepped(self._read(index) if self._rereads else blank(self.opened.sequence, index))
+
+    def _read(self, index: int) -> Exposure:
+        try:
+            return self.opened.sequence[index]
+        except UnreadableImage:  # it was skipped in the run, too, or went missing since
+            return blank(self.opened.sequence, index)

@@ -1,0 +1,79 @@
+"""One exposure of a run as it is kept: everything that was said about it, except the images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from ispom.geometry import Similarity
+from ispom.types import Exposure, Kind, Status, Step, VideoFrame
+
+from ..events import Stepped
+
+
+@dataclass(frozen=True)
+class MethodStatus:
+    """How a method does at an exposure: that of its latest step up to there."""
+
+    status: Status
+    error_m: float | None = None
+    """Distance from the truth; None where that is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExposureRecord:
+    """One exposure in the history: everything of Stepped except the images, which the sequence can give again."""
+
+    index: int
+    time_ns: int
+    kind: Kind
+    steps: tuple[Step, ...]
+    placements: Mapping[str, Similarity]
+    errors_m: Mapping[str, float]
+    statuses: Mapping[str, MethodStatus]
+    skipped: str = ""
+    thinned: bool = False
+    """Whether its tracks, landmarks and residuals were given up to keep the history small; all else is there."""
+
+    @staticmethod
+    def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
+        statuses = dict(before.statuses) if before else {}
+        for step in event.steps:
+            statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method))
+        kind = "video" if isinstance(event.exposure, VideoFrame) else "stereo"
+        return ExposureRecord(
+            event.index,
+            event.exposure.time_ns,
+            kind,
+            event.steps,
+            event.placements,
+            event.errors_m,
+            statuses,
+            event.skipped,
+        )
+
+    def stepped(self, exposure: Exposure) -> Stepped:
+        """The event that this record came from, with its exposure read again."""
+        return Stepped(self.index, exposure, self.steps, self.placements, self.errors_m, self.skipped)
+
+
+def with_parts(steps: tuple[Step, ...]) -> Iterator[Step]:
+    """The steps, and those of the estimators that they are made of; each object once."""
+    seen: set[int] = set()
+    waiting = list(reversed(steps))
+    while waiting:
+        step = waiting.pop()
+        if id(step) not in seen:
+            seen.add(id(step))
+            yield step
+            waiting += reversed(step.parts)
+
+
+def size_bytes(record: ExposureRecord) -> int:
+    """About what the record takes in memory."""
+    total = 2000
+    for step in with_parts(record.steps):
+        points = [len(tracks) * 33 for tracks in step.tracks.values()]
+        total += sum(points) + 35 * len(step.landmarks) + 8 * len(step.residuals_px) + 104 * len(step.revised)
+        total += 3000 + 400 * len(step.decisions)
+    return total

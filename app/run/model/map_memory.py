@@ -1,0 +1,96 @@
+"""What `ispom run` remembers of the scene: what the key frames saw, from which the final poses give the landmarks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.io.maps import CAMERAS, SceneMap
+from ispom.solvers.multiview.structure import intersected
+from ispom.types import Frame, Landmarks, Rig, Step, Tracks, TrackStatus, Trajectory
+
+_Colours = tuple[NDArray[np.int64], NDArray[np.uint8]]
+"""Ids (M,) and RGB (M, 3)."""
+
+
+@dataclass
+class MapCollector:
+    """Grows with the landmarks and key frames of one method, by some 40 bytes for each point seen.
+
+    Places of landmarks are not kept: what a step says of them holds for the poses of that time, which may be revised.
+    """
+
+    camera: Frame | None = None
+    _colours: list[_Colours] = field(default_factory=list)
+    _seen: dict[int, Tracks] = field(default_factory=dict)
+
+    def add(self, step: Step) -> None:
+        """The tracks of key frames, the step's own or those of the part that follows the video, and their colours."""
+        part = step if step.tracks else next((p for p in step.parts if "video" in p.tracks), step)
+        placed = np.isfinite(part.landmarks.xyz_in_world).all(axis=1)
+        if placed.any():
+            self._add_colours(part.landmarks.ids[placed], part.landmarks.rgb[placed])
+        name: Frame | None = next((camera for camera in CAMERAS if camera in part.tracks), None)
+        if name is not None and part.key_frame:
+            tracks = part.tracks[name]
+            alive = tracks.status < TrackStatus.LOST
+            self.camera = name
+            self._seen[step.time_ns] = Tracks.of(
+                tracks.ids[alive], tracks.uv[alive], disparity_px=tracks.disparity_px[alive]
+            )
+
+    def scene(self, trajectory: Trajectory, rig: Rig) -> SceneMap:
+        """With the final poses of the key frames, and the landmarks where these poses put them.
+
+        Key frames that have no final pose are absent, and so are landmarks whose distance they leave unknown.
+        """
+        camera = self.camera or ("video" if rig.video is not None else "left")
+        times = [t for t in trajectory.times_ns.tolist() if t in self._seen]
+        keys = trajectory.select(np.isin(trajectory.times_ns, np.array(times, np.int64)))
+        keys = keys.moved(right=rig.rig_from(trajectory.frame).inverse() @ rig.rig_from(camera), frame=camera)
+        views = [Tracks.of(np.zeros(0), np.zeros((0, 2))), *(self._seen[t] for t in times)]
+        ids, uv, disparity_px = (
+            np.concatenate([getattr(view, name) for view in views]) for name in ("ids", "uv", "disparity_px")
+        )
+        seen_from = np.repeat(np.arange(len(times)), [len(view) for view in views[1:]])
+        return SceneMap(self._landmarks(keys, rig, (seen_from, ids, uv, disparity_px)), keys, seen_from, ids, uv)
+
+    def _landmarks(self, keys: Trajectory, rig: Rig, seen: tuple[NDArray, NDArray, NDArray, NDArray]) -> Landmarks:
+        """Those that the method itself gave a place at some time: it never trusted the other tracks."""
+        if not len(keys):
+            return Landmarks.empty()
+        baseline_m = rig.baseline_m if keys.frame == "left" else 0.0
+        ids, xyz = intersected(keys, rig.camera(keys.frame), *seen, baseline_m)
+        known, rgb = _latest(self._colours)
+        trusted = np.isin(ids, known)
+        return Landmarks(ids[trusted], xyz[trusted], rgb[np.searchsorted(known, ids[trusted])])
+
+    def _add_colours(self, ids: NDArray[np.int64], rgb: NDArray[np.uint8]) -> None:
+        self._colours.append((ids, rgb))
+        if sum(len(ids) for ids, _ in self._colours[1:]) > 10_000 + len(self._colours[0][0]):
+            self._colours = [_latest(self._colours)]
+
+
+def _latest(found: list[_Colours]) -> _Colours:
+    """Each point once, in the order of ids, as it was seen last."""
+    ids = np.concatenate([np.zeros(0, np.int64), *(ids for ids, _ in found)])
+    rgb = np.concatenate([np.zeros((0, 3), np.uint8), *(rgb for _, rgb in found)])
+    index = len(ids) - 1 - np.unique(ids[::-1], return_index=True)[1]
+    return ids[index], rgb[index]
+
+
+@dataclass
+class MapCollectors:
+    """Of all methods."""
+
+    _methods: dict[str, MapCollector] = field(default_factory=dict)
+
+    def add(self, steps: tuple[Step, ...]) -> None:
+        for step in steps:
+            self._methods.setdefault(step.method, MapCollector()).add(step)
+
+    def scenes(self, trajectories: Mapping[str, Trajectory], methods: tuple[str, ...], rig: Rig) -> dict[str, SceneMap]:
+        return {m: self._methods.get(m, MapCollector()).scene(trajectories[m], rig) for m in methods}

@@ -1,0 +1,1 @@
+"""Branches of a run, and how they compare."""

@@ -1,0 +1,1 @@
+"""Recordings of the run on the screen."""

@@ -1,0 +1,126 @@
+"""`sequence.yaml`: an own rig. Names the streams of its cameras, their clocks, `rig.yaml`, and perhaps the truth.
+
+    name: roof, second flight        # optional
+    rig: rig.yaml                    # optional; this is the default
+    video: {source: video.mp4, rate_hz: 30, offset_s: 0.012}
+    left: {source: left, times: left.txt}
+    right: {source: right, times: right.txt}
+    truth: truth.tum                 # optional, world_from_rig
+
+A source is a folder of images or a video file. Left and right images need not be rectified; those exposed less
+than 2 ms apart are a pair. Where no video is named, left images are the video, too, as in other stereo recordings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.io.files import exists, is_folder
+from ispom.io.mapping import read_mapping
+from ispom.io.rig import read_rig
+from ispom.io.tum import read_tum
+from ispom.sequences.formats.folder import folder_stream
+from ispom.sequences.formats.video import looks_like_video, video_stream
+from ispom.sequences.matching import no_truth_note, truth_at
+from ispom.sequences.recording import Recording
+from ispom.sequences.stereo_stream import StereoStream, stereo_stream
+from ispom.sequences.stream import Stream, clock_of, named_file, size_of
+from ispom.types import Exposure, Kind, Rig, Sequence, StereoPair, Trajectory, VideoFrame
+
+FILE = "sequence.yaml"
+ENTRIES = ("name", "rig", "video", "left", "right", "truth")
+STREAM_ENTRIES = ("source", "rate_hz", "times", "offset_s")
+
+
+def looks_described(path: Path) -> bool:
+    """Whether it is a YAML file, or a folder with a sequence.yaml."""
+    if is_folder(path):
+        return exists(path / FILE)
+    return path.suffix.lower() in (".yaml", ".yml")
+
+
+def open_described(path: Path) -> Sequence | Recording:
+    """What a sequence.yaml, or the folder that holds one, describes; a recording where no video stream is named.
+
+    InputError names the file and the entry that is missing or wrong.
+    """
+    path = path / FILE if is_folder(path) else path
+    content = read_mapping(path)
+    _refuse_others(path, "", content, ENTRIES)
+    name = content.get("name", path.resolve().parent.name)
+    if not isinstance(name, str) or not name.isprintable():
+        raise InputError(f"{path}: name is not a line of text: put it in quotation marks")
+    if ("left" in content) != ("right" in content):
+        raise InputError(f"{path} names only one of left and right: name both, or call the one camera video")
+    if "video" not in content and "left" not in content:
+        raise InputError(f"{path} names no camera: add video, or left and right, or all three")
+    rig = read_rig(named_file(path, "rig", content.get("rig", "rig.yaml")))
+    video = _stream(path, "video", content, rig) if "video" in content else None
+    stereo = None
+    if "left" in content:
+        stereo = stereo_stream(path, rig, _stream(path, "left", content, rig), _stream(path, "right", content, rig))
+    truth = read_tum(named_file(path, "truth", content["truth"]), "rig") if "truth" in content else None
+    if video is not None:
+        found = _sequence(name, rig, video, stereo, truth)
+    else:
+        assert stereo is not None
+        found = _recording(name, stereo, truth)
+    if truth is None:
+        return found
+    return replace(found, notes=found.notes + no_truth_note(path.parent / content["truth"], found.truth))
+
+
+def _recording(name: str, stereo: StereoStream, truth: Trajectory | None) -> Recording:
+    rig, found = stereo.rig, None
+    if truth is not None:
+        found = truth_at(truth.moved(right=rig.rig_from_left, frame="left"), stereo.times_ns)
+    return Recording(name, rig.camera("left"), rig.baseline_m, stereo.times_ns, stereo.read, found, stereo.notes)
+
+
+def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, truth: Trajectory | None) -> Sequence:
+    plan: list[tuple[int, Kind, int]] = [(t, "video", i) for i, t in enumerate(video.times_ns.tolist())]
+    notes = video.notes
+    if stereo is None:
+        rig = Rig(video=rig.video, rig_from_video=rig.rig_from_video)
+    else:
+        rig, notes = stereo.rig, notes + stereo.notes
+        both: list[tuple[int, Kind, int]] = [(t, "stereo", i) for i, t in enumerate(stereo.times_ns.tolist())]
+        plan = sorted(both + plan)  # a stereo pair comes before the video frame of the same time, as in the alphabet
+
+    def load(exposure: int) -> Exposure:
+        time_ns, kind, i = plan[exposure]
+        if stereo is None or kind == "video":
+            return VideoFrame(time_ns, video.read(i))
+        return StereoPair(time_ns, stereo.read("left", i), stereo.read("right", i))
+
+    times_ns = np.array([t for t, _, _ in plan], np.int64)
+    found = truth_at(truth, np.unique(times_ns)) if truth is not None else None
+    return Sequence(name, rig, times_ns, tuple(kind for _, kind, _ in plan), load, found, notes)
+
+
+def _stream(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Stream:
+    entry = content[camera]
+    entry = {"source": entry} if isinstance(entry, str) else entry
+    if not isinstance(entry, dict):
+        raise InputError(f"{path}: {camera} must name a folder of images or a video file: correct it")
+    _refuse_others(path, f"{camera}.", entry, STREAM_ENTRIES)
+    described = getattr(rig, camera)
+    if described is None:
+        raise InputError(f"{path} has a {camera} stream, but its rig no {camera} camera: add it to the rig's file")
+    source, clock = named_file(path, f"{camera}.source", entry.get("source")), clock_of(path, entry, f"{camera}.")
+    if is_folder(source):
+        return folder_stream(source, size_of(described), clock)
+    if not looks_like_video(source):
+        raise InputError(f"{path}: {camera}.source names {source}, neither a folder nor a video file: correct it")
+    return video_stream(source, size_of(described), clock)
+
+
+def _refuse_others(path: Path, where: str, values: dict[Any, Any], known: tuple[str, ...]) -> None:
+    other = next((key for key in values if key not in known), None)
+    if other is not None:
+        raise InputError(f"{path}: {where}{other} is not known: use only {', '.join(known)}")

@@ -1,0 +1,145 @@
+"""A video file (FFmpeg, through OpenCV) with its camera in `NAME.yaml` or `camera.yaml` beside it.
+
+Images follow at the file's own constant rate, unless the camera's file gives `rate_hz` or `times`.
+"""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ispom.errors import InputError, UnreadableImage
+from ispom.io.files import exists, read_head
+from ispom.sequences.decoder_output import silenced
+from ispom.sequences.formats.folder import CAMERA, CAMERA_ENTRIES, read_settings
+from ispom.sequences.recording import Recording
+from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
+from ispom.types import Image
+
+VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
+MAX_COUNT = 100_000_000
+"""Of images that a header may claim."""
+MAX_SKIP = 40
+"""Up to this many images ahead, reading on is quicker than a jump to the key frame before and decoding from there."""
+
+HEADER_ERROR = 4
+"""Headers of whole files may claim a few images too many; beyond that, the images are counted by decoding all."""
+
+
+def looks_like_video(path: Path) -> bool:
+    """Whether its name is that of a video file."""
+    return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def open_video(path: Path, calibration: Path | None = None) -> Recording:
+    """The recording of a video file; InputError names the file that is missing or wrong."""
+    places = [path.with_suffix(".yaml"), path.parent / CAMERA]
+    settings = calibration or next((place for place in places if exists(place)), None)
+    if settings is None:
+        raise InputError(f"{places[0]} (or {CAMERA} beside it) is missing: write one with {CAMERA_ENTRIES}")
+    camera, content = read_settings(settings)
+    stream = video_stream(path, size_of(camera), clock_of(settings, content))
+    read = stream.read
+    return Recording(f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, stream.notes)
+
+
+def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:
+    """The images of a video file of this size (width, height)."""
+    film = _Film(path, size)
+    times_ns, note = clock.times_ns(path, film.count, film.rate_hz)
+    if clock.times is None and clock.rate_hz is None and not note:
+        note = f"{path.name}: times follow from the file's own rate, {film.rate_hz:g} images per second"
+    return Stream(times_ns, film.read, tuple(text for text in (note, film.note) if text))
+
+
+def _is_container(head: bytes) -> bool:
+    """By the first bytes: FFmpeg would take a list of addresses for a video, too, and open them."""
+    mp4 = head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
+    return mp4 or head.startswith(b"\x1aE\xdf\xa3") or (head.startswith(b"RIFF") and head[8:12] == b"AVI ")
+
+
+class _Film:
+    """One decoder, at one place at a time: reading in order is quick, jumps cost decoding from a key frame."""
+
+    def __init__(self, path: Path, size: tuple[int, int]) -> None:
+        """InputError where it is no video of this size (width, height), before any image is decoded."""
+        if not _is_container(read_head(path, 12)):
+            raise InputError(f"{path} is not a video in MP4, MOV, AVI, MKV or WebM format (damaged?): restore it")
+        self._path = path
+        self._lock = threading.Lock()
+        self._decoder = self._opened()
+        self._next = 0
+        self._last: tuple[int, Image] | None = None
+        get = self._decoder.get
+        width, height = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
+        if (width, height) != size:
+            cure = "give the calibration of this video"
+            raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
+        rate_hz = get(cv2.CAP_PROP_FPS)
+        self.rate_hz = rate_hz if np.isfinite(rate_hz) and MIN_HZ <= rate_hz <= MAX_HZ else None
+        self.count, self.note = self._counted(int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_COUNT)))
+
+    def read(self, i: int) -> Image:
+        """Image i (H, W, 3) RGB, read-only."""
+        with self._lock:
+            if self._last is None or self._last[0] != i:
+                found = self._decoded(i)
+                if found is None:
+                    raise UnreadableImage(f"{self._path}: image {i} cannot be decoded: restore the file")
+                image = np.asarray(cv2.cvtColor(found, cv2.COLOR_BGR2RGB), np.uint8)
+                image.setflags(write=False)
+                self._last = i, image
+            return self._last[1]
+
+    def _opened(self) -> cv2.VideoCapture:
+        with silenced():
+            decoder = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
+        if not decoder.isOpened():
+            raise InputError(f"{self._path} is not a video that FFmpeg can decode (truncated or damaged?): restore it")
+        return decoder
+
+    def _counted(self, claimed: int) -> tuple[int, str]:
+        """How many images there are, and a note about that. Headers may claim none, or more than there are."""
+        for count in range(claimed, max(0, claimed - HEADER_ERROR), -1):
+            if self._decoded(count - 1) is not None:
+                return count, self._fewer(count, claimed)
+        self._restart()
+        count = 0
+        while self._decoder.grab():
+            count += 1
+        self._restart()
+        if not count:
+            raise InputError(f"{self._path} holds no image that can be decoded: restore the file")
+        return count, self._fewer(count, claimed)
+
+    def _fewer(self, count: int, claimed: int) -> str:
+        return f"{self._path.name}: {count} of {claimed} images can be decoded" if count < claimed else ""
+
+    def _decoded(self, i: int) -> np.ndarray | None:
+        """Image i in OpenCV's order of colours, None where there is none."""
+        if not self._next <= i <= self._next + MAX_SKIP:
+            self._decoder.set(cv2.CAP_PROP_POS_FRAMES, i)
+            self._next = i
+            if round(self._decoder.get(cv2.CAP_PROP_POS_FRAMES)) != i:  # a container without an index
+                self._restart()
+        while self._next < i:
+            if not self._decoder.grab():
+                return self._lost()
+            self._next += 1
+        good, image = self._decoder.read()
+        if not good:
+            return self._lost()
+        self._next = i + 1
+        return image
+
+    def _lost(self) -> None:
+        """After a failure the decoder's place is unknown."""
+        self._restart()
+
+    def _restart(self) -> None:
+        self._decoder.release()
+        self._decoder = self._opened()
+        self._next = 0

@@ -1,0 +1,51 @@
+"""Relative poses that two views allow: by the essential matrix, and by the homography of a plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ispom.geometry import Array, Pose
+from ispom.solvers.multiview.essential import relative_pose
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    second_from_first: tuple[Pose, ...]
+    """Of length 1."""
+    planar_share: float
+    """Inliers of the homography over those of the essential matrix: near 1 on a plane and on a pure rotation."""
+
+
+def hypotheses(x1: Array, x2: Array, threshold: float, planar_from: float = 0.7) -> Hypotheses:
+    """From normalised coordinates (N, 2) in two views; the homography's poses only from `planar_from` on.
+
+    Of its four decompositions (Malis & Vargas 2007) those stay that leave most points in front of the plane.
+    `threshold` is the inlier distance in normalised units. No pose with fewer than 8 points. Deterministic.
+    """
+    if len(x1) < 8:
+        return Hypotheses((), 0.0)
+    general = relative_pose(x1, x2, threshold)
+    poses = [] if general is None else [general.second_from_first]
+    homography, mask = cv2.findHomography(x1, x2, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.999)
+    if homography is None or mask is None:
+        return Hypotheses(tuple(poses), 0.0)
+    planar = mask.ravel() > 0
+    share = float(planar.sum() / max(1, 0 if general is None else general.inliers.sum()))
+    if share >= planar_from and planar.sum() >= 8:
+        poses += _decomposed(np.asarray(homography, float), x1[planar])
+    return Hypotheses(tuple(poses), min(share, 2.0))
+
+
+def _decomposed(homography: Array, x1: Array) -> list[Pose]:
+    count, rotations, translations, normals = cv2.decomposeHomographyMat(homography, np.eye(3))
+    rays = np.concatenate([x1, np.ones((len(x1), 1))], axis=1)
+    found = []
+    for i in range(count):
+        t, normal = np.asarray(translations[i], float).ravel(), np.asarray(normals[i], float).ravel()
+        length = np.linalg.norm(t)
+        if length > 1e-6 and (rays @ normal > 0).mean() > 0.9:
+            found.append(Pose(np.asarray(rotations[i], float), t / length))
+    return found

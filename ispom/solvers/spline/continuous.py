@@ -1,0 +1,204 @@
+"""One trajectory as a spline through the raw observations of all cameras of a rig, each at its own time.
+
+Bundle adjustment in continuous time (Furgale et al. 2012): a metric stereo pair and a video camera whose exposures need
+not coincide share one spline. Points are inverse depths (Civera et al. 2008) in a frame that stays where it was put, so
+that far points, and those whose depth is not known yet, are as well-behaved as near ones. The pose of the video camera
+in the rig and the offset of its clock can be unknowns too. Levenberg-Marquardt, Cauchy loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, so3_log
+from ispom.numerics.cholesky import factor, inverse_factored, solve_factored
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.solvers.spline.curve import Sampled, add_smoothness
+from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
+from ispom.solvers.spline.observation import RIG, Observed, squared_errors
+from ispom.solvers.spline.points import point_sensitivity, point_steps
+from ispom.solvers.spline.problem import PosePrior, RigModel, SplineProblem
+
+WIDER = 3
+"""At most so often a loss that is too narrow for the errors is widened."""
+HIGHEST_DAMPING = 1e4
+
+
+@dataclass(frozen=True, eq=False)
+class PointUncertainty:
+    """Covariance of points, correlated through what they were triangulated from.
+
+    The error of a point (3,) is sensitivity @ z + e: z the error of spline and rig, e its own; all independent.
+    """
+
+    sensitivity: Array
+    """(K, 3, n)."""
+    conditional: Array
+    """(K, 3, 3) covariances of e: those of the points where spline and rig are given."""
+    parameters: Array
+    """(n, n) covariance of z."""
+
+    def select(self, index: NDArray) -> PointUncertainty:
+        return PointUncertainty(self.sensitivity[index], self.conditional[index], self.parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    problem: SplineProblem
+    sampled: Sampled
+    hessian: Array
+    """(n, n) of knots and rig at the end, points and undamped, with nothing that holds the world in its place."""
+    eliminated: Eliminated
+    """What the points were eliminated with."""
+    errors: Array
+    """(O,) reprojection errors [standard deviations]."""
+    cost_before: float
+    cost_after: float
+    iterations: int
+
+    def parameter_covariance(self, held: PosePrior) -> Array:
+        """(n, n) covariance of knots and rig where a pose is known as `held` says; zero for what is not free."""
+        knots = 6 * len(self.problem.spline)
+        j = self.sampled.jacobian(held.exposure, len(self.problem.spline))
+        hessian, free = self.hessian.copy(), _free(self.problem)
+        hessian[:knots, :knots] += j.T @ held.information @ j
+        full = np.zeros_like(hessian)
+        full[np.ix_(free, free)] = inverse_factored(factor(hessian[np.ix_(free, free)]))
+        return full
+
+    def pose_covariance(self, e: int, parameters: Array) -> Array:
+        """(6, 6) of the pose at exposure e, a twist (rho, phi) on its right; `parameters` as `parameter_covariance`."""
+        s, k = self.sampled, 6 * int(self.sampled.first[e])
+        j = s.jacobian(e, len(self.problem.spline))[:, k : k + 24]
+        turn = np.vstack([s.rotations[e].T @ j[3:], j[:3]])
+        return turn @ parameters[k : k + 24, k : k + 24] @ turn.T
+
+    def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array) -> PointUncertainty:
+        """Of the chosen points (K,), in their values."""
+        o, knots = self.problem.observations, _knots(self.problem, self.sampled)
+        sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
+        return PointUncertainty(sensitivity, self.eliminated.inverses[chosen], parameters)
+
+    def refined_rig(self, parameters: Array) -> RigModel:
+        """The rig as estimated, with the information that its covariance leaves."""
+        free, rig = np.flatnonzero(self.problem.rig.free), self.problem.rig
+        information = rig.information.copy()
+        information[np.ix_(free, free)] = np.linalg.inv(parameters[-RIG:, -RIG:][np.ix_(free, free)])
+        return replace(rig, information=information)
+
+
+def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:
+    """Minimises the robust reprojection errors.
+
+    Ends early when a step lowers the cost by less than the share `tolerance`. Where the errors are much wider than the
+    loss (a wrong clock or rig), the loss is first as wide as they are: from there all observations pull.
+    """
+    before, done = _cost(problem, problem.sampled()), 0
+    for _ in range(WIDER):
+        typical = _typical(problem)
+        if not typical > 2 * problem.loss:
+            break
+        wide, _, _, steps = _descended(replace(problem, loss=typical), iterations, tolerance)
+        problem, done = replace(wide, loss=problem.loss), done + steps
+    problem, sampled, cost, steps = _descended(problem, iterations, tolerance)
+    done += steps
+    hessian, _, points = _normal_equations(
+        replace(problem, prior=replace(problem.prior, information=np.zeros((6, 6)))), sampled, 0.0
+    )
+    return Solution(problem, sampled, hessian, points, np.sqrt(_squares(problem, sampled)), before, cost, done)
+
+
+def _typical(problem: SplineProblem) -> float:
+    """Median error [standard deviations] of the camera that fits worst."""
+    errors, camera = np.sqrt(_squares(problem, problem.sampled())), problem.observations.camera
+    return max((float(np.median(errors[camera == c])) for c in np.unique(camera)), default=0.0)
+
+
+def _descended(problem: SplineProblem, iterations: int, tolerance: float) -> tuple[SplineProblem, Sampled, float, int]:
+    """With better values, sampled, the cost, and the steps that it took."""
+
+    def stepped(values: tuple[SplineProblem, Sampled], damping: float) -> tuple[SplineProblem, Sampled]:
+        now, sampled = values
+        step, point_step = _step(now, sampled, damping)
+        trial = replace(
+            now,
+            spline=now.spline.moved(step[:-RIG]),
+            rig=now.rig.moved(step[-RIG:]),
+            points=replace(now.points, values=now.points.values + point_step),
+        )
+        return trial, trial.sampled()
+
+    start = problem, problem.sampled()
+    found = minimise(start, lambda values: _cost(*values), stepped, iterations, tolerance, HIGHEST_DAMPING)
+    return *found.values, found.cost, found.iterations
+
+
+def _free(problem: SplineProblem) -> NDArray[np.int64]:
+    """Unknowns that may change."""
+    return np.flatnonzero(np.concatenate([np.ones(6 * len(problem.spline), bool), problem.rig.free]))
+
+
+def _observed(problem: SplineProblem, sampled: Sampled) -> Observed:
+    o, p, rig = problem.observations, problem.points, problem.rig
+    return Observed(
+        sampled.rotations, sampled.positions, *rig.arrays(), rig.baseline_m, o.exposure, o.camera, o.owner, o.seen,
+        o.inverse_sigma, p.anchors_r, p.anchors_t, p.values,
+    )  # fmt: skip
+
+
+def _knots(problem: SplineProblem, sampled: Sampled) -> Knots:
+    return Knots(len(problem.spline), sampled.first, sampled.rotation_jacobians, sampled.weights, sampled.rates)
+
+
+def _squares(problem: SplineProblem, sampled: Sampled) -> Array:
+    return squared_errors(_observed(problem, sampled))
+
+
+def _prior_residual(problem: SplineProblem, sampled: Sampled) -> Array:
+    """(6,) of the pose that holds the world: rotation in the rig, position."""
+    e, pose = problem.prior.exposure, problem.prior.world_from_rig
+    turn = so3_log(pose.rotation.T @ sampled.rotations[e])
+    return np.concatenate([turn, sampled.positions[e] - pose.translation])
+
+
+def _cost(problem: SplineProblem, sampled: Sampled) -> float:
+    squares, c2 = _squares(problem, sampled), problem.loss**2
+    cost = 0.5 * c2 * float(np.log1p(squares / c2).sum())
+    depth = problem.points.values[:, 2] - problem.depth_prior[:, 0]
+    cost += 0.5 * float((problem.depth_prior[:, 1] * depth**2).sum())
+    n = 6 * len(problem.spline) + RIG
+    spline = problem.spline
+    cost += add_smoothness(
+        spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, np.zeros((n, n)), np.zeros(n)
+    )
+    r, g = _prior_residual(problem, sampled), problem.rig.minus(problem.rig_prior)
+    return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ problem.rig_prior.information @ g)
+
+
+def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array, Eliminated]:
+    """Reduced Hessian and right side, with all priors; and what finds the points' step."""
+    spline, estimate_rig = problem.spline, bool(problem.rig.free.any())
+    knots, observed = _knots(problem, sampled), _observed(problem, sampled)
+    hessian, right, points = reduce(knots, observed, problem.depth_prior, problem.loss, damping, estimate_rig)
+    add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, hessian, right)
+    j, r = sampled.jacobian(problem.prior.exposure, len(spline)), _prior_residual(problem, sampled)
+    shaping = slice(0, 6 * len(spline))
+    hessian[shaping, shaping] += j.T @ problem.prior.information @ j
+    right[shaping] -= j.T @ (problem.prior.information @ r)
+    hessian[-RIG:, -RIG:] += problem.rig_prior.information
+    right[-RIG:] -= problem.rig_prior.information @ problem.rig.minus(problem.rig_prior)
+    return hessian, right, points
+
+
+def _step(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array]:
+    """One damped step: (n,) of knots and rig, (M, 3) of the points."""
+    hessian, right, points = _normal_equations(problem, sampled, damping)
+    free, step = _free(problem), np.zeros(len(right))
+    reduced = hessian[np.ix_(free, free)]
+    reduced[np.diag_indices_from(reduced)] *= 1 + damping
+    step[free] = solve_factored(factor(reduced), right[free])
+    o = problem.observations
+    return step, point_steps(step, _knots(problem, sampled), o.exposure, o.owner, points)

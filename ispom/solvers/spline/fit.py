@@ -1,0 +1,54 @@
+"""Splines through poses at known times by least squares: a start for an adjustment, and what knots cannot follow."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from ispom.geometry import Array, so3_exp, so3_log
+from ispom.numerics.cholesky import factor, solve_factored
+from ispom.solvers.spline.curve import ORDER, Spline
+
+STIFFNESS = 1e-4
+"""Weight of the knots' bends beside that of the poses: it decides only where there are no poses."""
+
+
+def fitted(times_s: Array, rotations: Array, positions: Array, spacing_s: float, passes: int = 2) -> Spline:
+    """Through poses (E, 3, 3) and (E, 3) [m] at ascending times (E,) [s], with knots `spacing_s` apart."""
+    spline = _on_the_way(times_s, rotations, positions, spacing_s)
+    knots, bend = len(spline), np.diff(np.eye(len(spline)), 2, axis=0)
+    sampled = spline.at(times_s)
+    basis = np.zeros((len(times_s), knots))
+    for k in range(ORDER):
+        basis[np.arange(len(times_s)), sampled.first + k] = sampled.weights[:, k]
+    lower = factor(basis.T @ basis + STIFFNESS * bend.T @ bend)
+    for _ in range(passes):
+        # A knot turns the poses near it about as much as it moves them.
+        turns = so3_log(np.swapaxes(sampled.rotations, 1, 2) @ rotations)
+        sides = basis.T @ np.column_stack([turns, positions - sampled.positions])
+        steps = np.stack([solve_factored(lower, np.ascontiguousarray(side)) for side in sides.T], axis=1)
+        spline = spline.moved(steps.ravel())
+        sampled = spline.at(times_s)
+    return spline
+
+
+def misfits(spline: Spline, times_s: Array, rotations: Array, positions: Array) -> Array:
+    """(E, 6) twists (rho, phi) on the right of the spline's poses that lead to the given ones."""
+    sampled = spline.at(times_s)
+    inverse = np.swapaxes(sampled.rotations, 1, 2)
+    shift = np.einsum("eij,ej->ei", inverse, positions - sampled.positions)
+    return np.column_stack([shift, so3_log(inverse @ rotations)])
+
+
+def _on_the_way(times_s: Array, rotations: Array, positions: Array, spacing_s: float) -> Spline:
+    """Knots where the poses, joined by straight ways, are at their times."""
+    start = times_s[0] - 0.25 * spacing_s
+    count = int(np.floor((times_s[-1] - start) / spacing_s)) + ORDER
+    at = np.clip(start + spacing_s * (np.arange(count) - 1), times_s[0], times_s[-1])
+    turned = Slerp(times_s, Rotation.from_matrix(rotations))(at).as_matrix()
+    moved = np.column_stack([np.interp(at, times_s, positions[:, k]) for k in range(3)])
+    # A knot's spline passes beside it by a sixth of the bend there.
+    steps = Rotation.from_matrix(np.swapaxes(turned[:-1], 1, 2) @ turned[1:]).as_rotvec()
+    turned[1:-1] = turned[1:-1] @ so3_exp(-np.diff(steps, axis=0) / 6)
+    moved[1:-1] -= np.diff(moved, 2, axis=0) / 6
+    return Spline(float(start), spacing_s, np.ascontiguousarray(turned), moved)

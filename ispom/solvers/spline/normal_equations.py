@@ -1,0 +1,240 @@
+"""The normal equations of a trajectory seen by several cameras, reduced to its spline: hot loops of `continuous`.
+
+Everything is sequential, so results repeat bit for bit. Unknowns, in this order: six per knot (rotation, position),
+then seven of the rig: rotation and position of the video camera, and how late its clock stamps.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array
+from ispom.kernels import kernel, part
+from ispom.numerics.vectors import cross, damped, dot, inverse, store, symmetric, vector
+from ispom.solvers.spline.observation import MIN_DEPTH, RIG, cauchy_weight, empty_rows, linearise, placed
+
+
+class Knots(NamedTuple):
+    """How the poses at the exposures follow the knots: the arrays of spline.Sampled."""
+
+    count: int
+    first: NDArray[np.int64]
+    rotation_jacobians: Array
+    weights: Array
+    rates: Array
+
+
+class Reduced(NamedTuple):
+    """Normal equations of knots and rig without the points; until the end, what is said of each pose apart."""
+
+    hessian: Array
+    """(n, n), its lower triangle."""
+    right: Array
+    """(n,)."""
+    poses: Array
+    """(E, 6, 6)."""
+    poses_right: Array
+    """(E, 6)."""
+    poses_rig: Array
+    """(E, RIG, 6) of rig and pose."""
+
+
+class Eliminated(NamedTuple):
+    """What gives back the steps of the points, once those of knots and rig are known."""
+
+    inverses: Array
+    """(M, 3, 3) of the points' own blocks; zero without an observation before its camera."""
+    sides: Array
+    """(M, 3) right sides of the points."""
+    mixed: Array
+    """(O, 6, 3) blocks of pose and point, per observation."""
+    mixed_rig: Array
+    """(M, RIG, 3) blocks of rig and point."""
+
+
+@kernel(error_model="numpy")
+def reduce(knots, observed, depth_prior, loss, damping, with_rig):
+    """Hessian (n, n) and right side (n,) of spline and rig, without the points; and what finds the points' step.
+
+    Observations are sorted by owner. Without `with_rig` the rig's rows stay zero. `depth_prior` (M, 2): expected
+    inverse depth and its inverse variance.
+    """
+    n, exposures, points = 6 * knots.count + RIG, len(observed.rotations), len(observed.points)
+    reduced = Reduced(
+        np.zeros((n, n)),
+        np.zeros(n),
+        np.zeros((exposures, 6, 6)),
+        np.zeros((exposures, 6)),
+        np.zeros((exposures, RIG, 6)),
+    )
+    eliminated = Eliminated(
+        np.zeros((points, 3, 3)),
+        np.zeros((points, 3)),
+        np.zeros((len(observed.owners), 6, 3)),
+        np.zeros((points, RIG, 3)),
+    )
+    rows, by_rig, spread, end = empty_rows(), np.empty((2, RIG)), np.empty((3, n)), np.int64(0)
+    for m in range(points):
+        begin = end
+        end, low, high = _add_point(
+            m, begin, knots, observed, depth_prior, loss, with_rig, reduced, eliminated, rows, by_rig
+        )
+        if high > low:
+            _invert(eliminated.inverses[m], damping)
+            spread[:, low:high] = 0.0
+            for o in range(begin, end):
+                spread_over_knots(spread, knots, observed.exposures[o], eliminated.mixed[o])
+            _eliminate(m, low, high, with_rig, spread, reduced, eliminated)
+        else:
+            eliminated.inverses[m], eliminated.sides[m] = 0.0, 0.0
+    for e in range(exposures):
+        _add_pose(e, knots, reduced)
+    for k in range(n):
+        for j in range(k + 1, n):
+            reduced.hessian[k, j] = reduced.hessian[j, k]
+    return reduced.hessian, reduced.right, eliminated
+
+
+@part
+def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, reduced, eliminated, rows, by_rig):
+    """Adds what is known of point m, whose observations start at `begin`: where they end; the rows of knots they tell.
+
+    From the first of these rows on, up to before the second.
+    """
+    eliminated.inverses[m, 2, 2] = depth_prior[m, 1]
+    eliminated.sides[m, 2] = depth_prior[m, 1] * (depth_prior[m, 0] - observed.points[m, 2])
+    o, low, high = begin, len(reduced.right), 0
+    while o < len(observed.owners) and observed.owners[o] == m:
+        rig, camera = placed(observed, o)
+        if camera[2] > MIN_DEPTH:
+            e, count = observed.exposures[o], linearise(rows, observed, o, rig, camera)
+            weight = cauchy_weight(rows, count, loss)
+            _add_rows(m, o, count, weight, e, reduced, eliminated, rows)
+            if with_rig and observed.cameras[o] == 0:
+                _fill_by_rig(by_rig, rows, camera, observed.points[m, 2], knots.rates, e)
+                _add_rig(m, weight, e, 6 * knots.count, reduced, eliminated, rows, by_rig)
+            low, high = min(low, 6 * knots.first[e]), max(high, 6 * knots.first[e] + 24)
+        o += 1
+    return o, low, high
+
+
+@part
+def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
+    """Adds observation o of point m at exposure e to the blocks of pose and point."""
+    block, side, mixed = eliminated.inverses[m], eliminated.sides[m], eliminated.mixed[o]
+    pose, right = reduced.poses[e], reduced.poses_right[e]
+    for i in range(count):
+        for k in range(3):
+            f = weight * rows.by_point[i, k]
+            side[k] -= f * rows.errors[i]
+            for j in range(3):
+                block[k, j] += f * rows.by_point[i, j]
+        for k in range(6):
+            f = weight * rows.by_pose[i, k]
+            right[k] -= f * rows.errors[i]
+            for j in range(6):
+                pose[k, j] += f * rows.by_pose[i, j]
+            for j in range(3):
+                mixed[k, j] += f * rows.by_point[i, j]
+
+
+@part
+def _fill_by_rig(out, rows, camera, rho, rates, e):
+    """(2, RIG): the errors of the video camera by the unknowns of the rig."""
+    for i in range(2):
+        by_camera, by_rig = vector(rows.by_camera, i), vector(rows.by_rig, i)
+        out[i, 0], out[i, 1], out[i, 2] = cross(by_camera, camera)
+        out[i, 3], out[i, 4], out[i, 5] = -rho * by_rig[0], -rho * by_rig[1], -rho * by_rig[2]
+        out[i, 6] = 0.0
+        for k in range(6):
+            out[i, 6] += rows.by_pose[i, k] * rates[e, k]
+
+
+@part
+def _add_rig(m, weight, e, g, reduced, eliminated, rows, by_rig):
+    """Adds an observation of point m by the video camera to the rig's blocks, which start at row g."""
+    for k in range(RIG):
+        f0, f1 = weight * by_rig[0, k], weight * by_rig[1, k]
+        reduced.right[g + k] -= f0 * rows.errors[0] + f1 * rows.errors[1]
+        for j in range(6):
+            reduced.poses_rig[e, k, j] += f0 * rows.by_pose[0, j] + f1 * rows.by_pose[1, j]
+        for j in range(3):
+            eliminated.mixed_rig[m, k, j] += f0 * rows.by_point[0, j] + f1 * rows.by_point[1, j]
+        for j in range(RIG):
+            reduced.hessian[g + k, g + j] += f0 * by_rig[0, j] + f1 * by_rig[1, j]
+
+
+@part
+def _invert(block, damping):
+    """A point's block (3, 3), damped, in its place."""
+    kept = block[0, 0], block[0, 1], block[0, 2], block[1, 1], block[1, 2], block[2, 2]
+    a, b, c = symmetric(inverse(damped(kept, damping)))
+    store(block, 0, a)
+    store(block, 1, b)
+    store(block, 2, c)
+
+
+@part
+def spread_over_knots(out, knots, e, mixed):
+    """Adds to out (3, n) a block (6, 3) of the pose at exposure e and a point, as one of the knots that shape it."""
+    for q in range(4):
+        base, turn, weight = 6 * (knots.first[e] + q), knots.rotation_jacobians[e, q], knots.weights[e, q]
+        for j in range(3):
+            a, b, c = mixed[0, j], mixed[1, j], mixed[2, j]
+            for k in range(3):
+                out[j, base + k] += turn[0, k] * a + turn[1, k] * b + turn[2, k] * c
+                out[j, base + 3 + k] += weight * mixed[3 + k, j]
+
+
+@part
+def _eliminate(m, low, high, with_rig, spread, reduced, eliminated):
+    """Schur complement of point m: takes M V^-1 M' and M V^-1 b from knots and rig, M their blocks with the point."""
+    inverted, side, of_rig = eliminated.inverses[m], vector(eliminated.sides, m), eliminated.mixed_rig[m]
+    row0, row1, row2 = spread[0], spread[1], spread[2]
+    for k in range(low, high):
+        a, b, c = gain(inverted, row0[k], row1[k], row2[k])
+        reduced.right[k] -= dot((a, b, c), side)
+        line = reduced.hessian[k]
+        for j in range(low, k + 1):
+            line[j] -= a * row0[j] + b * row1[j] + c * row2[j]
+    g = len(reduced.right) - RIG
+    for k in range(RIG if with_rig else 0):
+        a, b, c = gain(inverted, of_rig[k, 0], of_rig[k, 1], of_rig[k, 2])
+        reduced.right[g + k] -= dot((a, b, c), side)
+        line = reduced.hessian[g + k]
+        for j in range(low, high):
+            line[j] -= a * row0[j] + b * row1[j] + c * row2[j]
+        for j in range(RIG):
+            line[g + j] -= a * of_rig[j, 0] + b * of_rig[j, 1] + c * of_rig[j, 2]
+
+
+@part
+def gain(inverted, a, b, c):
+    return (
+        a * inverted[0, 0] + b * inverted[1, 0] + c * inverted[2, 0],
+        a * inverted[0, 1] + b * inverted[1, 1] + c * inverted[2, 1],
+        a * inverted[0, 2] + b * inverted[1, 2] + c * inverted[2, 2],
+    )
+
+
+@kernel()
+def _add_pose(e, knots, reduced):
+    """Adds what is said of the pose at exposure e to the four knots that shape it (lower triangle)."""
+    jacobian = np.zeros((6, 24))
+    for q in range(4):
+        jacobian[:3, 6 * q : 6 * q + 3] = knots.rotation_jacobians[e, q]
+        for k in range(3):
+            jacobian[3 + k, 6 * q + 3 + k] = knots.weights[e, q]
+    base, g = 6 * knots.first[e], len(reduced.right) - RIG
+    block, side = jacobian.T @ (reduced.poses[e] @ jacobian), jacobian.T @ reduced.poses_right[e]
+    of_rig = reduced.poses_rig[e] @ jacobian
+    for k in range(24):
+        reduced.right[base + k] += side[k]
+        for j in range(k + 1):
+            reduced.hessian[base + k, base + j] += block[k, j]
+    for k in range(RIG):
+        for j in range(24):
+            reduced.hessian[g + k, base + j] += of_rig[k, j]

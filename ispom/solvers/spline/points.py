@@ -1,0 +1,64 @@
+"""The points of a spline's adjustment, from its knots: their steps, and how they follow it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.kernels import kernel, part
+from ispom.solvers.spline.normal_equations import gain, spread_over_knots
+from ispom.solvers.spline.observation import RIG
+
+
+@kernel(error_model="numpy")
+def point_steps(step, knots, exposures, owners, eliminated):
+    """Back-substitution: steps (M, 3) of the points that go with a step (n,) of spline and rig."""
+    poses, left = np.zeros((len(knots.first), 6)), eliminated.sides.copy()
+    for e in range(len(poses)):
+        _step_of_pose(poses[e], e, knots, step)
+    for o in range(len(owners)):
+        _subtract(left[owners[o]], eliminated.mixed[o], poses[exposures[o]])
+    for m in range(len(left)):
+        _subtract(left[m], eliminated.mixed_rig[m], step[6 * knots.count :])
+        _multiply(left[m], eliminated.inverses[m])
+    return left
+
+
+@part
+def _step_of_pose(out, e, knots, step):
+    for q in range(4):
+        base, turn, weight = 6 * (knots.first[e] + q), knots.rotation_jacobians[e, q], knots.weights[e, q]
+        for k in range(3):
+            out[k] += turn[k, 0] * step[base] + turn[k, 1] * step[base + 1] + turn[k, 2] * step[base + 2]
+            out[3 + k] += weight * step[base + 3 + k]
+
+
+@part
+def _subtract(left, mixed, step):
+    """Subtracts M' step from left (3,)."""
+    for j in range(3):
+        for k in range(len(mixed)):
+            left[j] -= mixed[k, j] * step[k]
+
+
+@part
+def _multiply(left, block):
+    """left (3,) becomes V^-1 left, V^-1 a symmetric block (3, 3)."""
+    left[0], left[1], left[2] = gain(block, left[0], left[1], left[2])
+
+
+@kernel(error_model="numpy")
+def point_sensitivity(chosen, knots, exposures, owners, eliminated):
+    """(K, 3, n): how each of the chosen points (K,) follows the unknowns of spline and rig."""
+    g, number = 6 * knots.count, np.full(len(eliminated.inverses), -1)
+    out = np.zeros((len(chosen), 3, g + RIG))
+    for i in range(len(chosen)):
+        number[chosen[i]] = i
+        out[i, :, g:] = eliminated.mixed_rig[chosen[i]].T
+    for o in range(len(exposures)):
+        if number[owners[o]] >= 0:
+            spread_over_knots(out[number[owners[o]]], knots, exposures[o], eliminated.mixed[o])
+    for i in range(len(chosen)):
+        for k in range(g + RIG):
+            a, b, c = gain(eliminated.inverses[chosen[i]], out[i, 0, k], out[i, 1, k], out[i, 2, k])
+            out[i, 0, k], out[i, 1, k], out[i, 2, k] = -a, -b, -c
+    return out

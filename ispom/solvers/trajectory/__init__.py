@@ -1,0 +1,1 @@
+"""Trajectories: aligned, interpolated, anchored."""

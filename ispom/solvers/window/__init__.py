@@ -1,0 +1,1 @@
+"""Adjustment of a window of poses and points."""

@@ -1,0 +1,213 @@
+"""Windowed bundle adjustment over one camera or a rectified pair, with a prior for what has left the window.
+
+Schur complement over the points (Triggs et al. 2000), Cauchy loss, Levenberg's damping; marginalisation as in
+Leutenegger et al. 2015, section 3.5. Beside poses and points it can estimate what is wrong with the camera or the pair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array
+from ispom.numerics.cholesky import factor, solve_factored
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.twist import moved
+from ispom.solvers.window.kernels import Eliminated, Reduced, point_steps, reduce_points
+from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
+from ispom.solvers.window.prior import PAIR, POSE, Prior
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Poses, points and observations to be adjusted. Image coordinates are normalised (on the plane z = 1)."""
+
+    rotations: Array
+    """(C, 3, 3) camera_from_world, oldest first."""
+    translations: Array
+    """(C, 3)."""
+    points: Array
+    """(M, 3) xyz_in_world."""
+    cameras: NDArray[np.int64]
+    """(K,) pose of each observation; the observations are sorted by point, those of a point by pose."""
+    owners: NDArray[np.int64]
+    """(K,) point of each observation."""
+    seen: Array
+    """(K, 3) x, y in the (left) camera, x in the right one; NaN where there is none."""
+    rates: Array
+    """(K,) what a second of the right shutter's lag adds to the right x, over 1 + x^2 (see late_shutter.drift)."""
+    baseline: float = 0.0
+    """Of the pair; 0 for one camera."""
+    extra: Array = field(default_factory=lambda: np.zeros(PAIR))
+    """(E,) of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2).
+    Of a pair: offset a [rad] of the right x, lag of the right shutter [s], and the offset's growth b, c [rad] towards
+    the image's sides, seen = x + a + b x^2 + c x^4: a wrong yaw or principal point, and what lenses leave there."""
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(PAIR))
+    """(E,) standard deviations before any data; 0 keeps the value as it is."""
+    prior: Prior | None = None
+    fixed: int = 0
+    """The first poses are held."""
+
+    def __post_init__(self) -> None:
+        # Stacked transposes are laid out otherwise, and for those all that is compiled would be compiled once more.
+        object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
+
+
+def offset_at(x: Array, extra: Array) -> Array:
+    """(N,) what a pair's `extra` adds to right x (N,), but for the lag."""
+    return extra[0] + extra[2] * x**2 + extra[3] * x**4
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    window: Window
+    cost_before: float
+    cost_after: float
+    distances: Array
+    """(K,) reprojection errors at the end (both images), normalised; 1e9 behind the camera."""
+    iterations: int
+
+
+def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float = 1e-3) -> Adjusted:
+    """Minimises the Cauchy loss of scale `scale` (normalised units) over poses from `fixed` on, points, and extras.
+
+    Ends early when a step lowers the cost by less than the share `tolerance`. Deterministic.
+    """
+    found = minimise(
+        window,
+        lambda values: total_cost(values, scale),
+        lambda values, damping: _moved(values, *_step(values, scale, damping)),
+        iterations,
+        tolerance,
+    )
+    distances = np.minimum(np.sqrt(squared_errors(_observed(found.values))), 1e9)
+    return Adjusted(found.values, found.cost_before, found.cost, distances, found.iterations)
+
+
+def total_cost(window: Window, scale: float) -> float:
+    """Half the robust sum of squares, in units of the measurement's standard deviation `scale`, with the priors."""
+    cost = float(robust_cost(squared_errors(_observed(window)), scale))
+    if window.prior is not None:
+        return cost + window.prior.cost(window.prior.shifted(window.rotations, window.translations, window.extra))
+    free = window.extra_sigma > 0
+    return cost + 0.5 * float(((window.extra[free] / window.extra_sigma[free]) ** 2).sum())
+
+
+def covariance(window: Window, scale: float) -> Array:
+    """(6 C + E, 6 C + E) of all poses (left twists) and extras, given what is in the window."""
+    return np.linalg.inv(Equations.of(window, scale).symmetric)
+
+
+def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prior:
+    """The prior on poses 1.. and the extras that replaces pose 0 and these points (mask (M,)) with their observations.
+
+    All observations of these points in the window are used up by it.
+    """
+    gone = points[window.owners]
+    number = np.cumsum(points) - 1
+    part = replace(
+        window,
+        points=window.points[points],
+        cameras=window.cameras[gone],
+        owners=number[window.owners[gone]],
+        seen=window.seen[gone],
+        rates=window.rates[gone],
+    )
+    equations = Equations.of(part, scale)
+    h, g, a = equations.symmetric, -equations.right, slice(0, POSE)
+    b = slice(POSE, len(g))
+    inverse = np.linalg.pinv(h[a, a], rcond=1e-12, hermitian=True)
+    rest = h[b, b] - h[b, a] @ inverse @ h[a, b]
+    return Prior(
+        window.rotations[1:],
+        window.translations[1:],
+        window.extra,
+        (rest + rest.T) / 2,
+        g[b] - h[b, a] @ inverse @ g[a],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Normal equations of poses and extras with the points eliminated, and what gives the points back."""
+
+    matrix: Array
+    """(6 C + E, 6 C + E), its lower triangle."""
+    right: Array
+    """(6 C + E,)."""
+    eliminated: Eliminated
+
+    @staticmethod
+    def of(window: Window, scale: float, damping: float = 0.0) -> Equations:
+        """`damping` raises the points' diagonal entries by this share; the matrix is as it is."""
+        views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
+        poses, extra = POSE * views, len(window.extra)
+        blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, extra + 1, POSE))
+        eliminated = Eliminated(
+            np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.empty((points, extra, 3))
+        )
+        corner = np.zeros((extra, extra + 1))
+        reduce_points(scale, damping, Reduced(blocks, side, corner), eliminated, _observed(window))
+        matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
+        matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
+        matrix[poses:, :poses] = side[:, :extra].transpose(1, 0, 2).reshape(extra, poses)
+        matrix[poses:, poses:] = corner[:, :extra]
+        right[:poses], right[poses:] = -side[:, extra].ravel(), -corner[:, extra]
+        _add_priors(window, matrix, right)
+        return Equations(matrix, right, eliminated)
+
+    @property
+    def symmetric(self) -> Array:
+        """(6 C + E, 6 C + E) with both triangles."""
+        return np.tril(self.matrix) + np.tril(self.matrix, -1).T
+
+
+def _add_priors(window: Window, matrix: Array, right: Array) -> None:
+    """Adds the priors' part at the values now to normal equations of all poses and the extras."""
+    first, prior = POSE * len(window.rotations), window.prior
+    if prior is not None:
+        p = POSE * len(prior.rotations)
+        gradient = prior.gradient + prior.hessian @ prior.shifted(window.rotations, window.translations, window.extra)
+        matrix[:p, :p] += prior.hessian[:p, :p]
+        matrix[first:, :p] += prior.hessian[p:, :p]
+        matrix[first:, first:] += prior.hessian[p:, p:]
+        right[:p] -= gradient[:p]
+        right[first:] -= gradient[p:]
+    for i, sigma in enumerate(window.extra_sigma, first):
+        if sigma <= 0:
+            matrix[i, i] += 1e30
+        elif prior is None:
+            matrix[i, i] += sigma**-2
+            right[i] -= window.extra[i - first] / sigma**2
+
+
+def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, Array]:
+    """One damped step: of the poses (C, 6), the points (M, 3) and the extras (E,)."""
+    equations, f = Equations.of(window, scale, damping), POSE * window.fixed
+    free = np.ascontiguousarray(equations.matrix[f:, f:])
+    free.flat[:: len(free) + 1] = free.diagonal() * (1 + damping) + 1e-12
+    solution = np.zeros(len(equations.right))
+    solution[f:] = solve_factored(factor(free), equations.right[f:])
+    poses, extra = np.split(solution, [POSE * len(window.rotations)])
+    poses = poses.reshape(-1, POSE)
+    return poses, point_steps(window.cameras, window.owners, equations.eliminated, poses, extra), extra
+
+
+def _observed(window: Window) -> Observed:
+    return Observed(
+        window.rotations, window.translations, window.points, window.cameras, window.owners, window.seen,
+        window.rates, window.baseline, window.extra,
+    )  # fmt: skip
+
+
+def _moved(window: Window, pose_step: Array, point_step: Array, extra_step: Array) -> Window:
+    rotations, translations = moved(window.rotations, window.translations, pose_step)
+    return replace(
+        window,
+        rotations=rotations,
+        translations=translations,
+        points=window.points + point_step,
+        extra=window.extra + extra_step,
+    )

@@ -1,0 +1,229 @@
+"""The compiled parts of a window's adjustment: normal equations without the points, the points' steps.
+
+With q a point in its camera, a pose's left twist moves q by B = [I | -[q]x] times it, and the point's own step moves q
+by R: all derivatives of an observation follow from those by q. So 3 x 3 terms are summed up first, and widened to 6 x 6
+by B at the very end.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.kernels import kernel, part
+from ispom.numerics.reprojection import add_by_twist, subtract_by_twists
+from ispom.numerics.vectors import (
+    congruent,
+    cross,
+    damped,
+    dot,
+    inverse,
+    matrix,
+    minus,
+    plus,
+    plus6,
+    product,
+    product_transposed,
+    scaled,
+    store,
+    store6,
+    symmetric,
+    times,
+    times_transposed,
+    vector,
+    vector3,
+    vector6,
+)
+from ispom.solvers.window.observation import MIN_DEPTH, correction, fill_factors, in_camera, linearised
+
+
+class Reduced(NamedTuple):
+    """Normal equations of C poses and E corrections, without the points."""
+
+    blocks: Array
+    """(C, C, 6, 6) of pairs of poses, the first index not below the second."""
+    side: Array
+    """(C, E + 1, 6) of the corrections with the poses, then the gradient by the poses."""
+    corner: Array
+    """(E, E + 1) of the corrections (lower triangle), then their gradient."""
+
+
+class Eliminated(NamedTuple):
+    """What gives back the steps of the points, once those of poses and corrections are known."""
+
+    inverses: Array
+    """(M, 6) of the points' own symmetric blocks."""
+    gradients: Array
+    """(M, 3) by the points."""
+    mixed: Array
+    """(K, 12) per observation: q, and the 3 x 3 matrix F for which B' F is the block of pose and point."""
+    mixed_extra: Array
+    """(M, E, 3) blocks of corrections and point."""
+
+
+class Terms(NamedTuple):
+    """Of the observations of one point, weighted; as many rows as the longest track has observations."""
+
+    hessian: Array
+    """(L, 6) second derivatives by q."""
+    gradient: Array
+    """(L, 3) by q."""
+    mixed: Array
+    """(L, 3) by q and the first correction."""
+    factors: Array
+    """(L, E) the derivative by each correction is so many times that by the first."""
+
+
+@kernel(error_model="numpy", fastmath={"contract"})
+def reduce_points(scale, damping, reduced, eliminated, observed):
+    """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
+    longest, end, per = _longest(observed.owners), np.int64(0), 1.0 / (scale * scale)
+    terms = Terms(
+        np.empty((longest, 6)), np.empty((longest, 3)), np.empty((longest, 3)), np.empty((longest, len(observed.extra)))
+    )
+    for m in range(len(observed.points)):
+        end = _reduce_point(m, end, per, damping, reduced, eliminated, terms, observed)
+
+
+@part
+def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
+    """Point m, whose observations start at `begin`; where they end."""
+    end, block, gradient = _linearise(m, begin, per, reduced, eliminated, terms, observed)
+    inverted = inverse(damped(block, damping))
+    store6(eliminated.inverses, m, inverted)
+    store(eliminated.gradients, m, gradient)
+    _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated)
+    for i in range(begin, end):
+        _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminated, terms, observed.cameras)
+    return end
+
+
+@kernel()
+def _longest(owners):
+    """The most observations of one point."""
+    longest, length = 0, 0
+    for k in range(len(owners)):
+        length = length + 1 if k > 0 and owners[k] == owners[k - 1] else 1
+        longest = max(longest, length)
+    return longest
+
+
+@part
+def _linearise(m, begin, per, reduced, eliminated, terms, observed):
+    """Sums up the observations of point m, from `begin` on: where they end, its own block (6), its gradient (3)."""
+    block, gradient, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), begin
+    wrong, baseline = correction(observed.extra), observed.baseline
+    eliminated.mixed_extra[m] = 0.0
+    while k < len(observed.owners) and observed.owners[k] == m:
+        n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
+        if q[2] > MIN_DEPTH:
+            seen, rate = vector(observed.seen, k), observed.rates[k]
+            hessian, by_q, mixed, second, first = linearised(q, seen, rate, baseline, wrong, per)
+            fill_factors(terms.factors, n, q, rate, baseline)
+            with_point, own = congruent(rotation, hessian)
+            block, gradient = plus6(block, own), plus(gradient, times_transposed(rotation, by_q))
+            _store_mixed(eliminated.mixed, k, q, with_point)
+            _add_corrections(m, n, times_transposed(rotation, mixed), second, first, reduced, eliminated, terms)
+            store6(terms.hessian, n, hessian)
+            store(terms.gradient, n, by_q)
+            store(terms.mixed, n, mixed)
+        else:
+            eliminated.mixed[k], terms.hessian[n], terms.gradient[n], terms.mixed[n] = 0.0, 0.0, 0.0, 0.0
+            terms.factors[n] = 0.0
+        k += 1
+    return k, block, gradient
+
+
+@part
+def _store_mixed(out, k, q, m):
+    """Into row k of Eliminated.mixed."""
+    out[k, 0], out[k, 1], out[k, 2] = q
+    out[k, 3], out[k, 4], out[k, 5] = m[0]
+    out[k, 6], out[k, 7], out[k, 8] = m[1]
+    out[k, 9], out[k, 10], out[k, 11] = m[2]
+
+
+@part
+def _mixed(mixed, k):
+    """q and F of row k of Eliminated.mixed."""
+    return (mixed[k, 0], mixed[k, 1], mixed[k, 2]), (
+        (mixed[k, 3], mixed[k, 4], mixed[k, 5]),
+        (mixed[k, 6], mixed[k, 7], mixed[k, 8]),
+        (mixed[k, 9], mixed[k, 10], mixed[k, 11]),
+    )
+
+
+@part
+def _add_corrections(m, n, by_point, second, first, reduced, eliminated, terms):
+    """Adds observation n of point m to the blocks of the corrections, from its derivatives by the first one."""
+    factors, corner = terms.factors, reduced.corner
+    for e in range(len(corner)):
+        eliminated.mixed_extra[m, e, 0] += factors[n, e] * by_point[0]
+        eliminated.mixed_extra[m, e, 1] += factors[n, e] * by_point[1]
+        eliminated.mixed_extra[m, e, 2] += factors[n, e] * by_point[2]
+        for d in range(e + 1):
+            corner[e, d] += factors[n, e] * factors[n, d] * second
+        corner[e, len(corner)] += factors[n, e] * first
+
+
+@part
+def _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated):
+    """Schur complement: takes M V^-1 M' and M V^-1 b from what the corrections have, M their block with the point."""
+    mixed, corner = eliminated.mixed_extra, reduced.corner
+    for e in range(len(corner)):
+        a = times(symmetric(inverted), vector3(mixed, m, e))
+        for d in range(e + 1):
+            corner[e, d] -= dot(vector3(mixed, m, d), a)
+        corner[e, len(corner)] -= dot(gradient, a)
+
+
+@part
+def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminated, terms, cameras):
+    """Schur complement of observation i's pose: with the corrections, the gradient, and the poses that come after."""
+    n, c, (q, f) = i - begin, cameras[i], _mixed(eliminated.mixed, i)
+    gain = product(f, symmetric(inverted))
+    n_extra = terms.factors.shape[1]
+    for e in range(n_extra):
+        own = scaled(terms.factors[n, e], vector(terms.mixed, n))
+        add_by_twist(reduced.side, c, e, q, minus(own, times(gain, vector3(eliminated.mixed_extra, m, e))))
+    add_by_twist(reduced.side, c, n_extra, q, minus(vector(terms.gradient, n), times(gain, gradient)))
+    for j in range(i, end):
+        u, other = _mixed(eliminated.mixed, j)
+        k = product_transposed(other, gain)
+        if i == j:
+            k = _minus_symmetric(k, vector6(terms.hessian, n))
+        subtract_by_twists(reduced.blocks, cameras[j], c, u, k, q)
+
+
+@part
+def _minus_symmetric(m, s):
+    a, b, c = symmetric(s)
+    return minus(m[0], a), minus(m[1], b), minus(m[2], c)
+
+
+@kernel(error_model="numpy", fastmath={"contract"})
+def point_steps(cameras, owners, eliminated, pose_step, extra_step):
+    """Back-substitution: (M, 3) steps of the points that go with those of the poses (C, 6) and corrections (E,)."""
+    left = -eliminated.gradients
+    for k in range(len(cameras)):
+        _subtract_pose_step(left, owners[k], k, eliminated, cameras[k], pose_step)
+    for m in range(len(left)):
+        _solve_point(left, m, eliminated, extra_step)
+    return left
+
+
+@part
+def _subtract_pose_step(left, m, k, eliminated, c, step):
+    q, f = _mixed(eliminated.mixed, k)
+    moved = plus((step[c, 0], step[c, 1], step[c, 2]), cross((step[c, 3], step[c, 4], step[c, 5]), q))
+    store(left, m, minus(vector(left, m), times_transposed(f, moved)))
+
+
+@part
+def _solve_point(left, m, eliminated, extra_step):
+    right = vector(left, m)
+    for e in range(len(extra_step)):
+        right = minus(right, scaled(extra_step[e], vector3(eliminated.mixed_extra, m, e)))
+    store(left, m, times(symmetric(vector6(eliminated.inverses, m)), right))

@@ -1,0 +1,57 @@
+"""steps.csv and decisions.csv: one row for each thing that was said, whole even where the run was not."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+from ispom_app.run.folder import run_folder, step_log
+from ispom_app.run.folder.run_folder import RunFolder
+from ispom_app.run.history.quantities import DROPPED
+from ispom_app.run.playback import Playback
+
+from ispom.types import TrackStatus
+from tests import doubles
+from tests.app import helpers
+
+
+@pytest.fixture
+def playback() -> Playback:
+    return Playback(doubles.sequence(8), ("monocular", "stereo"), builder=helpers.build)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_one_row_per_method_and_exposure(playback: Playback, tmp_path: Path) -> None:
+    folder, events = RunFolder(tmp_path), []
+    with step_log.StepLog(folder) as log:
+        while not playback.done:
+            events.append(playback.step())
+            log.add(events[-1])
+        assert not (tmp_path / run_folder.STEPS).exists(), "a file that still grows must not look finished"
+    found, said = rows(tmp_path / run_folder.STEPS), rows(tmp_path / run_folder.DECISIONS)
+    assert len(found) == len(events) == len(said)
+    for event, row in zip(events, found, strict=True):
+        (step,) = event.steps
+        (tracks,) = step.tracks.values()
+        assert int(row["time_ns"]) == step.time_ns and row["method"] == step.method
+        assert int(row["exposure"]) == event.index and int(row["inliers"]) == len(step.residuals_px)
+        assert int(row["dropped_epipolar"]) == int((tracks.status == TrackStatus.EPIPOLAR).sum())
+        counted = sum(int(row[name]) for name in ("alive", "new", *DROPPED))
+        assert counted == len(tracks)
+        assert float(row["seconds"]) == pytest.approx(0.005) and row["stages"] == "track=0.004;pose=0.001"
+    assert said[0]["name"] == "parallax" and float(said[0]["value"]) == 14.2 and said[0]["passed"] == "0"
+
+
+def test_a_full_disk_ends_the_table_and_not_the_run(playback: Playback, tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.part(run_folder.STEPS).symlink_to("/dev/full")
+    with step_log.StepLog(folder) as log:
+        while not playback.done:
+            log.add(playback.step())
+    assert folder.problem is not None and "steps.csv cannot be written (No space left" in folder.problem
+    assert len(rows(tmp_path / run_folder.DECISIONS)) == len(playback.sequence)

@@ -1,0 +1,98 @@
+"""Quantities: one stable name each, the same in tables, break points and comparisons."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ispom_app.run.events import Stepped
+from ispom_app.run.folder.step_log import STEP_COLUMNS
+from ispom_app.run.history.quantities import NO_ROW, STEP_QUANTITIES, Row, quantities, row_after, step_values
+
+from ispom.methods import names, registry
+from ispom.types import Check, Decision, Exposure, Step
+from tests import doubles
+
+
+def stepped(count: int) -> list[tuple[int, Exposure, Step]]:
+    """Of a video method alone."""
+    sequence, estimator, found = doubles.sequence(count), doubles.FullEstimator("monocular"), []
+    state = estimator.start()
+    for i in range(len(sequence)):
+        if sequence.kinds[i] == "video":
+            state, step = estimator.step(state, sequence[i])
+            found.append((i, sequence[i], step))
+    return found
+
+
+def rows(found: list[tuple[int, Exposure, Step]]) -> list[Row]:
+    made, row = [], NO_ROW
+    for i, exposure, step in found:
+        event = Stepped(i, exposure, (step,), {}, {"monocular": 0.5})
+        row = row_after(row, event.index, exposure.time_ns, event.steps, event.errors_m)
+        made.append(row)
+    return made
+
+
+@pytest.mark.parametrize("method", names())
+def test_no_two_quantities_of_a_method_have_one_name(method: str) -> None:
+    keys = [q.key for q in STEP_QUANTITIES] + list(registry()[method].checks)
+    assert len(set(keys)) == len(keys) and all(re.fullmatch(r"[a-z]+(_[a-z]+)*", key) for key in keys)
+    of_checks = 4 * len(registry()[method].checks)
+    assert len([q for q in quantities(names()).values() if q.method == method]) == len(STEP_QUANTITIES) + of_checks
+
+
+def test_every_quantity_of_a_step_is_a_column() -> None:
+    assert {q.key for q in STEP_QUANTITIES} <= set(STEP_COLUMNS)
+
+
+def test_what_a_step_says_is_finite_or_missing_and_of_its_kind() -> None:
+    known = quantities(["monocular"])
+    python = {"number": (int, float), "flag": (bool,), "text": (str,)}
+    for row in rows(stepped(30)):
+        for key, value in row["monocular"].items():
+            quantity = known[f"monocular.{key}"]
+            assert value is None or type(value) in python[quantity.kind]
+            assert not isinstance(value, float) or np.isfinite(value)
+            assert not quantity.choices or value in quantity.choices
+
+
+def test_a_method_that_did_not_step_keeps_what_it_said() -> None:
+    _, exposure, step = stepped(3)[1]
+    first = row_after(NO_ROW, 0, exposure.time_ns, (step,), {})
+    second = row_after(first, 1, 500_000_000, (replace(step, method="stereo"),), {})
+    assert second["monocular"] is first["monocular"] and "stereo" not in first
+    assert second[""] == {"exposure": 1, "time_s": 0.5}
+
+
+def test_a_key_frame_and_a_restart_are_of_one_exposure() -> None:
+    _, exposure, step = stepped(3)[0]
+    first = row_after(NO_ROW, 0, exposure.time_ns, (replace(step, key_frame=True, restarted=True),), {})
+    second = row_after(first, 1, 500_000_000, (replace(step, method="stereo", key_frame=False),), {})
+    assert first["monocular"]["key_frame"] and first["monocular"]["restarted"]
+    assert not second["monocular"]["key_frame"] and not second["monocular"]["restarted"]
+    assert second["monocular"]["inliers"] == first["monocular"]["inliers"]
+
+
+def test_what_a_method_does_not_say_again_is_missing() -> None:
+    _, exposure, step = stepped(3)[0]
+    first = row_after(NO_ROW, 0, exposure.time_ns, (step,), {})
+    second = row_after(first, 1, exposure.time_ns, (replace(step, decisions=()),), {})
+    assert "parallax" in first["monocular"] and "parallax" not in second["monocular"]
+
+
+def test_of_a_check_made_several_times_the_least_margin_counts() -> None:
+    check = Check("cost", "cost", "requirement", relation="<")
+    made = tuple(replace(check.of(value, 5.0), about=str(value)) for value in (1.0, 7.0, 3.0))
+    found = step_values(replace(stepped(3)[0][2], decisions=made), None)
+    wanted = {"cost": 7.0, "cost.threshold": 5.0, "cost.margin": -2.0, "cost.passed": False}
+    assert wanted.items() <= found.items()
+
+
+def test_numbers_that_are_not_finite_are_missing() -> None:
+    decision = Decision("a", float("nan"), float("inf"), False, key="a")
+    step = replace(stepped(3)[0][2], decisions=(decision,), scale=np.nan)
+    found = step_values(step, float("inf"))
+    assert all(found[key] is None for key in ("a", "a.threshold", "a.margin", "scale", "error_m"))

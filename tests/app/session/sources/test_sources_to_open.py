@@ -1,0 +1,68 @@
+"""What the page offers to open: sources opened before, and folders that may be looked into."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ispom_app.options import SourceOptions
+from ispom_app.session import commands as do
+from ispom_app.session.sources.folders import Folders
+from ispom_app.session.sources.recent import MOST, RecentSources
+
+from tests.app.helpers import opener, started, wait_for
+
+
+def test_recent_sources_are_kept_newest_first_without_passwords(tmp_path: Path):
+    path = tmp_path / "config" / "recent.json"
+    for source in ("sim:city", "rtsp://me:secret@cam/1", "sim:city"):
+        RecentSources(path).add(source)
+    assert RecentSources(path).names == ("sim:city", "rtsp://cam/1") and "secret" not in path.read_text()
+    for i in range(2 * MOST):
+        RecentSources(path).add(f"sim:city#{i}")
+    assert len(RecentSources(path).names) == MOST
+
+
+def test_a_damaged_or_unwritable_list_of_recent_sources_harms_nobody(tmp_path: Path):
+    path = tmp_path / "recent.json"
+    path.write_text("{broken")
+    assert RecentSources(path).names == ()
+    path.write_text('{"not": "a list"}')
+    assert RecentSources(path).names == ()
+    assert RecentSources(tmp_path / "recent.json" / "below-a-file").add("sim:city") == ("sim:city",)
+
+
+def test_folders_are_listed_below_the_root_only(tmp_path: Path):
+    root = tmp_path / "root"
+    (root / "drive").mkdir(parents=True)
+    (root / ".hidden").mkdir()
+    (root / "link").symlink_to(tmp_path)
+    folders = Folders(root)
+    assert [entry.path.name for entry in folders.entries(folders.home)] == ["drive"]
+    assert folders.above(folders.home) is None and folders.above(root / "drive") == root
+    assert folders.entries(tmp_path) == []
+
+
+def test_what_is_recognised_is_told_from_folders_to_look_into(tmp_path: Path):
+    (tmp_path / "film.mp4").write_bytes(b"")
+    (tmp_path / "notes.txt").write_text("")
+    (tmp_path / "more").mkdir()
+    found = {entry.path.name: entry.source for entry in Folders(tmp_path).entries(tmp_path)}
+    assert found == {"film.mp4": True, "more": False}
+
+
+def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: Path):
+    asked: list[SourceOptions | None] = []
+
+    def remembering(source: str, options: SourceOptions | None = None):
+        asked.append(options)
+        return opener(source)
+
+    session = started(tmp_path, opener=remembering, autoplay=False)
+    wait_for(lambda: session.state.phase == "ready", "the first source")
+    assert not session.state.playing
+    session.post(do.Open("double:5", SourceOptions(stereo_every=3)))
+    wait_for(lambda: session.state.run == 2 and session.state.ended, "the second source to play to its end")
+    assert asked == [None, SourceOptions(stereo_every=3)]
+    assert session.state.source_options.stereo_every == 3
+    assert session.state.recent == ("double:5", "double:20")
+    session.close(1.0)

@@ -1,0 +1,163 @@
+"""A user's own recordings: their clocks, what goes with what, and every way to get the small files wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ispom.errors import InputError
+from ispom.sequences import open_sequence
+from ispom.types import VideoFrame
+from tests.sequences import own_folders
+from tests.sequences.folders import images
+from tests.sequences.own_folders import make_described, make_images, make_video, write_images, write_video
+
+
+def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    folder = make_images(tmp_path, frames=12)
+    (folder / "._3.png").write_bytes(b"left here by another system")
+    sequence = open_sequence(str(folder))
+    for i, image in enumerate(images(12, 0)):
+        exposure = sequence[i]
+        assert isinstance(exposure, VideoFrame) and np.array_equal(exposure.image, image)
+    assert sequence.times_ns.tolist() == [i * 50_000_000 for i in range(12)]
+
+
+def test_a_file_of_times_counts_more_than_the_rate(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    (folder / "times.txt").write_text("1.5\n1.6\n1.75\n2\n3\n4.000000001\n")
+    assert open_sequence(str(folder)).times_ns[[0, 2, 5]].tolist() == [1_500_000_000, 1_750_000_000, 4_000_000_001]
+
+
+def test_without_times_a_rate_is_assumed_and_told(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    camera = folder / "camera.yaml"
+    camera.write_text(camera.read_text().replace("rate_hz: 20\n", ""))
+    sequence = open_sequence(str(folder))
+    assert "30 images per second assumed" in sequence.notes[0] and sequence.times_ns[3] == 100_000_000
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "mp4v")])
+def test_a_jump_in_a_video_gives_the_image_that_reading_on_gives(name: str, codec: str, tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_video(tmp_path, 90, name, codec)))
+    in_order = [sequence[i] for i in range(len(sequence))]
+    for i in np.random.default_rng(3).permutation(len(sequence))[:25].tolist():
+        jumped, read = sequence[i], in_order[i]
+        assert isinstance(jumped, VideoFrame) and isinstance(read, VideoFrame)
+        np.testing.assert_array_equal(jumped.image, read.image)
+
+
+def test_a_cut_video_gives_what_can_be_decoded(tmp_path: Path) -> None:
+    path = make_video(tmp_path, 30)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 6 // 10])
+    sequence = open_sequence(str(path))
+    assert 3 <= len(sequence) < 30 and "can be decoded" in sequence.notes[0]
+    for i in range(len(sequence)):
+        sequence[i]
+
+
+def test_pairs_are_of_one_time_and_those_without_partner_are_told(tmp_path: Path) -> None:
+    root = make_described(tmp_path / "x", frames=12)
+    (root / "right" / "5.png").unlink()
+    sequence = open_sequence(str(root))
+    assert sequence.kinds.count("stereo") == 5 and "1 of 6 left and 0 of 5 right" in sequence.notes[0]
+    assert sequence.times_ns[:4].tolist() == [0, 10_000_000, 50_000_000, 100_000_000]
+    assert sequence.truth is not None and sequence.truth.frame == "rig"
+
+
+def test_a_raw_rig_is_rectified_and_keeps_its_place(tmp_path: Path) -> None:
+    """A point in the rig is seen on one row of both cameras, at the disparity of the baseline."""
+    rig = open_sequence(str(make_described(tmp_path / "x"))).rig
+    point = np.array([[0.3, 0.2, 5.0]])
+    left, right = (rig.camera(name).project(rig.rig_from(name).inverse().apply(point))[0] for name in ("left", "right"))
+    assert rig.left == rig.right and not rig.camera("left").distortion
+    depth = rig.rig_from_left.inverse().apply(point)[0, 2]
+    np.testing.assert_allclose(left - right, [rig.camera("left").fx * rig.baseline_m / depth, 0], atol=1e-9)
+    np.testing.assert_array_equal(rig.rig_from_video.matrix, own_folders.RIG.rig_from_video.matrix)
+
+
+def test_without_a_video_the_left_images_are_the_video(tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_described(tmp_path / "x", video=False)), stereo_every=2)
+    assert sequence.kinds[:4] == ("stereo", "video", "video", "stereo") and "emulation" in sequence.notes[0]
+
+
+def test_the_examples_of_the_readme_open(tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[3] / "README.md").read_text()
+    found = dict(re.findall(r"```yaml\n# (\w+\.yaml): (.*?)```", readme, re.DOTALL))
+    for name, text in found.items():
+        (tmp_path / name).write_text(f"# {text}")
+    blank = [np.zeros((480, 640), np.uint8)] * 4
+    write_video(tmp_path / "video.mp4", blank, codec="mp4v")
+    for side in ("left", "right"):
+        write_images(tmp_path / side, [np.zeros((960, 1280), np.uint8)] * 2)
+        (tmp_path / f"{side}.txt").write_text("0.0\n0.1\n")
+    (tmp_path / "truth.tum").write_text("0 0 0 0 0 0 0 1\n0.1 1 0 0 0 0 0 1\n")
+    sequence = open_sequence(str(tmp_path))
+    assert sequence.name == "roof, second flight" and sequence.rig.baseline_m == pytest.approx(0.4)
+    assert [sequence[i].time_ns for i in range(len(sequence))] == sequence.times_ns.tolist()
+    shots = write_images(tmp_path / "shots", [np.zeros((480, 752), np.uint8)] * 3)
+    (tmp_path / "camera.yaml").rename(shots / "camera.yaml")
+    assert len(open_sequence(str(shots))) == 3
+
+
+def written(root: Path, name: str, text: str) -> None:
+    (root / name).write_bytes(text.encode("utf-8", "surrogatepass"))
+
+
+ALPHABET = "01259.-+eE:[]{},'\"#&*!|>?@%\n\t naninf_~<=/\\é\x00\ud800"
+
+
+@st.composite
+def mutated(draw: st.DrawFn, text: str) -> str:
+    """The text with a few pieces cut out, doubled, or replaced."""
+    for _ in range(draw(st.integers(1, 3))):
+        start = draw(st.integers(0, len(text)))
+        end = min(len(text), start + draw(st.integers(0, 12)))
+        text = text[:start] + draw(st.one_of(st.text(ALPHABET, max_size=8), st.just(text[start:end] * 2))) + text[end:]
+    return text
+
+
+def check_only_input_errors(path: Path) -> None:
+    try:
+        sequence = open_sequence(str(path))
+        for i in (0, len(sequence) - 1):
+            sequence[i]
+    except InputError as error:
+        assert str(error).count("\n") == 0 or "\n" in str(path)
+
+
+STEADY = settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FILES: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "camera": (make_images, "shots/camera.yaml"),
+    "times": (lambda root: with_times(make_images(root)), "shots/times.txt"),
+    "sequence": (make_described, "sequence.yaml"),
+    "rig": (make_described, "rig.yaml"),
+    "times of a stream": (make_described, "left.txt"),
+    "truth": (make_described, "truth.tum"),
+}
+
+
+def with_times(folder: Path) -> Path:
+    (folder / "times.txt").write_text("".join(f"{1.7e9 + i / 20:.6f}\n" for i in range(6)))
+    return folder
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_no_change_of_a_small_file_is_more_than_an_input_error(name: str, tmp_path: Path) -> None:
+    make, file = FILES[name]
+    path = make(tmp_path / "x")
+    text = (tmp_path / "x" / file).read_text()
+
+    @STEADY
+    @given(st.data())
+    def fuzz(data: st.DataObject) -> None:
+        written(tmp_path / "x", file, data.draw(mutated(text)))
+        check_only_input_errors(path)
+
+    fuzz()
