@@ -97,6 +97,6 @@ class Step:
     restarted: bool = False
     """A new world begins at this exposure: earlier poses share nothing with later ones but the last known pose."""
     calibration: Mapping[str, Array] = field(default_factory=dict)
-    """What was found to be wrong with the calibration so far, by name: `pair` (4,) as solvers.window.adjustment.Window.extra of
-    two cameras, `pair_rate` (6,) the motion that its late right shutter sees (left_from_world's change: rho [m/s],
-    phi [rad/s]; left), `lens` (2,) as that of one camera."""
+    """What was found to be wrong with the calibration so far, by name: `pair` (4,) as the `extra` of a
+    solvers.window.adjustment.Window of two cameras, `pair_rate` (6,) the motion that its late right shutter sees
+    (left_from_world's change: rho [m/s], phi [rad/s]; left), `lens` (2,) as that of one camera."""
