@@ -19,7 +19,7 @@ from ispom.ensemble import build
 from ispom.methods import Config, default_methods
 from ispom.warm_up import compiled_before, warm_up
 from ispom.kernels import kernels
-from ispom.sequences.simulated import open_simulated
+from ispom.sequences.formats.simulated import open_simulated
 
 warm_up()
 assert compiled_before()
