@@ -15,6 +15,7 @@ from platformdirs import user_config_path
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
 from ispom.methods import faults, in_order
+from ispom.sequences.address import is_address, is_device
 
 from .bench.options import Bench
 from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
@@ -130,11 +131,20 @@ def _execute(
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     from .page.server import Serving, serve
     from .run import warmup
+    from .run.beside.given import given
+    from .run.beside.placed import beside_run
+    from .run.playback import truth_from_start
     from .session.session import Session
     from .session.sources.folders import Folders
     from .session.sources.recent import RecentSources
 
-    opener = command.opener(source)
+    opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
+    if beside:
+        if is_device(source) or is_address(source):
+            raise InputError("--beside needs a recording, and this source is live: record it first, and open that")
+        sequence = opener(source)
+        for number, each in enumerate(beside):  # a mistake is told before anything is shown
+            beside_run(number, each, sequence, truth_from_start(sequence))
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
 
     def session(live: LiveStream) -> Session:
@@ -152,6 +162,7 @@ def _execute(
             source_options=command.of_source,
             folders=Folders(None if command.root is None else command.root.expanduser()),
             recent=RecentSources(user_config_path("ispom") / "recent.json"),
+            beside=beside,
         )
 
     return serve(

@@ -30,6 +30,8 @@ OTHERS: tuple[Rgb, ...] = (
     (80, 125, 160),
 )
 """Of methods of other packages, in turn; with more of them than these, some share one."""
+BESIDE: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
+"""Of trajectories of other programs, in turn."""
 TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
@@ -67,6 +69,11 @@ def of(method: str) -> Rgb:
         return METHOD[method]
     others = [name for name in names() if name not in METHOD]
     return OTHERS[others.index(method) % len(OTHERS)] if method in others else OTHERS[0]
+
+
+def beside(number: int) -> Rgb:
+    """The colour of the trajectory of another program, by its place among those given."""
+    return BESIDE[number % len(BESIDE)]
 
 
 def label(method: str) -> str:

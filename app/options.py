@@ -134,6 +134,13 @@ class Serve(Options):
     """Let the page open cameras of this machine (camera:0)."""
     allow_network: bool = False
     """Let the page open network streams (http://..., rtsp://...)."""
+    beside: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME[:FRAME]=FILE: the trajectory of another program, shown beside the methods; can be given several times.
+    TUM, KITTI (a row for each image) and EuRoC files. FRAME, whose poses they are: rig (default), left, right or
+    video."""
+    beside_alignment: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME=ALIGNMENT: how one of them is aligned to the ground truth, or without it to the first metric method: se3
+    (the default), sim3 (needed where its unit is not the metre), scale, first, none."""
 
     def opener(self, named: str) -> Callable[..., Sequence]:
         """What opens sources in the app: `named`, from the command line, in any case, others as these options allow.

@@ -1,8 +1,17 @@
-"""Numbers as people read them, the same everywhere."""
+"""Numbers and terms as people read them, the same everywhere."""
 
 from __future__ import annotations
 
 import humanize
+
+ALIGNMENTS = {
+    "none": "none: coordinates are compared as they are",
+    "first": "first: the first compared poses coincide",
+    "scale": "scale: only the unit is fitted, over all compared poses",
+    "se3": "se3: rotation and translation, no scale, fitted over all compared poses",
+    "sim3": "sim3: rotation, translation and scale, fitted over all compared poses",
+}
+"""What each way to align a trajectory does."""
 
 
 def length(metres: float) -> str:

@@ -7,14 +7,7 @@ from ispom.io.trajectories import TrajectoryFile
 
 from ..options import Evaluate
 from ..run.folder.run_file import read_run_file
-
-ALIGNMENTS = {
-    "none": "none: coordinates are compared as they are",
-    "first": "first: the first compared poses coincide",
-    "scale": "scale: only the unit is fitted, over all compared poses",
-    "se3": "se3: rotation and translation, no scale, fitted over all compared poses",
-    "sim3": "sim3: rotation, translation and scale, fitted over all compared poses",
-}
+from ..texts import ALIGNMENTS
 
 
 def frame_of(file: TrajectoryFile) -> str | None:

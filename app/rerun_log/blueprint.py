@@ -88,8 +88,10 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[st
     """By the origin of each view: which of its entities are hidden."""
     methods = tuple(methods)
     gone = [m for m in methods if m in hidden]
+    others = ["beside"] if "beside" in hidden else []
     layers = {
         "truth": ["world/truth"],
+        "beside": ["world/beside"],
         "cameras": [*(f"world/{m}/camera" for m in methods), "world/truth/rig"],
         "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
@@ -100,7 +102,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[st
     return (
         {"/world": world + [f"world/{m}" for m in gone]}
         | {f"/{name}": paths for name, paths in images.items()}
-        | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in gone] for kind in PLOTS}
+        | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in gone + others] for kind in PLOTS}
     )
 
 

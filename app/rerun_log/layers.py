@@ -4,6 +4,7 @@ from __future__ import annotations
 
 LAYERS = {
     "truth": "true path",
+    "beside": "paths of other programs",
     "cameras": "camera frusta",
     "uncertainty": "95 % ellipsoids of the poses",
     "key_frames": "key frames",

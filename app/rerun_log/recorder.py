@@ -9,8 +9,9 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/camera                     the pose now
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
+    /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /video, /left                            image, tracks, trails, legend; left also disparity
-    /plots/{error,scale,inliers,residual,ms}/METHOD...
+    /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
     /decisions, /log                         text
 
 Timelines: `exposure` (its index) and `time` (since the first exposure).

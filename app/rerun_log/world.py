@@ -21,6 +21,7 @@ from ..run.model.poses import PoseHistory
 from ..run.model.run_model import RunModel
 from . import entities
 from .batch import Columns, Entry
+from .beside import BesideLog
 
 MAP_EVERY = 10
 """Exposures between two drawings of a method's key frames and points: they are most of what a viewer has to hold."""
@@ -46,6 +47,7 @@ class World:
         """Exposure at which key frames and points were drawn last."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
+        self._beside = BesideLog(opened)
 
     def opening(self) -> Iterator[Entry]:
         """What holds for the whole run (all static)."""
@@ -55,6 +57,7 @@ class World:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
             rig = self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
             yield Entry("world/truth/rig", rig, static=True)
+        yield from self._beside.opening()
 
     def stepped(self, event: Stepped) -> Iterator[Entry]:
         """Each event once, in their order."""
@@ -73,6 +76,8 @@ class World:
             if (step.key_frame and due) or resized:
                 self._map_drawn[step.method] = event.index
                 yield from self._map(step.method, resized)
+        outlines = self._outlines("rig", true_size(self._truth) or 1.0, main_camera=True)
+        yield from self._beside.stepped(event, self.model, self.placements, outlines)
 
     def finished(self, event: Finished) -> Iterator[Entry | Columns]:
         yield from self._place(event.placements)

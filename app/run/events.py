@@ -13,6 +13,8 @@ from ispom.geometry import Similarity
 from ispom.methods import Config
 from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
 
+from .beside.placed import Beside
+
 
 @dataclass(frozen=True, eq=False)
 class Opened:
@@ -25,6 +27,8 @@ class Opened:
     """world_from_rig, moved so that it starts at the pose where the estimates start."""
     recording_id: str = field(default_factory=lambda: uuid4().hex)
     """Of this run, in all that is recorded of it: by it a viewer tells runs apart."""
+    beside: tuple[Beside, ...] = ()
+    """Trajectories of other programs over the same sequence."""
 
 
 @dataclass(frozen=True, eq=False)

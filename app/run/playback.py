@@ -19,6 +19,7 @@ from ispom.methods import STEREO, Config
 from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Step, Trajectory
 
+from .beside.placed import Beside
 from .events import Finished, Opened, Stepped, blank
 from .model.placing import Placing
 
@@ -61,13 +62,15 @@ class Playback:
     builder: Builder = build
     earlier: tuple[Stage, ...] = ()
     """What ran from the start up to the fork that this run began with, oldest first."""
+    beside: tuple[Beside, ...] = ()
+    """Trajectories of other programs over the same sequence."""
 
     def __post_init__(self) -> None:
         self._stages = (*self.earlier, Stage(sys.maxsize, self.methods, self.config))
         # The last one first: a mistake in what was asked is found before anything runs.
         self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
         self.ensemble: Ensemble = self._build(self._stages[0])
-        self.truth = _truth_from_start(self.sequence)
+        self.truth = truth_from_start(self.sequence)
         self.position = 0
         self.skipped: list[str] = []
         """What was wrong with each skipped exposure."""
@@ -93,7 +96,7 @@ class Playback:
         earlier = [stage for stage in self._stages[:-1] if stage.until < at]
         here = next(stage for stage in self._stages if stage.until >= at)
         stages = (*earlier, Stage(at, here.methods, here.config)) if at else ()
-        found = Playback(self.sequence, methods, config, self.builder, stages)
+        found = Playback(self.sequence, methods, config, self.builder, stages, self.beside)
         if snapshot is not None:
             found._resume(snapshot)
         return found
@@ -123,7 +126,7 @@ class Playback:
 
     @property
     def opened(self) -> Opened:
-        return Opened(self.sequence, self.methods, self.config, self.truth)
+        return Opened(self.sequence, self.methods, self.config, self.truth, beside=self.beside)
 
     @property
     def done(self) -> bool:
@@ -218,7 +221,7 @@ class Playback:
                 del self._placing[name]
 
 
-def _truth_from_start(sequence: Sequence) -> Trajectory | None:
+def truth_from_start(sequence: Sequence) -> Trajectory | None:
     """The truth, with the rig at the first stereo exposure (without stereo: the first exposure) as its world."""
     if sequence.truth is None or not len(sequence.truth):
         return None

@@ -11,6 +11,7 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..options import SourceOptions
+from ..run.beside.given import Given
 from ..run.events import Opened
 from ..run.history.history import MEMORY_BYTES, History
 from ..run.history.series import Series
@@ -53,12 +54,14 @@ class Session:
         source_options: SourceOptions | None = None,
         folders: Folders | None = None,
         recent: RecentSources | None = None,
+        beside: tuple[Given, ...] = (),
     ) -> None:
         """`opener(source)` opens the source as the command line said, `opener(source, options)` as the page says.
 
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
-        may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened.
+        may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
+        `beside` are trajectories of other programs.
         """
         recent = recent or RecentSources(None)
         self.folders = folders or Folders()
@@ -85,7 +88,7 @@ class Session:
             viewers,
             compiler,
             self._branches,
-            opener=SourceOpener(opener, builder, variant),
+            opener=SourceOpener(opener, builder, variant, beside),
             first=do.Open(source),
             autoplay=autoplay,
             methods=methods,

@@ -11,6 +11,7 @@ from ispom.methods import Config, possible_methods
 
 from ..expressions.parser import Expression
 from ..options import SourceOptions
+from ..run.beside.placed import Beside
 from ..run.events import Finished, Opened
 from ..run.history.record import ExposureRecord, MethodStatus
 from ..run.model.tally import Tally
@@ -95,6 +96,8 @@ class State:
     """Of the source, since its run was started; the first is that run."""
     branch: int = 0
     """The number of the one that is shown."""
+    beside: tuple[Beside, ...] = ()
+    """Trajectories of other programs over the same source."""
     comparison: Comparison | None = None
     """Of two branches."""
     loop: Loop | None = None
@@ -235,7 +238,7 @@ def reduce(state: State, event: Event) -> State:
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
         case Restored(before):
             return before
-        case Opened(sequence, methods, config, _, recording_id):
+        case Opened(sequence, methods, config, _, recording_id, beside):
             return replace(
                 state,
                 phase="ready",
@@ -247,6 +250,7 @@ def reduce(state: State, event: Event) -> State:
                 run=state.run + 1,
                 branches=state.branches or (Branch(0, FIRST),),
                 recording_id=recording_id,
+                beside=beside,
                 total=len(sequence),
                 start_ns=int(sequence.times_ns[0]) if len(sequence) else 0,
                 activity=None,

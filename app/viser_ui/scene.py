@@ -14,6 +14,7 @@ from ..run.history.record import ExposureRecord
 from ..run.model.drawn_size import drawn_truth
 from ..run.model.run_model import RunModel
 from ..session.branching.branches import Beside
+from .beside_scene import BesideScene
 from .branch_scene import BranchScene
 from .method_scene import MethodScene, add_line
 
@@ -25,7 +26,8 @@ class Scene:
         self._api, self._seek = api, seek
         self._methods: dict[str, MethodScene] = {}
         self._truth: viser.FrameHandle | None = None
-        self._beside = BranchScene(api)
+        self._branches = BranchScene(api)
+        self._beside: BesideScene | None = None
 
     def start(self, opened: Opened) -> None:
         """Empties the scene for another run."""
@@ -36,7 +38,7 @@ class Scene:
         if truth is not None and len(truth) > 1:
             add_line(self._api, "/truth/line", truth.translations, colours.TRUTH)
         self._methods = {m: MethodScene(self._api, m, opened, self._seek) for m in opened.methods}
-        self._beside = BranchScene(self._api)
+        self._branches, self._beside = BranchScene(self._api), BesideScene(self._api, opened)
 
     def show(self, model: RunModel, record: ExposureRecord, hidden: frozenset[str]) -> None:
         """The run as of an exposure: what was known then, without the hidden layers and methods."""
@@ -45,7 +47,9 @@ class Scene:
         for name, method in self._methods.items():
             placement = record.placements.get(name, Similarity())
             method.show(model.times, model.methods[name], placement, record.index, hidden)
+        if self._beside is not None:
+            self._beside.show(model, record, hidden)
 
     def show_beside(self, branches: Mapping[int, Beside], hidden: frozenset[str]) -> None:
         """Other branches, as of the same exposure."""
-        self._beside.show(branches, hidden)
+        self._branches.show(branches, hidden)

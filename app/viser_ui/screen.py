@@ -18,6 +18,7 @@ from ..session.session import Session
 from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
 from .panels.differences import DifferencesPanel
+from .panels.error_curves import ErrorCurvesPanel
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel
@@ -34,6 +35,7 @@ Panel = (
     | MethodsPanel
     | BranchesPanel
     | DifferencesPanel
+    | ErrorCurvesPanel
     | BreakPointPanel
     | ViewPanel
     | WhyPanel
@@ -91,6 +93,7 @@ class Screen:
             methods = MethodsPanel(gui, self._session)
         with tabs.add_tab("Branches"):
             branches = BranchesPanel(gui, self._session)
+            curves = ErrorCurvesPanel(gui, self._session)
             differences = DifferencesPanel(gui, self._session)
         with tabs.add_tab("Break"):
             break_point = BreakPointPanel(gui, self._session)
@@ -98,7 +101,7 @@ class Screen:
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
-        return [run, source, why, methods, branches, differences, break_point, view, record]
+        return [run, source, why, methods, branches, curves, differences, break_point, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)

@@ -132,3 +132,37 @@ def test_misuse_ends_with_code_2(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2
+
+
+def test_trajectories_of_other_programs_reach_the_app(served: list, tmp_path: Path) -> None:
+    poses = tmp_path / "poses.txt"
+    drive = make_drive(tmp_path)
+    poses.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * len(list((drive / "image_0").glob("*.png"))))
+    alignment = ["--beside-alignment", "orb=first"]
+    assert main(["app", str(drive), "--beside", f"orb:left={poses}", *alignment]) == 0
+    ((_, _, options, _),) = served
+    (given,) = options["beside"]
+    assert (given.name, given.frame, given.alignment) == ("orb", "left", "first")
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("0 1 2\n", "which no trajectory has"),
+        ("1e9 0 0 0 0 0 0 1\n", "none in common"),
+        ("1 0 0 0 0 1 0 0 0 0 1 0\n", "has 1 rows without times"),
+    ],
+)
+def test_a_trajectory_that_does_not_fit_is_one_sentence_before_anything_is_served(
+    served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, why: str
+) -> None:
+    (tmp_path / "poses.txt").write_text(text)
+    assert main(["app", str(make_drive(tmp_path)), "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
+    told = capsys.readouterr().err
+    assert why in told and told.count("\n") == 1 and not served
+
+
+def test_nothing_can_be_beside_a_live_source(served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "poses.txt").write_text("0 0 0 0 0 0 0 1\n")
+    assert main(["app", "camera:0", "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
+    assert "this source is live" in capsys.readouterr().err and not served

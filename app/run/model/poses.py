@@ -168,6 +168,13 @@ class PoseHistory:
         block, at = self.blocks[row // POSES_PER_BLOCK], row % POSES_PER_BLOCK
         return Pose(block.rotations[at], block.positions[at])
 
+    def trajectory(self, times: Times) -> Trajectory:
+        """All known poses."""
+        rows = np.flatnonzero(np.concatenate([np.zeros(0, bool), *(block.known for block in self.blocks)]))
+        rotations = np.concatenate([np.zeros((0, 3, 3)), *(block.rotations for block in self.blocks)])[rows]
+        positions = np.concatenate([np.zeros((0, 3)), *(block.positions for block in self.blocks)])[rows]
+        return Trajectory(times.times_ns(rows), rotations, positions, self.frame)
+
     def second_before(self, times: Times, time_ns: int) -> tuple[int, Array] | None:
         """Time [ns] and position (3,) of the last pose at least a second before, or None."""
         end = int(np.searchsorted(times.times_ns(slice(None)), time_ns - 10**9, side="right"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ispom.errors import InputError
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
@@ -11,7 +11,9 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ...options import SourceOptions
-from ...run.playback import Builder, Playback
+from ...run.beside.given import Given
+from ...run.beside.placed import Beside, beside_run
+from ...run.playback import Builder, Playback, truth_from_start
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class SourceOpener:
     builder: Builder
     variant: Variant
     """Of the methods that run where nobody chose any."""
+    given: tuple[Given, ...] = ()
+    """Trajectories of other programs, shown where they fit the source."""
 
     def playback(
         self,
@@ -46,10 +50,22 @@ class SourceOpener:
             )
         wanted = methods or usual
         chosen = wanted if strict else tuple(m for m in wanted if m in possible) or usual
-        return Playback(sequence, chosen, config, self.builder)
+        sequence, found = beside_those(self.given, sequence)
+        return Playback(sequence, chosen, config, self.builder, beside=found)
 
     def again(self, before: Playback, methods: tuple[str, ...], config: Config) -> Playback:
         """The same sequence from its first exposure on. InputError where the methods do not fit."""
         if not methods:
             raise InputError("no method is selected: select at least one")
-        return Playback(before.sequence, in_order(methods), config, self.builder)
+        return Playback(before.sequence, in_order(methods), config, self.builder, beside=before.beside)
+
+
+def beside_those(given: tuple[Given, ...], sequence: Sequence) -> tuple[Sequence, tuple[Beside, ...]]:
+    """The trajectories of other programs that fit a sequence; a note in it tells of each that does not."""
+    found, notes = list[Beside](), list[str]()
+    for number, each in enumerate(given):
+        try:
+            found.append(beside_run(number, each, sequence, truth_from_start(sequence)))
+        except InputError:
+            notes.append(f"{each.name} is of another recording and not shown")
+    return replace(sequence, notes=(*sequence.notes, *notes)), tuple(found)

@@ -9,6 +9,7 @@ import viser
 from ispom.methods import in_order
 
 from ... import colours
+from ...run.beside.placed import Beside
 from ...run.model.tally import MethodTally
 from ...session import commands as do
 from ...session.branching.branches import NAME_LENGTH, Branch
@@ -89,7 +90,19 @@ def _label(branch: Branch) -> str:
 
 def _text(state: State) -> str:
     """The branches and how each method does in them, as HTML."""
-    return render("branches.html", branches=[_entry(branch, state) for branch in state.branches])
+    branches = [_entry(branch, state) for branch in state.branches]
+    return render("branches.html", branches=branches, others=[_other(beside, state) for beside in state.beside])
+
+
+def _other(beside: Beside, state: State) -> dict[str, Any]:
+    """The trajectory of another program, over the exposures that the branch shown has computed."""
+    placed = beside.of_truth
+    known = {"name": beside.name, "colour": beside.colour, "file": beside.given.file.path.name}
+    if placed is None:
+        return known | {"rmse": "no truth", "missing": "", "alignment": "aligned to the first method's poses"}
+    rmse_m, missing = placed.rmse_m(state.computed), placed.missing(state.computed)
+    rmse = "" if rmse_m is None else f"{rmse_m:.3f} m"
+    return known | {"rmse": rmse, "missing": missing, "alignment": placed.alignment}
 
 
 def _entry(branch: Branch, state: State) -> dict[str, Any]:

@@ -51,7 +51,7 @@ class FakeSession:
         self._run, self.asked = run, list[do.Command]()
         self.opened, self.folders, self.post = run.opened, Folders(folder), self.asked.append
         self.known_at = run.known_at
-        self.beside, self.series = (lambda state: {}), run.series
+        self.beside, self.series, self.branch = (lambda state: {}), run.series, (lambda number: run)
         self.state = reduce(State("double:40"), run.opened)
         for record in run.history:
             self.state = reduce(self.state, Computed(record, run.tally))

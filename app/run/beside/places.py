@@ -1,0 +1,65 @@
+"""Where trajectories of other programs are drawn among the methods', at each exposure of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ispom.evaluation.ate import Alignment, placed
+from ispom.geometry import Similarity
+from ispom.methods import method as registered
+from ispom.types import Trajectory
+
+from ..events import Opened
+from ..model.drawn_size import drawn_truth
+from ..model.run_model import RunModel
+from .placed import Placed
+
+NEEDS_UNIT: dict[Alignment, Alignment] = {"se3": "sim3"}
+"""How to align to a method whose unit is no metre, where another way was meant for metric ones."""
+
+
+class Places:
+    """By name. Aligned once to the ground truth where that is drawn; else to the poses of the first metric method (or,
+    without one, of the first method) so far, anew whenever there are twice as many."""
+
+    def __init__(self, opened: Opened) -> None:
+        self._opened = opened
+        self._fixed = drawn_truth(opened.truth, opened.methods) is not None
+        metric = [m for m in opened.methods if registered(m).unit == "metric"]
+        self._method = next(iter([*metric, *opened.methods]), "")
+        self._found: dict[str, Placed] = {}
+        self._doublings = 0
+
+    def at(self, model: RunModel, placements: Mapping[str, Similarity]) -> Mapping[str, Placed]:
+        """As known at an exposure. The same objects for as long as nothing was aligned anew."""
+        beside = self._opened.beside
+        if self._fixed:
+            self._found = self._found or {b.name: b.of_truth for b in beside if b.of_truth is not None}
+        elif beside and (doublings := self._count(model).bit_length()) != self._doublings:
+            self._doublings = doublings
+            known = doublings > 0
+            self._found = self._aligned(self._reference(model, placements, 2 ** (doublings - 1))) if known else {}
+        return self._found
+
+    def _count(self, model: RunModel) -> int:
+        return sum(int(block.known.sum()) for block in model.methods[self._method].poses.blocks)
+
+    def _reference(self, model: RunModel, placements: Mapping[str, Similarity], most: int) -> Trajectory:
+        """shared_world_from_rig: the first poses of the method."""
+        known, rig = model.methods[self._method].poses.trajectory(model.times), self._opened.sequence.rig
+        poses = placed(known.select(np.arange(min(most, len(known)))), placements.get(self._method, Similarity()))
+        return poses.moved(right=rig.rig_from(poses.frame).inverse(), frame="rig")
+
+    def _aligned(self, reference: Trajectory) -> dict[str, Placed]:
+        own_unit = registered(self._method).unit == "own"
+        found = {}
+        for beside in self._opened.beside:
+            kind = beside.given.alignment
+            kind = NEEDS_UNIT.get(kind, kind) if own_unit else kind
+            against = f"the poses of {self._method.replace('_', ' ')}"
+            aligned = beside.placed(reference, against, self._opened.sequence.rig, kind)
+            if aligned is not None:
+                found[beside.name] = aligned
+        return found

@@ -1,0 +1,114 @@
+"""Error curves of branches and of other programs on one axis: which, how many points, and how often they are drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from ispom_app import colours
+from ispom_app.run.playback import Playback
+from ispom_app.session.branching.branches import Branch
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.state import State, reduce
+from ispom_app.viser_ui.panels import error_curves as panels
+from ispom_app.viser_ui.panels.branches import BranchesPanel
+from ispom_app.viser_ui.panels.error_curves import ErrorCurvesPanel, error_curves, thinned
+
+from tests import doubles
+from tests.alone import METHODS
+from tests.app import helpers
+from tests.app.run.beside.made import beside, elsewhere, written
+
+SEQUENCE = doubles.sequence(20)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
+    path = written(tmp_path_factory.mktemp("beside") / "a.tum", elsewhere(SEQUENCE, unit_m=0.9))
+    found = CurrentRun(Playback(SEQUENCE, METHODS, builder=helpers.build, beside=(beside(SEQUENCE, path),)), 10**8)
+    while not found.playback.done:
+        found.step()
+    return found
+
+
+@pytest.fixture
+def state(run: CurrentRun) -> State:
+    count = len(run.history)
+    branches = (Branch(0, "first run", computed=count), Branch(1, "fewer", 0, 5, (), 16))
+    return replace(reduce(State("double:20"), run.opened), branches=branches, computed=count)
+
+
+def labels(state: State, run: CurrentRun) -> list[str]:
+    return [curve.label for curve in error_curves(state, lambda _: run.series)]
+
+
+def test_every_drawn_branch_and_every_other_program_has_its_curves(state: State, run: CurrentRun) -> None:
+    own = [colours.label(m) for m in METHODS]
+    assert labels(state, run) == [*own, *(f"fewer: {label}" for label in own), "orb"]
+    hidden = replace(state, branches=(state.branches[0], replace(state.branches[1], hidden=True)))
+    assert labels(hidden, run) == [*own, "orb"]
+    curves = list(error_curves(state, lambda _: run.series))
+    assert len(curves[0].values) == 22 and len(curves[len(own)].values) == 16, "each as far as it is computed"
+    assert curves[-1].colour == colours.beside(0) and curves[len(own)].colour == state.branches[1].colour
+
+
+def test_a_source_without_truth_has_none(run: CurrentRun) -> None:
+    bare = CurrentRun(Playback(replace(SEQUENCE, truth=None), METHODS, builder=helpers.build), 10**8)
+    bare.step()
+    state = replace(reduce(State("double:20"), bare.opened), computed=1)
+    assert not list(error_curves(state, lambda _: bare.series))
+
+
+def test_a_point_is_the_largest_error_of_its_exposures() -> None:
+    values = np.array([1.0, 5.0, np.nan, 2.0, np.nan, np.nan, 7.0])
+    assert np.array_equal(thinned(values, 9, 2), [5.0, 2.0, np.nan, 7.0, np.nan], equal_nan=True)
+
+
+class Drawn:
+    """A panel on a clock, and how often its picture was sent."""
+
+    def __init__(self, server: viser.ViserServer, run: CurrentRun, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.clock = SimpleNamespace(now=100.0)
+        monkeypatch.setattr(panels, "time", SimpleNamespace(monotonic=lambda: self.clock.now))
+        session: Any = SimpleNamespace(branch=lambda _: run)
+        self.panel = ErrorCurvesPanel(server.gui, session)
+
+    @property
+    def points(self) -> int:
+        assert self.panel._plot is not None
+        return len(self.panel._plot.data[0])
+
+
+def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, run, monkeypatch) -> None:
+    drawn = Drawn(server, run, monkeypatch)
+    seen = []
+    for computed, at_s in ((4, 100.0), (8, 100.5), (12, 101.0), (16, 101.5)):
+        drawn.clock.now = at_s
+        branch = replace(state.branches[0], computed=computed)
+        drawn.panel.show(replace(state, computed=computed, branches=(branch,)))
+        seen.append(drawn.points)
+    assert seen == [4, 4, 12, 12]
+    branch = replace(state.branches[0], computed=22)
+    drawn.panel.show(replace(state, ended=True, branches=(branch,)))
+    assert drawn.points == 22, "the end is drawn at once"
+
+
+def test_a_long_run_has_no_more_points_than_the_plot_has_room_for(server, state, run, monkeypatch) -> None:
+    monkeypatch.setattr(panels, "MOST_POINTS", 10)
+    drawn = Drawn(server, run, monkeypatch)
+    drawn.panel.show(state)
+    assert drawn.points == 8
+
+
+def test_the_table_has_a_row_for_each_other_program(server: viser.ViserServer, state: State) -> None:
+    session: Any = SimpleNamespace(state=state, post=print)
+    text = BranchesPanel(server.gui, session)._text.content
+    assert "Other programs" in text and "orb: a.tum, aligned to the ground truth by se3" in text
+    (other,) = state.beside
+    assert other.of_truth is not None and f"{other.of_truth.rmse_m(22):.3f} m" in text
+    assert Path(other.given.file.path).name in text
