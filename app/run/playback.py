@@ -24,7 +24,7 @@ from .events import Finished, Opened, Stepped, blank
 from .model.placing import Placing
 
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
-"""Makes the estimators of the asked methods; InputError as `ispom.estimators.build`."""
+"""Makes the estimators of the asked methods; InputError as `ispom.ensemble.build`."""
 UNREADABLE_SHARE = 0.01
 """A run goes on without this share of its exposures; more that are unreadable end it."""
 

@@ -40,9 +40,9 @@ def scaled(f, a):
 
 
 @part
-def vector(array, i):
-    """Row i of an array (N, 3)."""
-    return array[i, 0], array[i, 1], array[i, 2]
+def vector(array, i, first=0):
+    """Row i of an array (N, 3), or three of more columns from `first` on."""
+    return array[i, first], array[i, first + 1], array[i, first + 2]
 
 
 @part
@@ -68,9 +68,9 @@ def vector6(array, i):
 
 
 @part
-def store(array, i, v):
-    """Into row i of an array (N, 3)."""
-    array[i, 0], array[i, 1], array[i, 2] = v
+def store(array, i, v, first=0):
+    """Into row i of an array (N, 3), or into three of more columns from `first` on."""
+    array[i, first], array[i, first + 1], array[i, first + 2] = v
 
 
 @part

@@ -146,7 +146,7 @@ class Equations:
         poses, extra = POSE * views, len(window.extra)
         blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, extra + 1, POSE))
         eliminated = Eliminated(
-            np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.empty((points, extra, 3))
+            np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, extra, 3))
         )
         corner = np.zeros((extra, extra + 1))
         reduce_points(scale, damping, Reduced(blocks, side, corner), eliminated, _observed(window))

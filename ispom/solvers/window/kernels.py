@@ -63,26 +63,17 @@ class Eliminated(NamedTuple):
     """(M, E, 3) blocks of corrections and point."""
 
 
-class Terms(NamedTuple):
-    """Of the observations of one point, weighted; as many rows as the longest track has observations."""
-
-    hessian: Array
-    """(L, 6) second derivatives by q."""
-    gradient: Array
-    """(L, 3) by q."""
-    mixed: Array
-    """(L, 3) by q and the first correction."""
-    factors: Array
-    """(L, E) the derivative by each correction is so many times that by the first."""
+GRADIENT, MIXED, FACTORS = 6, 9, 12
+"""Columns of `terms` (L, 12 + E), a row for each observation of one point, weighted: second derivatives by q (6), from
+here on the gradient by q (3), the derivatives by q and the first correction (3), and the derivative by each correction
+(E) as a multiple of that by the first."""
 
 
 @kernel(error_model="numpy", fastmath={"contract"})
 def reduce_points(scale, damping, reduced, eliminated, observed):
     """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
     longest, end, per = _longest(observed.owners), np.int64(0), 1.0 / (scale * scale)
-    terms = Terms(
-        np.empty((longest, 6)), np.empty((longest, 3)), np.empty((longest, 3)), np.empty((longest, len(observed.extra)))
-    )
+    terms = np.empty((longest, FACTORS + len(observed.extra)))
     for m in range(len(observed.points)):
         end = _reduce_point(m, end, per, damping, reduced, eliminated, terms, observed)
 
@@ -115,23 +106,21 @@ def _linearise(m, begin, per, reduced, eliminated, terms, observed):
     """Sums up the observations of point m, from `begin` on: where they end, its own block (6), its gradient (3)."""
     block, gradient, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), begin
     wrong, baseline = correction(observed.extra), observed.baseline
-    eliminated.mixed_extra[m] = 0.0
     while k < len(observed.owners) and observed.owners[k] == m:
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
             seen, rate = vector(observed.seen, k), observed.rates[k]
             hessian, by_q, mixed, second, first = linearised(q, seen, rate, baseline, wrong, per)
-            fill_factors(terms.factors, n, q, rate, baseline)
+            fill_factors(terms, n, FACTORS, q, rate, baseline)
             with_point, own = congruent(rotation, hessian)
             block, gradient = plus6(block, own), plus(gradient, times_transposed(rotation, by_q))
             _store_mixed(eliminated.mixed, k, q, with_point)
             _add_corrections(m, n, times_transposed(rotation, mixed), second, first, reduced, eliminated, terms)
-            store6(terms.hessian, n, hessian)
-            store(terms.gradient, n, by_q)
-            store(terms.mixed, n, mixed)
+            store6(terms, n, hessian)
+            store(terms, n, by_q, GRADIENT)
+            store(terms, n, mixed, MIXED)
         else:
-            eliminated.mixed[k], terms.hessian[n], terms.gradient[n], terms.mixed[n] = 0.0, 0.0, 0.0, 0.0
-            terms.factors[n] = 0.0
+            eliminated.mixed[k], terms[n] = 0.0, 0.0
         k += 1
     return k, block, gradient
 
@@ -158,14 +147,15 @@ def _mixed(mixed, k):
 @part
 def _add_corrections(m, n, by_point, second, first, reduced, eliminated, terms):
     """Adds observation n of point m to the blocks of the corrections, from its derivatives by the first one."""
-    factors, corner = terms.factors, reduced.corner
+    corner = reduced.corner
     for e in range(len(corner)):
-        eliminated.mixed_extra[m, e, 0] += factors[n, e] * by_point[0]
-        eliminated.mixed_extra[m, e, 1] += factors[n, e] * by_point[1]
-        eliminated.mixed_extra[m, e, 2] += factors[n, e] * by_point[2]
+        factor = terms[n, FACTORS + e]
+        eliminated.mixed_extra[m, e, 0] += factor * by_point[0]
+        eliminated.mixed_extra[m, e, 1] += factor * by_point[1]
+        eliminated.mixed_extra[m, e, 2] += factor * by_point[2]
         for d in range(e + 1):
-            corner[e, d] += factors[n, e] * factors[n, d] * second
-        corner[e, len(corner)] += factors[n, e] * first
+            corner[e, d] += factor * terms[n, FACTORS + d] * second
+        corner[e, len(corner)] += factor * first
 
 
 @part
@@ -184,17 +174,16 @@ def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminat
     """Schur complement of observation i's pose: with the corrections, the gradient, and the poses that come after."""
     n, c, (q, f) = i - begin, cameras[i], _mixed(eliminated.mixed, i)
     gain = product(f, symmetric(inverted))
-    n_extra = terms.factors.shape[1]
+    n_extra = terms.shape[1] - FACTORS
     for e in range(n_extra):
-        own = scaled(terms.factors[n, e], vector(terms.mixed, n))
+        own = scaled(terms[n, FACTORS + e], vector(terms, n, MIXED))
         add_by_twist(reduced.side, c, e, q, minus(own, times(gain, vector3(eliminated.mixed_extra, m, e))))
-    add_by_twist(reduced.side, c, n_extra, q, minus(vector(terms.gradient, n), times(gain, gradient)))
-    for j in range(i, end):
+    add_by_twist(reduced.side, c, n_extra, q, minus(vector(terms, n, GRADIENT), times(gain, gradient)))
+    own = _minus_symmetric(product_transposed(f, gain), vector6(terms, n))
+    subtract_by_twists(reduced.blocks, c, c, q, own, q)
+    for j in range(i + 1, end):
         u, other = _mixed(eliminated.mixed, j)
-        k = product_transposed(other, gain)
-        if i == j:
-            k = _minus_symmetric(k, vector6(terms.hessian, n))
-        subtract_by_twists(reduced.blocks, cameras[j], c, u, k, q)
+        subtract_by_twists(reduced.blocks, cameras[j], c, u, product_transposed(other, gain), q)
 
 
 @part

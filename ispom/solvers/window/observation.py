@@ -114,15 +114,15 @@ def by_image(x, y, right, seen_right, rate, baseline, extra):
 
 
 @part
-def fill_factors(out, n, q, rate, baseline):
-    """Into out[n] (E,): the derivative of the errors by each correction, as a multiple of that by the first."""
+def fill_factors(out, n, first, q, rate, baseline):
+    """Into row n of `out`, column `first` on (E): the errors' derivative by each correction over that by the first."""
     iz = 1.0 / q[2]
     x, y = q[0] * iz, q[1] * iz
     right = x - baseline * iz
     square = x * x + y * y if baseline == 0.0 else right * right
-    out[n, 0], out[n, 1] = 1.0, square if baseline == 0.0 else rate * (1.0 + square)
-    if out.shape[1] > 2:
-        out[n, 2], out[n, 3] = square, square * square
+    out[n, first], out[n, first + 1] = 1.0, square if baseline == 0.0 else rate * (1.0 + square)
+    if out.shape[1] > first + 2:
+        out[n, first + 2], out[n, first + 3] = square, square * square
 
 
 @part
