@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from ispom.types import Step
+from ispom.types import Decision, Step
 
 from ..run.folder.digests import DIGESTS
-from ..run.history.quantities import DROPPED, STEP_QUANTITIES, finite, step_values
+from ..run.folder.step_log import POSE
+from ..run.history.quantities import DROPPED, STEP_QUANTITIES, Value, finite, step_values
+from ..run.history.record import ExposureRecord
 from .compare import ORIENTATION, Compared, MethodRow
 
 FATES = ("tracks_digest", "alive", "new", *DROPPED)
@@ -19,26 +20,15 @@ FROM_POINTS = frozenset({*FATES, "inliers", "residual_median_px", "landmarks", "
 AT_LAST = tuple(key for key in DIGESTS if key not in FATES)
 
 
-@dataclass(frozen=True)
-class Made:
-    """A check as it was made."""
-
-    name: str
-    """Its key; KEY.ABOUT where it is about something."""
-    value: float | None
-    threshold: float | None
-    passed: bool
-    consequence: str
-
-
 def in_order(
-    said: Mapping[str, Compared], checks: Iterable[Made], pose: tuple[float, ...] | None
+    said: Mapping[str, Value], checks: Iterable[Decision], pose: tuple[float, ...] | None
 ) -> Mapping[str, Compared]:
     """`said` by key of STEP_QUANTITIES and DIGESTS; the pose as (x, y, z, qx, qy, qz, qw)."""
-    found = {key: said[key] for key in FATES}
-    for check in checks:
-        found |= {check.name: check.value, f"{check.name}.threshold": check.threshold}
-        found |= {f"{check.name}.passed": check.passed, f"{check.name}.consequence": check.consequence}
+    found: dict[str, Compared] = {key: said[key] for key in FATES}
+    for d in checks:
+        name = ".".join(filter(None, (d.key, d.about)))
+        found |= {name: finite(d.value), f"{name}.threshold": finite(d.threshold)}
+        found |= {f"{name}.passed": bool(d.passed), f"{name}.consequence": d.consequence}
     found |= {key: said[key] for key in RESULTS}
     if pose is not None:
         found |= {"position": pose[:3], ORIENTATION: pose[3:]}
@@ -48,16 +38,24 @@ def in_order(
 def step_row(index: int, step: Step, error_m: float | None) -> MethodRow:
     """Of a step in memory: the same as its run's folder gives."""
     said = {**step_values(step, error_m), **{key: of(step) for key, of in DIGESTS.items()}}
-    made = [
-        Made(
-            ".".join(filter(None, (d.key, d.about))),
-            finite(d.value),
-            finite(d.threshold),
-            bool(d.passed),
-            d.consequence,
-        )
-        for d in step.decisions
-    ]
     pose = step.world_from_frame
     numbers = None if pose is None else (*pose.translation.tolist(), *pose.xyzw.tolist())
-    return MethodRow(index, step.time_ns, step.method, in_order(said, made, numbers))
+    return MethodRow(index, step.time_ns, step.method, in_order(said, step.decisions, numbers))
+
+
+def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[MethodRow]:
+    """Of the exposure's steps of these methods, be they computed or read from a run's folder."""
+    for step in record.steps:
+        if step.method not in methods:
+            continue
+        if record.stored is None:
+            yield step_row(record.index, step, record.errors_m.get(step.method))
+        else:
+            said = record.stored[step.method]
+            yield MethodRow(record.index, step.time_ns, step.method, in_order(said, step.decisions, stored_pose(said)))
+
+
+def stored_pose(said: Mapping[str, Value]) -> tuple[float, ...] | None:
+    """(x, y, z, qx, qy, qz, qw) of a row of steps.csv; None where it has no pose."""
+    numbers = tuple(value for value in map(said.get, POSE) if isinstance(value, float))
+    return numbers or None

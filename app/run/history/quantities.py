@@ -125,8 +125,14 @@ def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
 def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
     """By key. Where a step has the same check several times, that of the least margin counts."""
     found = {quantity.key: known(quantity.of(step, error_m)) for quantity in STEP_QUANTITIES}
+    return found | check_values(step.decisions)
+
+
+def check_values(decisions: Iterable[Decision]) -> dict[str, Value]:
+    """What the checks of a step say, by key."""
+    found: dict[str, Value] = {}
     worst: dict[str, Decision] = {}
-    for decision in step.decisions:
+    for decision in decisions:
         if decision.key not in worst or decision.margin < worst[decision.key].margin:
             worst[decision.key] = decision
     for key, d in worst.items():
@@ -136,8 +142,13 @@ def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
 
 
 def row_after(before: Row, index: int, time_ns: int, steps: Iterable[Step], errors_m: Mapping[str, float]) -> Row:
-    """The row at an exposure: of methods that did not step on it, what they said at their latest, but for MOMENTARY."""
+    """The row at an exposure, of its steps: see `row_with`."""
     said = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
+    return row_with(before, index, time_ns, said)
+
+
+def row_with(before: Row, index: int, time_ns: int, said: Row) -> Row:
+    """The row at an exposure: of methods that did not step on it, what they said at their latest, but for MOMENTARY."""
     return {
         **{method: _over(values) for method, values in before.items()},
         "": {"exposure": index, "time_s": time_ns / 1e9},

@@ -9,6 +9,7 @@ from ispom.geometry import Similarity
 from ispom.types import Exposure, Kind, Status, Step, VideoFrame
 
 from ..events import Stepped
+from .quantities import Row, by_method, step_values
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,9 @@ class ExposureRecord:
     skipped: str = ""
     thinned: bool = False
     """Whether its tracks, landmarks and residuals were given up to keep the history small; all else is there."""
+    stored: Row | None = None
+    """By method, all values of the row in a run's folder that it was read from: quantities, checks, pose and digests.
+    Its steps have no tracks, landmarks, residuals, covariances and revised poses then. None: it was computed here."""
 
     @staticmethod
     def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
@@ -51,6 +55,13 @@ class ExposureRecord:
             statuses,
             event.skipped,
         )
+
+    @property
+    def said(self) -> Row:
+        """By method that stepped on it: the values by key."""
+        if self.stored is not None:
+            return self.stored
+        return {m: step_values(step, self.errors_m.get(m)) for m, step in by_method(self.steps).items()}
 
     def stepped(self, exposure: Exposure) -> Stepped:
         """The event that this record came from, with its exposure read again."""

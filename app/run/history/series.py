@@ -11,7 +11,7 @@ import numpy as np
 from ispom.geometry import Array
 from ispom.methods import with_asked
 
-from .quantities import NO_ROW, Quantity, Row, Value, by_method, quantities, row_after
+from .quantities import NO_ROW, Quantity, Row, Value, quantities, row_with
 from .record import ExposureRecord
 
 MISSING = math.nan
@@ -35,12 +35,12 @@ class Series:
 
     def append(self, record: ExposureRecord) -> None:
         """The next exposure."""
-        self._row = row_after(self._row, record.index, record.time_ns, record.steps, record.errors_m)
+        said = record.said
+        self._row = row_with(self._row, record.index, record.time_ns, said)
         for name, quantity in self.quantities.items():
             self._columns[name].append(_as_number(quantity, self._row.get(quantity.method, {}).get(quantity.key)))
-        said = {"", *by_method(record.steps)}
         for method, stepped in self._stepped.items():
-            stepped.append(method in said)
+            stepped.append(not method or method in said)
         self._length += 1
 
     def until(self, count: int, methods: Iterable[str]) -> Series:

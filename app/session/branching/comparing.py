@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from ispom.errors import InputError
 
 from ...diff.compare import Divergence, MethodRow, divergences
-from ...diff.order import FROM_POINTS, step_row
+from ...diff.order import FROM_POINTS, record_rows
 from ...run.history.record import ExposureRecord
 from ..current_run import CurrentRun
 from .branches import Branch
@@ -103,9 +103,7 @@ def _after(now: Comparison, a: CurrentRun, b: CurrentRun) -> Comparison:
 
 
 def _rows(record: ExposureRecord, methods: tuple[str, ...], thinned: bool) -> Iterator[MethodRow]:
-    for step in record.steps:
-        if step.method in methods:
-            row = step_row(record.index, step, record.errors_m.get(step.method))
-            if thinned:
-                row = replace(row, values={k: v for k, v in row.values.items() if k not in FROM_POINTS})
-            yield row
+    for row in record_rows(record, methods):
+        if thinned:
+            row = replace(row, values={k: v for k, v in row.values.items() if k not in FROM_POINTS})
+        yield row

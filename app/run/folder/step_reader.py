@@ -1,0 +1,164 @@
+"""steps.csv and decisions.csv read again, row by row, with the place of every mistake. Nothing in them is trusted."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import TextIOWrapper
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+from typing import get_args
+
+from ispom.errors import InputError
+from ispom.io.files import exists, opened
+from ispom.types import Decision, Frame
+
+from ..history.quantities import STEP_QUANTITIES, Value, check_values, finite
+from .digests import DIGESTS
+from .run_folder import DECISIONS, STEPS
+from .step_log import DECISION_COLUMNS, POSE, STEP_COLUMNS
+
+Record = tuple[int, dict[str, str]]
+"""Number of the line, and the cells by column."""
+KINDS = {quantity.key: quantity.kind for quantity in STEP_QUANTITIES}
+RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), ("requirement", "trigger", "finding")
+
+
+@dataclass(frozen=True, eq=False)
+class StoredStep:
+    """What one method said at one exposure, as the folder has it."""
+
+    exposure: int
+    time_ns: int
+    method: str
+    frame: Frame
+    said: Mapping[str, Value]
+    """By key: quantities, checks, the pose as POSE (absent without one), and digests."""
+    seconds: Mapping[str, float]
+    """By stage."""
+    decisions: tuple[Decision, ...]
+    """NaN for a value or threshold that was not finite."""
+
+
+@contextmanager
+def stored_steps(folder: Path) -> Iterator[Iterator[StoredStep]]:
+    """Of a run's folder, in order; InputError, also while they are read, where there are none, or not as written."""
+    for name in (STEPS, DECISIONS):
+        if not exists(folder / name):
+            cure = "finish it with `ispom repair`, or run again" if folder.is_dir() else "give the folder of a run"
+            raise InputError(f"{folder} has no {name}: {cure}")
+    with opened(folder / STEPS) as steps, opened(folder / DECISIONS) as decisions:
+        yield _joined(
+            folder,
+            _records(folder / STEPS, TextIOWrapper(steps, "utf-8", newline=""), STEP_COLUMNS),
+            _records(folder / DECISIONS, TextIOWrapper(decisions, "utf-8", newline=""), DECISION_COLUMNS),
+        )
+
+
+def _records(path: Path, file: TextIOWrapper, columns: tuple[str, ...]) -> Iterator[Record]:
+    reader = csv.DictReader(file, strict=True)
+    try:
+        if tuple(reader.fieldnames or ()) != columns:
+            raise InputError(f"{path} was not written by this version: run again")
+        for row in reader:
+            if None in row or None in row.values():
+                raise InputError(f"{path} line {reader.line_num} has not {len(columns)} columns: run again")
+            yield reader.line_num, row
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"{path} line {reader.line_num + 1} is no CSV ({error}): run again") from None
+
+
+def _joined(folder: Path, steps: Iterator[Record], decisions: Iterator[Record]) -> Iterator[StoredStep]:
+    """Each step with its decisions; both files are in the same order, and are read side by side.
+
+    Of a run whose disk was full, either file may end first.
+    """
+    cells = itemgetter(1)
+    groups = groupby(decisions, lambda record: (cells(record)["exposure"], cells(record)["method"]))
+    place, group = next(groups, (None, iter(())))
+    latest = -1
+    for line, row in steps:
+        made: Iterable[Record] = ()
+        if place == (row["exposure"], row["method"]):
+            made = group
+        found = _step(folder, line, row, made)
+        if found.exposure < latest:
+            raise _wrong(folder / STEPS, line, "exposure", row)
+        latest = found.exposure
+        yield found
+        if made:
+            place, group = next(groups, (None, iter(())))
+    while place is not None:
+        for line, row in group:
+            if _whole(folder / DECISIONS, line, row, "exposure") <= latest:
+                raise _wrong(folder / DECISIONS, line, "exposure", row)
+        place, group = next(groups, (None, iter(())))
+
+
+def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record]) -> StoredStep:
+    path = folder / STEPS
+    decisions = tuple(_decision(folder / DECISIONS, number, cells) for number, cells in made)
+    said = {key: _value(path, line, row, key) for key in (*KINDS, *DIGESTS)} | check_values(decisions)
+    if row["x"]:
+        said |= {name: _number(path, line, row, name) for name in POSE}
+    if row["frame"] not in get_args(Frame):
+        raise _wrong(path, line, "frame", row)
+    exposure, time_ns = (_whole(path, line, row, name) for name in ("exposure", "time_ns"))
+    seconds = {
+        name: _number(path, line, {"stages": value}, "stages") or 0.0
+        for name, _, value in (pair.rpartition("=") for pair in filter(None, row["stages"].split(";")))
+    }
+    return StoredStep(exposure, time_ns, row["method"], row["frame"], said, seconds, decisions)  # type: ignore[arg-type]
+
+
+def _decision(path: Path, line: int, row: Mapping[str, str]) -> Decision:
+    for name, known in (("relation", RELATIONS), ("kind", DECISION_KINDS)):
+        if row[name] not in known:
+            raise _wrong(path, line, name, row)
+    value, threshold = (_number(path, line, row, name) for name in ("value", "threshold"))
+    return Decision(
+        row["name"],
+        math.nan if value is None else value,
+        math.nan if threshold is None else threshold,
+        row["passed"] == "1",
+        row["unit"],
+        row["relation"],  # type: ignore[arg-type]
+        row["consequence"],
+        row["key"],
+        row["question"],
+        row["kind"],  # type: ignore[arg-type]
+        row["about"],
+    )
+
+
+def _value(path: Path, line: int, row: Mapping[str, str], key: str) -> Value:
+    kind = KINDS.get(key, "text")
+    if kind == "number":
+        return _number(path, line, row, key)
+    return row[key] == "1" if kind == "flag" else row[key]
+
+
+def _number(path: Path, line: int, row: Mapping[str, str], name: str) -> float | None:
+    if not row[name]:
+        return None
+    try:
+        found = float(row[name])
+    except ValueError:
+        found = math.nan
+    if finite(found) is None:
+        raise _wrong(path, line, name, row)
+    return found
+
+
+def _whole(path: Path, line: int, row: Mapping[str, str], name: str) -> int:
+    if not (row[name].removeprefix("-").isdecimal() and len(row[name]) < 20):
+        raise _wrong(path, line, name, row)
+    return int(row[name])
+
+
+def _wrong(path: Path, line: int, name: str, row: Mapping[str, str]) -> InputError:
+    return InputError(f"{path} line {line}: {name} is {row[name][:40]!r}, not as `ispom run` writes it: run again")
