@@ -168,11 +168,12 @@ class Demo(Serve):
 
 @dataclass(frozen=True, kw_only=True)
 class App(Serve):
-    """Opens the app on a source."""
+    """Opens the app on a source, or on a run or a recording that is over."""
 
     source: tyro.conf.Positional[str]
     """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live
-    camera: camera:0, http://..., rtsp://..."""
+    camera: camera:0, http://..., rtsp://...; or, for review, a folder that `ispom run` wrote, or a recording
+    (FILE.rrd)."""
 
 
 @dataclass(frozen=True, kw_only=True)

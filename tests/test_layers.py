@@ -32,6 +32,7 @@ APP_LAYERS = (
     {"run"},
     {"diff", "expressions"},
     {"rerun_log"},
+    {"review"},
     {"session"},
     {"viser_ui"},
     {"page"},

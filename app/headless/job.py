@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..expressions.until import Until
 from ..options import Run
+from ..run.folder.placements import PlacementLog
 from ..run.folder.run_file import RunFile, fork_entry
 from ..run.folder.run_folder import RunFolder
 from ..run.playback import Playback, Stage
@@ -31,7 +32,7 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One run: what was asked for, and the two things that change while it goes on."""
+    """One run: what was asked for, and what changes while it goes on."""
 
     options: Run
     methods: tuple[str, ...]
@@ -40,3 +41,4 @@ class Job:
     playback: Playback
     watch: Until
     folder: RunFolder
+    placements: PlacementLog = field(default_factory=PlacementLog)

@@ -38,7 +38,10 @@ def describe(job: Job, images_sha256: str | None = None) -> None:
     stopped = None if stop is None else {n: getattr(stop, n) for n in ("exposure", "time_ns", "values")}
     forked = job.origin.entries if job.origin is not None else []
     source = without_secrets(options.source)
-    job.folder.write(RUN, run_file(source, job.playback.sequence, used, config, images_sha256, forked, stopped).text)
+    found = run_file(
+        source, job.playback.sequence, used, config, images_sha256, forked, stopped, job.placements.entries
+    )
+    job.folder.write(RUN, found.text)
 
 
 def write_results(job: Job, finished: Finished, statistics: RunStatistics, maps: MapCollectors) -> None:

@@ -44,7 +44,7 @@ def play(job: Job, signals: Signals) -> Played:
                 while playback.more():
                     event = playback.step()
                     maps.add(event.steps)
-                    for consumer in (statistics, log, journal, record, job.watch):
+                    for consumer in (statistics, log, journal, record, job.placements, job.watch):
                         consumer.add(event)
                     advance()
                     signals.check()

@@ -9,7 +9,7 @@ from contextlib import suppress
 from aiohttp import web
 
 from ..rerun_log.rrd import HEADER
-from ..rerun_log.tape import Tape
+from ..rerun_log.stored_tape import AnyTape
 from .wakeup import Wakeup
 
 MESSAGE_BYTES = 1 << 20
@@ -26,7 +26,7 @@ class TapeReader:
     item after its last (4 bytes, big-endian), then an `.rrd` stream.
     """
 
-    def __init__(self, tape: Callable[[], Tape | None], grown: Wakeup, run: str = "", next_item: int = 0) -> None:
+    def __init__(self, tape: Callable[[], AnyTape | None], grown: Wakeup, run: str = "", next_item: int = 0) -> None:
         self._tape, self._grown = tape, grown
         self._run, self._next = run, next_item
 

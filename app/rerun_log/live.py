@@ -14,6 +14,7 @@ import logging
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import rerun as rr
 
@@ -25,6 +26,7 @@ from . import blueprint
 from .batch import Batch, Columns, Entry
 from .recorder import Recorder
 from .rrd import messages
+from .stored_tape import AnyTape, StoredTape
 from .streams import APPLICATION, send
 from .tape import Tape
 
@@ -39,7 +41,7 @@ class LiveStream:
     """Its own thread turns events into `.rrd` bytes on a tape; `write` only hands over."""
 
     def __init__(self) -> None:
-        self.tape: Tape | None = None
+        self.tape: AnyTape | None = None
         """Of the run that is shown; None before the first."""
         self.grown = Subscribers()
         """Told whenever there is more on the tape, or another tape."""
@@ -61,6 +63,14 @@ class LiveStream:
         tape, feed = self.tape, self._feed = Tape(), Feed(opened, history, rereads=False)
         arguments = (Recorder(opened), feed, tape)
         threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
+        self.grown.notify()
+
+    def replay(self, recording: Path) -> None:
+        """Shows a finished recording in place of a run. InputError where it cannot be read."""
+        tape = StoredTape(recording)
+        self.close()
+        self._failure = None
+        self.tape = tape
         self.grown.notify()
 
     def write(self, event: Event) -> None:
@@ -85,8 +95,9 @@ class LiveStream:
         """Ends the run for its readers; what is still on its way is lost."""
         feed, tape = self._feed, self.tape
         self._feed = self.tape = None
-        if feed is not None and tape is not None:
+        if feed is not None:
             feed.close()
+        if tape is not None:
             tape.close()
             self.grown.notify()
 

@@ -8,9 +8,14 @@ The end holds an index (two thirds of a small stream); a viewer that is fed piec
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import rerun as rr
+
+from ispom.errors import InputError
+from ispom.io.files import read_head
 
 _HEADER_BYTES = 12
 _HEAD = struct.Struct("<QQ")
@@ -43,6 +48,24 @@ HEADER = _header()
 """What every stream of this version begins with."""
 
 
+def require_readable(path: Path) -> None:
+    """InputError where the file is no finished recording of the Rerun version that is installed."""
+    begins = read_head(path, len(HEADER))
+    if begins[:4] != HEADER[:4] or len(begins) < len(HEADER):
+        raise InputError(f"{path} is no Rerun recording: give a .rrd file")
+    written, own = (f"{stream[4]}.{stream[5]}" for stream in (begins, HEADER))
+    if written != own:
+        raise InputError(
+            f"{path} was written by Rerun {written}, and the viewer here is {own}: open it with Rerun's own"
+        )
+    try:
+        finished = is_finished(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): check its permissions") from None
+    if not finished:
+        raise InputError(f"{path} has no index, for its writer was stopped: finish it with `ispom repair`")
+
+
 def whole_bytes(path: Path) -> int:
     """Length of the file's whole messages; 0 where it is no stream. OSError where it cannot be read."""
     size = path.stat().st_size
@@ -69,21 +92,26 @@ def is_finished(path: Path) -> bool:
         return file.read() == _LAST
 
 
+def message_starts(file: BinaryIO) -> Iterator[tuple[int, int]]:
+    """(place, kind) of each message, and at last the place where they end, of kind 0."""
+    at, size = _HEADER_BYTES, file.seek(0, 2)
+    while at < size:
+        file.seek(at)
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            break
+        kind, content = _HEAD.unpack(head)
+        if kind == _END:
+            break
+        yield at, kind
+        at += _HEAD.size + content
+    yield at, _END
+
+
 def count_messages(path: Path) -> int:
     """How many chunks of data a file holds. OSError where it cannot be read."""
-    count, at, size = 0, _HEADER_BYTES, path.stat().st_size
     with path.open("rb") as file:
-        while at < size:
-            file.seek(at)
-            head = file.read(_HEAD.size)
-            if len(head) < _HEAD.size:
-                break
-            kind, content = _HEAD.unpack(head)
-            if kind == _END:
-                break
-            count += kind == _DATA
-            at += _HEAD.size + content
-    return count
+        return sum(kind == _DATA for _, kind in message_starts(file))
 
 
 def is_empty(path: Path) -> bool:

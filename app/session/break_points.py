@@ -41,7 +41,7 @@ def run_until(state: State, run: CurrentRun | None, condition: str) -> tuple[Eve
     if index is not None:
         moved = changed(playing=False, target=None, marked=expression), Displayed(run.history[index])
         return *moved, reached(expression, run, index)
-    last = len(run.playback.sequence) - 1
+    last = run.last
     if state.computed > last:
         raise InputError(f"{expression.text} holds at no exposure after {max(state.index, 0)}")
     return (changed(playing=False, target=last, until=expression, marked=expression),)

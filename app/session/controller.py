@@ -9,7 +9,6 @@ from ispom.methods import Config
 from ispom.sequences.address import without_secrets
 
 from ..options import SourceOptions
-from ..run.playback import Playback
 from . import break_points, moves
 from . import commands as do
 from .branching.desk import BranchDesk
@@ -64,8 +63,8 @@ class Controller:
             self._list_recordings()
         finally:
             self._open(self._first.source, self._first.options)
-        if self._autoplay and self._player.run is not None:
-            self._store.set(playing=True)
+        if self._autoplay:
+            self._play_on()
 
     def obey(self, command: do.Command) -> None:
         """InputError where it cannot be done."""
@@ -108,7 +107,7 @@ class Controller:
                 self._branches.compare(number)
             case do.Open(source, options):
                 if self._open(source, options):
-                    store.set(playing=True)
+                    self._play_on()
             case do.Record(name):
                 self._record(name)
             case do.StopRecording():
@@ -159,7 +158,10 @@ class Controller:
         self._store.emit(Opening(shown))
         self._store.busy(f"opening {shown}")
         try:
-            playback = self._opener.playback(source, options, self._wanted, before.config, strict=run is None)
+            found = self._opener.stored(source, self._history_bytes)
+            if found is None:
+                asked = source, options, self._wanted, before.config
+                found = CurrentRun(self._opener.playback(*asked, strict=run is None), self._history_bytes)
         except Exception as fault:
             if before.phase == "ready":
                 self._store.emit(Restored(before))
@@ -170,7 +172,7 @@ class Controller:
             return False
         if run is not None:
             run.stop()
-        self._begin(playback)
+        self._begin(found)
         recent = self._recent.add(source)
         self._store.set(source_options=options or before.source_options, recent=recent)
         return True
@@ -178,23 +180,35 @@ class Controller:
     def _restart(self, methods: tuple[str, ...], config: Config) -> None:
         if self._player.run is None:
             raise InputError("there is nothing to run yet: open a source first")
+        self._player.run.require_source()
         playback = self._opener.again(self._player.run.playback, methods, config)
         self._wanted = playback.methods
         self._store.emit(Opening(self._store.state.source))
-        self._begin(playback)
+        self._begin(CurrentRun(playback, self._history_bytes))
         self._store.set(playing=True)
 
-    def _begin(self, playback: Playback) -> None:
-        """The run that is on the screen from now on."""
+    def _begin(self, run: CurrentRun) -> None:
+        """The run that is on the screen from now on; one that is over is shown at its end."""
         self._stop_recording()
-        self._compiling.begin(playback)
-        run = self._player.run = CurrentRun(playback, self._history_bytes)
+        playback, self._player.run = run.playback, run
+        if not run.done:
+            self._compiling.begin(playback)
         self._branches.begin(run)
-        if playback.sequence.prepare is not None:
+        if playback.sequence.prepare is not None and run.stored is None:
             playback.sequence.prepare(0)
-        self._viewers.open(run.opened, run.history)
+        self._viewers.open(run.opened, run.history, run.stored.recording if run.stored is not None else None)
         self._player.move(run.opened)
-        self._compiling.explain()
+        if run.stored is not None:
+            self._player.move(*self._branches.reviewed())
+            if run.stored.unavailable:
+                self._store.emit(NoticeAdded(run.stored.unavailable, "info"))
+        elif not run.done:
+            self._compiling.explain()
+
+    def _play_on(self) -> None:
+        """A run that was opened plays by itself; one that is over waits to be looked at."""
+        if self._player.run is not None and self._player.run.stored is None:
+            self._store.set(playing=True)
 
     def _show(self, run: CurrentRun, resumed: Resumed) -> None:
         """Another branch, from now on."""
@@ -207,6 +221,8 @@ class Controller:
     def _record(self, name: str) -> None:
         if self._player.run is None:
             raise InputError("there is nothing to record yet: open a source first")
+        if self._player.run.stored is not None:
+            raise InputError("a run that is over is not recorded: fork it, and record the branch")
         self._recordings.start(name, self._player.run)
         self._store.set(recording=self._recordings.info())
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from threading import Thread
 
+from ispom.errors import InputError
 from ispom.methods import Config
 
+from ..diff.compare import divergences
+from ..diff.order import record_rows
+from ..review.stored import Stored
 from ..run.events import Finished, Opened, Stepped
 from ..run.history.checkpoints import Checkpoint, Checkpoints
 from ..run.history.history import History, Past
@@ -49,24 +54,72 @@ class CurrentRun:
         if past is not None:
             for index in range(playback.position, len(past)):
                 self._learn(past[index])
+        self.stored: Stored | None = None
+        """What it was read from; None for one that is computed here."""
+
+    @staticmethod
+    def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
+        """A run that is over: its exposures are read, not computed. InputError where they cannot be."""
+        history, series = History(0), Series(stored.methods)
+        for record in stored.records():
+            history.append(record)
+            series.append(record)
+        methods = stored.playback.methods
+        run = CurrentRun(stored.playback, memory_bytes, Past(history, len(history), methods), None, series)
+        run.stored = stored
+        run.opened = replace(run.opened, recording_id=stored.recording_id or run.opened.recording_id)
+        run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in methods})
+        return run
 
     def forked(self, at: int, methods: tuple[str, ...], config: Config) -> CurrentRun:
         """A run that is as this one up to exposure `at`, of those computed, and has these methods and settings from
         there on. InputError as `Playback.forked`."""
+        self.require_source()
         checkpoints = self.checkpoints.until(at)
         nearest = checkpoints.nearest(at)
         playback = self.playback.forked(at, methods, config, nearest.snapshot if nearest is not None else None)
         past, series = Past(self.history, at, playback.methods), self.series.until(at, playback.methods)
         return CurrentRun(playback, self._memory_bytes, past, checkpoints, series)
 
+    def require_source(self) -> None:
+        """InputError where nothing can be computed anew."""
+        if self.stored is not None and self.stored.unavailable:
+            raise InputError(self.stored.unavailable)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing comes any more. A run that was read goes on as a fork, and never itself."""
+        ended = self.playback.sequence.grow is None and len(self.history) >= len(self.playback.sequence)
+        return ended or self.stored is not None
+
+    @property
+    def last(self) -> int:
+        """The last exposure that can be shown, be it computed by then or not."""
+        return (len(self.history) if self.stored is not None else len(self.playback.sequence)) - 1
+
     @property
     def catching_up(self) -> bool:
         """Whether exposures that are known have to be run through again, to reach the state that a fork begins with."""
-        return self.playback.position < len(self.history)
+        return not self.done and self.playback.position < len(self.history)
 
-    def catch_up(self) -> None:
-        """Runs through one of them. InputError as `Playback.step`."""
-        self.playback.step()
+    def catch_up(self) -> str:
+        """Runs through one of them. InputError as `Playback.step`.
+
+        Where a stored run gave something else there, a sentence that says so; empty otherwise.
+        """
+        before = self.history[self.playback.position]
+        event = self.playback.step()
+        if before.stored is None:
+            return ""
+        methods = frozenset(step.method for step in before.steps)
+        rows = (record_rows(record, methods) for record in (before, ExposureRecord.of(event, None)))
+        found = next(divergences(*rows, tuple(methods)), None)
+        if found is None:
+            return ""
+        return (
+            f"the replay is not the stored run: {min(found.names)} differs at exposure {event.index}, by other images, "
+            "another version or another machine; what is computed from here on follows the replay"
+        )
 
     def step(self) -> tuple[Stepped, ExposureRecord]:
         """Computes the next exposure and keeps what was said of it. InputError as `Playback.step`."""

@@ -18,7 +18,7 @@ def play(state: State, run: CurrentRun | None, on: bool | None) -> tuple[Event, 
     """Play, pause, or (None) whichever it is not doing. At the end, playing starts over, or at the loop's start."""
     playing = run is not None and (not state.playing if on is None else on)
     events: list[Event] = [changed(playing=playing, target=None)]
-    if playing and run is not None and run.playback.done and state.index >= state.total - 1 and run.history:
+    if playing and run is not None and run.done and state.index >= state.total - 1 and run.history:
         events.insert(0, Displayed(run.history[state.loop.start if state.loop is not None else 0]))
     return tuple(events)
 
@@ -27,7 +27,7 @@ def seek(run: CurrentRun | None, index: int) -> tuple[Event, ...]:
     """Pause, and show this exposure, or the nearest that the source has; beyond the history it becomes the target."""
     if run is None:
         return ()
-    index = min(max(index, 0), len(run.playback.sequence) - 1)
+    index = min(max(index, 0), run.last)
     if index < len(run.history):
         return Displayed(run.history[index]), changed(playing=False, target=None)
     return (changed(playing=False, target=index),)
@@ -51,7 +51,7 @@ def step_to(
     index = first_match(expression, run.series, among)
     if index is not None:
         return seek(run, index)
-    last = len(run.playback.sequence) - 1
+    last = run.last
     if not forwards or state.computed > last:
         raise InputError(f"there is no key frame {'after' if forwards else 'before'} exposure {max(state.index, 0)}")
     return (changed(playing=False, target=last, until=expression),)
@@ -95,7 +95,7 @@ def around(state: State, run: CurrentRun) -> tuple[Event, ...]:
     """Back to the start of the loop, where playing came to its end."""
     if state.loop is None or len(run.history) <= state.loop.start:
         return ()
-    done = run.playback.done and state.index >= len(run.history) - 1
+    done = run.done and state.index >= len(run.history) - 1
     past = state.loop.end is not None and state.index >= state.loop.end
     return (Displayed(run.history[state.loop.start]),) if done or past else ()
 

@@ -24,6 +24,8 @@ class Player:
         self.run: CurrentRun | None = None
         self._store, self._viewers, self._recordings, self._compiling = store, viewers, recordings, compiling
         self._due_s = 0.0
+        self._apart: CurrentRun | None = None
+        """The run whose replay is not what is stored of it."""
 
     def move(self, *events: Event) -> None:
         """From now on as these events say, without waiting for the exposure that was due."""
@@ -54,10 +56,10 @@ class Player:
                 self._store.emit(*back)
             elif state.index + 1 < len(run.history):
                 self._store.emit(Displayed(run.history[state.index + 1]))
+            elif run.done:
+                self._store.set(playing=False)
             elif self._more(run):
                 self._compute(run)
-            elif run.playback.done:
-                self._store.set(playing=False)
             self._due_s = moves.due_s(self._store.state, run, self._due_s, time.monotonic())
 
     def _more(self, run: CurrentRun) -> bool:
@@ -75,8 +77,10 @@ class Player:
         if not self._compiling.ready(run.playback):
             return
         if run.catching_up:
-            self._store.busy(f"replaying exposure {run.playback.position} up to the fork at {len(run.history)}")
-            run.catch_up()
+            self._store.busy(f"replaying exposure {run.playback.position} up to {len(run.history)}")
+            if (apart := run.catch_up()) and run is not self._apart:
+                self._apart = run  # said once: what follows from the first difference differs as well
+                self._store.emit(NoticeAdded(apart))
             return
         self._store.busy(f"{run.doing(self._store.state.source)} exposure {run.playback.position}")
         event, record = run.step()

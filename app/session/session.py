@@ -88,7 +88,7 @@ class Session:
             viewers,
             compiler,
             self._branches,
-            opener=SourceOpener(opener, builder, variant, beside),
+            opener=SourceOpener(opener, builder, variant, beside, self.folders, source),
             first=do.Open(source),
             autoplay=autoplay,
             methods=methods,

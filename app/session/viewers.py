@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol
 
 from ..run.events import Event, Opened
@@ -21,6 +22,10 @@ class EventSink(Protocol):
         """Begins another run. What `history` of it holds is drawn first, without images."""
         ...
 
+    def replay(self, recording: Path) -> None:
+        """Shows a finished recording in place of a run. InputError where it cannot be read."""
+        ...
+
     def write(self, event: Event) -> None: ...
 
     def check(self) -> None:
@@ -35,12 +40,14 @@ class Viewers:
         self._wanted, self._tell = sink, tell
         self._sink: EventSink | None = None
         self._restarts = 0
+        self._begin: Callable[[EventSink], None] = lambda _: None
+        """Shows the run that is on the screen."""
 
-    def open(self, opened: Opened, history: History) -> None:
-        """Begins another run, whatever became of the one before."""
+    def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
+        """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
         self._sink, self._restarts = self._wanted, RESTARTS
-        self._run = opened, history
-        self._guarded(lambda sink: sink.open(opened, history))
+        self._begin = lambda sink: sink.open(opened, history) if recording is None else sink.replay(recording)
+        self._guarded(self._begin)
 
     def write(self, event: Event) -> None:
         self._guarded(lambda sink: sink.write(event))
@@ -60,7 +67,7 @@ class Viewers:
             if self._restarts:
                 self._restarts -= 1
                 self._tell(f"The live view failed and was started again ({reason}).")
-                self._guarded(lambda sink: sink.open(*self._run))
+                self._guarded(self._begin)
             else:
                 self._sink = None
                 self._tell(f"Live view stopped ({reason}); computation continues.")

@@ -50,6 +50,8 @@ class RunFile:
     """What ran before this run's settings, oldest first: {run, at, methods, config}; see `earlier`."""
     stopped: Mapping[str, Any] | None = None
     """By what --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not."""
+    placements: list[Mapping[str, Any]] = field(default_factory=list)
+    """Where in the shared world each method's own world is, from which exposure on; see placements.py."""
 
     @property
     def earlier(self) -> tuple[Stage, ...]:
@@ -88,6 +90,7 @@ def run_file(
     images_sha256: str | None = None,
     forked: Iterable[Mapping[str, Any]] = (),
     stopped: Mapping[str, Any] | None = None,
+    placements: Iterable[Mapping[str, Any]] = (),
 ) -> RunFile:
     """Of a run on this machine, with these versions."""
     return RunFile(
@@ -102,6 +105,7 @@ def run_file(
         platform.platform(),
         list(forked),
         stopped,
+        list(placements),
     )
 
 
@@ -149,6 +153,9 @@ def read_run_file(folder: Path) -> RunFile:
     forked = found.get("forked", [])
     if not isinstance(forked, list) or not all(isinstance(entry, dict) for entry in forked):
         raise InputError(f"{path} does not say what it was forked from as `ispom fork` writes it: restore the file")
+    placements = found.get("placements", [])
+    if not isinstance(placements, list) or not all(isinstance(entry, dict) for entry in placements):
+        raise InputError(f"{path} has no placements as `ispom run` writes them: restore the file, or run again")
     exposures, images, machine = found.get("exposures"), found.get("images_sha256"), found.get("platform")
     return RunFile(
         **{name: found[name] for name in _NEEDED},
@@ -156,6 +163,7 @@ def read_run_file(folder: Path) -> RunFile:
         images_sha256=images if isinstance(images, str) else None,
         platform=machine if isinstance(machine, str) else "",
         forked=forked,
+        placements=placements,
     )
 
 

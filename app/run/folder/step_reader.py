@@ -11,11 +11,11 @@ from io import TextIOWrapper
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
-from ispom.types import Decision, Frame
+from ispom.types import Decision, Frame, Status
 
 from ..history.quantities import STEP_QUANTITIES, Value, check_values, finite
 from .digests import DIGESTS
@@ -103,8 +103,11 @@ def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record
     path = folder / STEPS
     decisions = tuple(_decision(folder / DECISIONS, number, cells) for number, cells in made)
     said = {key: _value(path, line, row, key) for key in (*KINDS, *DIGESTS)} | check_values(decisions)
-    if row["x"]:
+    if any(row[name] for name in POSE):
         said |= {name: _number(path, line, row, name) for name in POSE}
+        _require_pose(path, line, row, [said[name] for name in POSE])
+    if said["status"] not in set(Status):
+        raise _wrong(path, line, "status", row)
     if row["frame"] not in get_args(Frame):
         raise _wrong(path, line, "frame", row)
     exposure, time_ns = (_whole(path, line, row, name) for name in ("exposure", "time_ns"))
@@ -113,6 +116,14 @@ def _step(folder: Path, line: int, row: Mapping[str, str], made: Iterable[Record
         for name, _, value in (pair.rpartition("=") for pair in filter(None, row["stages"].split(";")))
     }
     return StoredStep(exposure, time_ns, row["method"], row["frame"], said, seconds, decisions)  # type: ignore[arg-type]
+
+
+def _require_pose(path: Path, line: int, row: Mapping[str, str], numbers: list[Any]) -> None:
+    for name, number in zip(POSE, numbers, strict=True):
+        if number is None:
+            raise _wrong(path, line, name, row)
+    if not math.isclose(math.hypot(*numbers[3:]), 1.0, abs_tol=0.01):
+        raise _wrong(path, line, "qw", row)
 
 
 def _decision(path: Path, line: int, row: Mapping[str, str]) -> Decision:

@@ -15,6 +15,8 @@ from ...run.model.tally import Tally
 
 FIRST = "first run"
 """Name of the one that was started from the first exposure."""
+STORED = "stored run"
+"""Of one that was read from its folder."""
 COLOURS = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
 """Of the branches, in turn."""
 MOST = 12

@@ -104,6 +104,5 @@ def _after(now: Comparison, a: CurrentRun, b: CurrentRun) -> Comparison:
 
 def _rows(record: ExposureRecord, methods: tuple[str, ...], thinned: bool) -> Iterator[MethodRow]:
     for row in record_rows(record, methods):
-        if thinned:
-            row = replace(row, values={k: v for k, v in row.values.items() if k not in FROM_POINTS})
-        yield row
+        values = {k: v for k, v in row.values.items() if not thinned or k not in FROM_POINTS}
+        yield replace(row, values=values)

@@ -8,9 +8,9 @@ from ispom.errors import InputError
 from ispom.methods import Config, in_order
 
 from ..current_run import CurrentRun
-from ..state import Resumed
+from ..state import Event, Resumed, changed
 from ..store import Store
-from .branches import MOST, NAME_LENGTH, Branch, changes
+from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
 from .comparing import advanced, begin
 
 
@@ -25,6 +25,12 @@ class BranchDesk:
     def begin(self, run: CurrentRun) -> None:
         """Another run from the first exposure on: the branches of the one before are gone."""
         self._runs, self._next = {0: run}, 1
+
+    def reviewed(self) -> tuple[Event, ...]:
+        """How the first run, which is over, is shown: at its end."""
+        run, first = self._found(0), self._store.state.branches[0]
+        known = replace(first, name=STORED, computed=len(run.history), tally=run.tally)
+        return changed(branches=(known,)), Resumed(run.opened, 0, len(run.history), run.history.last, run.done)
 
     def run(self, number: int) -> CurrentRun | None:
         return self._runs.get(number)
@@ -66,7 +72,7 @@ class BranchDesk:
         run.wake()
         last = len(run.history) - 1
         displayed = run.history[min(state.index, last)] if last >= 0 and state.index >= 0 else None
-        return run, Resumed(run.opened, number, last + 1, displayed, run.playback.done)
+        return run, Resumed(run.opened, number, last + 1, displayed, run.done)
 
     def rename(self, number: int, name: str) -> None:
         self._found(number)

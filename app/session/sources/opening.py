@@ -6,14 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from ispom.errors import InputError
+from ispom.io.files import bounded, exists, expanded
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
-from ispom.sequences.address import without_secrets
+from ispom.sequences.address import is_address, is_device, without_secrets
+from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
 from ...options import SourceOptions
+from ...review.folder import read_stored
+from ...review.recording import read_recording
 from ...run.beside.given import Given
 from ...run.beside.placed import Beside, beside_run
+from ...run.folder.run_folder import RECORDING, RUN
 from ...run.playback import Builder, Playback, truth_from_start
+from ..current_run import CurrentRun
+from .folders import Folders
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,30 @@ class SourceOpener:
     """Of the methods that run where nobody chose any."""
     given: tuple[Given, ...] = ()
     """Trajectories of other programs, shown where they fit the source."""
+    folders: Folders = Folders()
+    """Where somebody at the page may look for runs and recordings."""
+    named: str = ""
+    """What the command line named may be opened wherever it is."""
+
+    def stored(self, source: str, memory_bytes: int) -> CurrentRun | None:
+        """A run or a recording that is over, where the source is the path of one; else None.
+
+        InputError where it cannot be read, or lies where nobody at the page may look.
+        """
+        if source.startswith("sim:") or is_device(source) or is_address(source):
+            return None
+        policy = ANY_SOURCE if source == self.named else SourcePolicy(self.folders.root)
+        policy.check(source)
+        with bounded(policy.places):
+            path = expanded(source)
+            folder = path.parent if path.name == RECORDING else path
+            if path.name == RUN or not (exists(folder / RUN) or path.suffix == ".rrd"):
+                return None
+            found = read_stored(folder, self.opener, self.builder) if exists(folder / RUN) else read_recording(path)
+            if self.given:
+                sequence, shown = beside_those(self.given, found.playback.sequence)
+                found = replace(found, playback=replace(found.playback, sequence=sequence, beside=shown))
+            return CurrentRun.of_stored(found, memory_bytes)
 
     def playback(
         self,

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 FOLDERS = "▶ marks what can be opened: choosing it fills the field above. Choosing another folder lists what is in it."
-HINT = "sim:city, sim:city#3 (another seed), a live camera (camera:0), or the path of a recording (KITTI, images …)"
+HINT = (
+    "sim:city, sim:city#3 (another seed), a live camera (camera:0), or a path: of a recording (KITTI, images …), of a "
+    "finished run, or of an .rrd file"
+)
 RECENT = "Sources opened before; choosing one fills the field above."
 NONE, UP, MARK = "choose …", ".. (up)", "▶ "
 NOTHING: tuple[str, ...] = (NONE,)

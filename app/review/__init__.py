@@ -1,0 +1,1 @@
+"""Runs that are over, read from their folders and recordings as the page shows them."""

@@ -1,0 +1,105 @@
+"""A recording by itself, opened for review."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from ispom_app.cli import main
+from ispom_app.rerun_log.live import LiveStream
+from ispom_app.rerun_log.rrd import HEADER, messages
+from ispom_app.review.recording import read_recording
+from ispom_app.run.history.series import Series
+from ispom_app.session import commands as do
+from ispom_app.viser_ui.screen import Screen
+
+from ispom.errors import InputError
+from tests import doubles
+from tests.app.helpers import started, wait_for
+from tests.sequences.kitti_folder import make_drive
+
+
+def build(config, methods, rig):
+    return doubles.ensemble(methods, doubles.FullEstimator)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("recorded")
+    drive = str(make_drive(place / "kitti", 14))
+    assert main(["run", drive, "--stereo-every", "2", "--out", str(place / "run")], build) == 0
+    return place / "run"
+
+
+@pytest.fixture
+def recording(run: Path, tmp_path: Path) -> Path:
+    """Without the run around it."""
+    (tmp_path / "alone.rrd").write_bytes((run / "run.rrd").read_bytes())
+    return tmp_path / "alone.rrd"
+
+
+def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, recording: Path) -> None:
+    from ispom_app.options import SourceOptions
+    from ispom_app.review.folder import read_stored
+
+    whole, alone = read_stored(run, lambda s, o: SourceOptions(**vars(o)).open(s), build), read_recording(recording)
+    assert alone.methods == whole.methods
+    expected, found = Series(whole.methods), Series(alone.methods)
+    for stored, series in ((whole, expected), (alone, found)):
+        for record in stored.records():
+            series.append(record)
+    assert len(found) == len(expected) == 21
+    for method in alone.methods:
+        for key in ("error_m", "scale", "inliers", "residual_median_px"):
+            mine, said = (s.values(f"{method}.{key}") for s in (found, expected))
+            stepped = [i for i in range(21) if found.stepped([method], i)]
+            np.testing.assert_array_equal(mine[stepped], said[stepped])
+        assert np.isnan(found.values(f"{method}.status")).all()
+    assert [r.kind for r in alone.records()] == [r.kind for r in whole.records()]
+    times = np.array([r.time_ns for r in whole.records()])
+    assert (alone.playback.sequence.times_ns == times - times[0]).all()
+
+
+def test_the_page_shows_it_and_its_bytes_go_to_the_viewer(recording: Path, tmp_path: Path) -> None:
+    live = LiveStream()
+    session = started(tmp_path / "recordings", str(recording), live=live)
+    wait_for(lambda: session.state.index >= 0, "the recording")
+    assert (session.state.total, session.state.index, session.state.methods) == (21, 20, ())
+    tape, found, at = live.tape, b"", 0
+    assert tape is not None
+    while (piece := tape.read(at, 5000))[1] > at:
+        found, at = found + piece[0], piece[1]
+    assert HEADER + found == HEADER + messages(recording.read_bytes())
+    screen = Screen(session)
+    screen.paint()
+    session.post(do.FindMatch("stereo.inliers > 0", forwards=False))
+    wait_for(lambda: session.state.index < 20, "the match")
+    screen.paint()
+    screen.server.stop()
+    session.close(5)
+    live.close()
+
+
+def test_one_of_another_rerun_version_is_refused_in_one_sentence(recording: Path) -> None:
+    content = recording.read_bytes()
+    recording.write_bytes(content[:5] + bytes([HEADER[5] - 1]) + content[6:])
+    with pytest.raises(InputError, match=rf"was written by Rerun 0\.{HEADER[5] - 1}, and the viewer here is 0"):
+        read_recording(recording)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("text", "no Rerun recording"), ("cut", "ispom repair"), ("foreign", "ispom run")]
+)
+def test_what_is_no_recording_of_a_run_is_refused(recording: Path, name: str, said: str) -> None:
+    if name == "text":
+        recording.write_text("no recording at all")
+    elif name == "cut":
+        recording.write_bytes(recording.read_bytes()[:-100])
+    else:
+        with rr.RecordingStream("other") as stream:
+            stream.save(recording)
+            stream.log("x", rr.Scalars(1.0))
+    with pytest.raises(InputError, match=said):
+        read_recording(recording)

@@ -1,0 +1,144 @@
+"""A run that is over, in the session: shown at once, found in, and gone on from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ispom_app.cli import main
+from ispom_app.options import SourceOptions
+from ispom_app.session import commands as do
+from ispom_app.session.session import Session
+from ispom_app.session.sources.folders import Folders
+
+from ispom.sequences import open_sequence
+from tests import doubles
+from tests.app.helpers import started, wait_for
+from tests.sequences.kitti_folder import make_drive
+
+
+def build(config, methods, rig):
+    return doubles.ensemble(methods, doubles.FullEstimator)
+
+
+def opener(source: str, options: SourceOptions | None = None):
+    return (options or SourceOptions()).open(source)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("stored")
+    drive = str(make_drive(place / "kitti", 14))
+    assert main(["run", drive, "--stereo-every", "2", "--out", str(place / "run")], build) == 0
+    return place / "run"
+
+
+def opened(tmp_path: Path, source: Path, **options) -> Session:
+    session = started(tmp_path, str(source), opener=opener, builder=build, **options)
+    wait_for(lambda: session.state.phase != "opening" and session.state.index >= 0, "the run")
+    return session
+
+
+@pytest.fixture
+def session(run: Path, tmp_path: Path) -> Iterator[Session]:
+    found = opened(tmp_path, run)
+    yield found
+    found.close(5)
+
+
+def test_it_is_shown_at_its_end_and_nothing_is_computed(session: Session) -> None:
+    state = session.state
+    assert (state.index, state.computed, state.total, state.ended) == (20, 21, 21, True) and not state.playing
+    assert state.branches[0].name == "stored run" and state.branches[0].tally.methods["stereo"].exposures == 7
+    assert session.run is not None and session.run.playback.position == 0
+    session.post(do.Seek(4))
+    wait_for(lambda: session.state.index == 4, "the exposure")
+    session.post(do.FindMatch('monocular.status == "lost"'))
+    wait_for(lambda: session.state.index > 4, "the loss")
+    assert session.state.statuses["monocular"].status == "lost"
+    assert session.run.playback.position == 0
+
+
+def test_playing_it_starts_over_and_ends_at_its_end(session: Session) -> None:
+    session.post(do.Speed(None))
+    session.post(do.Play(True))
+    wait_for(lambda: session.state.index < 20, "the start")
+    wait_for(lambda: session.state.index == 20 and not session.state.playing, "the end")
+    assert session.run is not None and session.run.playback.position == 0
+
+
+def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
+    session.post(do.Seek(9))
+    wait_for(lambda: session.state.index == 9, "the exposure")
+    state = session.state
+    session.post(do.Fork(state.methods, state.config))
+    session.post(do.Speed(None))
+    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the fork")
+    assert not [n.text for n in session.state.notices if "not the stored run" in n.text]
+    session.post(do.CompareBranch(0))
+    wait_for(lambda: session.state.comparison is not None and session.state.comparison.finished, "the comparison")
+    comparison = session.state.comparison
+    assert comparison is not None and (comparison.start, comparison.stop, comparison.apart) == (10, 21, 0)
+
+
+def test_a_replay_that_is_another_run_is_noticed_once(run: Path, tmp_path: Path) -> None:
+    def other(config, methods, rig):
+        return doubles.ensemble(methods, doubles.FakeEstimator)
+
+    session = started(tmp_path, str(run), opener=opener, builder=other)
+    wait_for(lambda: session.state.index == 20, "the run")
+    session.post(do.Seek(15))
+    wait_for(lambda: session.state.index == 15, "the exposure")
+    session.post(do.Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the fork")
+    said = [n.text for n in session.state.notices if "the replay is not the stored run" in n.text]
+    assert len(said) == 1 and "at exposure 0" in said[0]
+    session.close(5)
+
+
+def test_without_its_source_all_but_computing_works(run: Path, tmp_path: Path) -> None:
+    drive = run.parent / "kitti"
+    drive.rename(run.parent / "moved")
+    try:
+        session = opened(tmp_path, run)
+    finally:
+        (run.parent / "moved").rename(drive)
+    assert any(n.text.endswith("nothing can be computed anew") and n.kind == "info" for n in session.state.notices)
+    session.post(do.Seek(3))
+    wait_for(lambda: session.state.index == 3, "the exposure")
+    for command in (
+        do.Fork(session.state.methods, session.state.config),
+        do.Restart(session.state.methods, session.state.config),
+    ):
+        count = session.state.notice_count
+        session.post(command)
+        wait_for(lambda count=count: session.state.notice_count > count, "the refusal")
+        assert "nothing can be computed anew" in session.state.notices[-1].text
+    assert session.state.index == 3 and len(session.state.branches) == 1
+    session.close(5)
+
+
+def test_a_recording_in_a_runs_folder_opens_the_run(run: Path, tmp_path: Path) -> None:
+    session = opened(tmp_path, run / "run.rrd")
+    assert session.state.methods == ("monocular", "stereo", "integrated") and session.state.total == 21
+    session.close(5)
+
+
+def test_from_the_page_only_runs_below_the_root_are_opened(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "root").mkdir()
+    session = opened(tmp_path, run, folders=Folders(tmp_path / "root"))
+    elsewhere = run.parent / "copy"
+    session.post(do.Open(str(elsewhere)))
+    wait_for(lambda: any("outside of" in n.text for n in session.state.notices), "the refusal")
+    assert session.state.total == 21
+    session.close(5)
+
+
+def test_other_sources_are_opened_as_ever(run: Path, tmp_path: Path) -> None:
+    session = opened(tmp_path, run)
+    session.post(do.Open(str(run.parent / "kitti" / "sequences" / "07")))
+    session.post(do.Speed(None))
+    wait_for(lambda: session.state.ended and session.state.total == 28, "the source")
+    assert open_sequence(str(run.parent / "kitti" / "sequences" / "07")).name == session.state.name
+    session.close(5)
