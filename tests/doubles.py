@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 
 from ispom.ensemble import Ensemble, Member
-from ispom.geometry import Pose
+from ispom.geometry import Pose, Similarity
 from ispom.methods import in_order, method
+from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import (
     Camera,
     Decision,
     Exposure,
     Landmarks,
     Rig,
+    SegmentFit,
     Sequence,
+    SplineFit,
     Status,
     Step,
     StereoPair,
@@ -75,6 +78,29 @@ def ensemble(methods: Iterable[str], make: Callable[[str], Any]) -> Ensemble:
     return Ensemble(names, {name: Member(method(name), make(name)) for name in names})
 
 
+def spline_fit(times_ns: tuple[int, ...]) -> SplineFit:
+    """Of a window: begun a little beside the true path, adjusted onto it."""
+    true = np.stack([pose_at(t).translation for t in times_ns])
+    knots, wrong = true[::2], np.array([0.0, 0.05, 0.0])
+    video = np.array([t % 333_333_333 != 10_000_000 for t in times_ns])
+    times, sizes = np.array(times_ns, np.int64), np.linspace(1.0, 2.0, len(true))
+    return SplineFit(
+        times, video, true + wrong, true, times[::2], knots + wrong, knots, 3 * sizes, sizes, 90.0, 30.0, 4
+    )
+
+
+def segment_fit(start_ns: int, end_ns: int) -> SegmentFit:
+    """Of a video whose unit is half a metre, in a world of its own, bent away from the true path."""
+    own = Similarity(2.0, Pose.from_rotvec(np.array([0.0, 0.4, 0.0]), np.array([1.0, 2.0, 3.0])))
+    times = np.arange(start_ns - 20_000_000, end_ns + 54_000_000, 33_333_333).tolist()
+    video = Trajectory.of(
+        [(t, own.apply_pose(pose_at(t)) @ Pose.exp(np.full(6, 1e-10 * (t - start_ns)))) for t in times]
+    )
+    ends = np.array([start_ns, end_ns], np.int64)
+    metric = Trajectory.of([(t, pose_at(t)) for t in ends.tolist()], "video")
+    return SegmentFit((start_ns, end_ns), video, interpolate(video, ends, "linear"), metric, 0.5, 0.01, 0.03)
+
+
 class FakeEstimator:
     """Walks the true path; keeps the contract."""
 
@@ -114,8 +140,18 @@ class FakeEstimator:
                 seconds={"track": 0.004, "pose": 0.001},
                 decisions=(Decision("parallax", 14.2, 20.0, False, "px", consequence="no key frame", key="parallax"),),
                 method=self.method,
+                **(self._fits(state, exposure) if len(state) % 5 == 0 else {}),
             ),
         )
+
+    def _fits(self, state: tuple[int, ...], exposure: Exposure) -> dict[str, Any]:
+        """What an integration tells at its key frames."""
+        if len(state) < 10 or not self.method.startswith("integrated"):
+            return {}
+        times = (*state[-10:], exposure.time_ns)
+        if self.method == "integrated":
+            return {"spline": spline_fit(times)}
+        return {"segments": (segment_fit(times[0], times[-1]),)}
 
     def finish(self, state: tuple[int, ...], asked: object = None) -> Trajectory:
         frame = "video" if self.method.startswith("monocular") else "rig"

@@ -3,6 +3,7 @@
 from ispom.types.camera import Camera, Frame, Image, Rig
 from ispom.types.check import Check, by_key
 from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey, colours_at
+from ispom.types.integration import SegmentFit, SplineFit
 from ispom.types.sequence import Sequence
 from ispom.types.step import Decision, Status, Step
 from ispom.types.tracks import Landmarks, Tracks, TrackStatus
@@ -18,7 +19,9 @@ __all__ = [
     "Kind",
     "Landmarks",
     "Rig",
+    "SegmentFit",
     "Sequence",
+    "SplineFit",
     "Status",
     "Step",
     "StereoPair",

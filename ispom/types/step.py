@@ -11,6 +11,7 @@ import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.types.camera import Frame
+from ispom.types.integration import SegmentFit, SplineFit
 from ispom.types.tracks import Landmarks, Tracks
 from ispom.types.trajectory import Trajectory
 
@@ -100,3 +101,7 @@ class Step:
     """What was found to be wrong with the calibration so far, by name: `pair` (4,) as the `extra` of a
     solvers.window.adjustment.Window of two cameras, `pair_rate` (6,) the motion that its late right shutter sees
     (left_from_world's change: rho [m/s], phi [rad/s]; left), `lens` (2,) as that of one camera."""
+    segments: tuple[SegmentFit, ...] = ()
+    """The segments that an integration fitted in this step, and how."""
+    spline: SplineFit | None = None
+    """The spline that an integration adjusted in this step."""

@@ -21,7 +21,7 @@ from .record import ExposureRecord
 
 POINTS = (Tracks, Landmarks)
 """Their arrays are in the second part, as are those of the fields POINT_FIELDS."""
-POINT_FIELDS = {"residuals_px"}
+POINT_FIELDS = {"residuals_px", "segments", "spline"}
 ALIGNMENT = 8
 
 

@@ -53,8 +53,10 @@ class Solution:
     """(n, n) of knots and rig at the end, points and undamped, with nothing that holds the world in its place."""
     eliminated: Eliminated
     """What the points were eliminated with."""
+    errors_before: Array
+    """(O,) reprojection errors [standard deviations] that it began with."""
     errors: Array
-    """(O,) reprojection errors [standard deviations]."""
+    """(O,) at the end."""
     cost_before: float
     cost_after: float
     iterations: int
@@ -96,7 +98,8 @@ def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) 
     Ends early when a step lowers the cost by less than the share `tolerance`. Where the errors are much wider than the
     loss (a wrong clock or rig), the loss is first as wide as they are: from there all observations pull.
     """
-    before, done = _cost(problem, problem.sampled()), 0
+    begun, done = problem.sampled(), 0
+    before, errors_before = _cost(problem, begun), np.sqrt(_squares(problem, begun))
     for _ in range(WIDER):
         typical = _typical(problem)
         if not typical > 2 * problem.loss:
@@ -108,7 +111,8 @@ def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) 
     hessian, _, points = _normal_equations(
         replace(problem, prior=replace(problem.prior, information=np.zeros((6, 6)))), sampled, 0.0
     )
-    return Solution(problem, sampled, hessian, points, np.sqrt(_squares(problem, sampled)), before, cost, done)
+    errors = np.sqrt(_squares(problem, sampled))
+    return Solution(problem, sampled, hessian, points, errors_before, errors, before, cost, done)
 
 
 def _typical(problem: SplineProblem) -> float:

@@ -90,6 +90,23 @@ def test_knots_are_chosen_from_the_motion_and_told(walked: tuple[list, list[Step
     assert min(walked[0][-1]["integrated"].window.knots) <= 2.5  # a hand shakes
 
 
+def test_a_step_tells_the_spline_before_and_after_its_adjustment(walked: tuple[list, list[Step]]) -> None:
+    """At every exposure of the window; the adjusted one is where the poses it revised are."""
+    found = [step for step in walked[1] if step.spline is not None]
+    assert found and all(step.key_frame for step in found)
+    for step in found:
+        fit = step.spline
+        assert fit is not None and fit.times_ns[-1] == step.time_ns and not fit.video[-1]
+        assert len(fit.before) == len(fit.after) == len(fit.times_ns) == len(fit.errors_after)
+        assert fit.knots_ns[0] <= fit.times_ns[0] and fit.knots_ns[-1] >= fit.times_ns[-1]
+        assert fit.cost_after < fit.cost_before
+    fit, step = found[-1].spline, found[-1]
+    assert fit is not None and np.nanmedian(fit.errors_after) < np.nanmedian(fit.errors_before)
+    newest = fit.video & (fit.times_ns > fit.times_ns[~fit.video][-2])
+    revised = step.revised.select(np.isin(step.revised.times_ns, fit.times_ns[newest]))
+    assert np.abs(fit.after[newest] - revised.translations).max() < 0.02, "but for what anchors it to stereo"
+
+
 def same(a: Trajectory, b: Trajectory) -> bool:
     return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("times_ns", "rotations", "translations"))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ispom.estimators.paper.integrated.estimator import MAX_FRAMES, IntegratedConfig
 from ispom.estimators.paper.integrated.state import IntegratedState
+from ispom.solvers.trajectory.stages import stages
 from ispom.types import Camera, Rig, Status, Step, StereoPair, VideoFrame
 from tests.doubles import pose_at
 
@@ -62,3 +63,18 @@ def test_where_pairs_stop_the_newest_frames_stay_and_live_poses_go_on() -> None:
     last = steps[-1]
     assert last.world_from_frame is not None and [d.key for d in last.decisions] == ["open_frames"]
     assert np.linalg.norm(last.world_from_frame.translation - pose_at(last.time_ns).translation) < 0.05
+
+
+def test_a_step_tells_how_each_of_its_segments_was_fitted() -> None:
+    every_ns = SECOND_NS // 10
+    _, steps = walked([50_000_000 + i * every_ns for i in range(60)], [i * SECOND_NS for i in range(1, 6)])
+    closing = [step for step in steps if len(step.revised)]
+    assert len(closing) == 4 and all(len(step.segments) == 1 for step in closing)
+    assert not any(step.segments for step in steps if not len(step.revised))
+    for step in closing:
+        (fit,) = step.segments
+        assert fit.scale == step.scale and abs((fit.scale or 0.0) - UNIT_M) < 0.01
+        assert fit.video.times_ns[0] < fit.span_ns[0] and fit.video.times_ns[-1] > fit.span_ns[1]
+        last = stages(fit)[-1].poses.moved(right=rig().rig_from_video.inverse(), frame="rig")
+        np.testing.assert_allclose(last.translations, step.revised.translations, atol=1e-9)
+        np.testing.assert_allclose(last.rotations, step.revised.rotations, atol=1e-9)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_problem import HELD, joint_problem
-from ispom.estimators.modern.integrated.joint_report import report
+from ispom.estimators.modern.integrated.joint_report import report, spline_fit
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.knots import USUAL_KNOT_FRAMES, knot_spacing_s, with_knots
 from ispom.estimators.modern.integrated.setup import Setup
@@ -20,7 +20,7 @@ from ispom.estimators.modern.integrated.view import Reference
 from ispom.geometry import Array, Pose
 from ispom.solvers.spline.continuous import Solution, solve
 from ispom.solvers.spline.problem import PosePrior
-from ispom.types import Decision
+from ispom.types import Decision, SplineFit
 
 USUAL_FRAME_S = 0.1
 """Of a video with one frame so far."""
@@ -39,12 +39,12 @@ def limited(setup: Setup, state: ModernIntegratedState) -> tuple[ModernIntegrate
 
 def adjusted(
     setup: Setup, state: ModernIntegratedState
-) -> tuple[ModernIntegratedState, tuple[Decision, ...], list[tuple[int, Pose, bool]]]:
-    """The window with its oldest pair gone, adjusted; why; and the poses in it."""
+) -> tuple[ModernIntegratedState, tuple[Decision, ...], list[tuple[int, Pose, bool]], SplineFit | None]:
+    """The window with its oldest pair gone, adjusted; why; the poses in it; and the spline, in the window's world."""
     state = _shortened(setup, state)
     window, meeting = state.window, common_pair(setup, state)
     if len(window.pairs) < 2 or meeting is None:
-        return state, (), []
+        return state, (), [], None
     frame_s = USUAL_FRAME_S if state.interval.median_ns is None else state.interval.median_ns * 1e-9
     frames, why = setup.knot_frames or USUAL_KNOT_FRAMES, ()
     # A clock or a rig that is still wrong looks like motion.
@@ -53,11 +53,12 @@ def adjusted(
         frames, why = min(window.knots), (chosen,)
     problem, used = joint_problem(window, setup.noise, knot_spacing_s(window, frames, frame_s), setup.max_points)
     if problem is None:
-        return state, (checks.POINTS.of(0, 1),), []
+        return state, (checks.POINTS.of(0, 1),), [], None
     solution = solve(problem, setup.iterations)
     window = _with_solution(window, solution, used, meeting.time_ns)
     poses = [pose for view in window.views for pose in view.poses()]
-    return replace(state, window=window), (*why, *report(window, solution)), poses
+    fit = spline_fit(window.views[0].time_ns, problem, solution)
+    return replace(state, window=window), (*why, *report(window, solution)), poses, fit
 
 
 def _shortened(setup: Setup, state: ModernIntegratedState) -> ModernIntegratedState:

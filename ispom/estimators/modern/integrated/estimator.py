@@ -99,7 +99,7 @@ class ModernIntegrated:
         state, found, status = located(setup, state, observed(self.rig, part, not is_pair))
         watch.lap("place")
         state, limits = limited(setup, state)
-        state, decisions, revised = adjusted(setup, state) if is_pair else (state, (), [])
+        state, decisions, revised, spline = adjusted(setup, state) if is_pair else (state, (), [], None)
         watch.lap("adjust")
         pose, covariance, landmarks = None, None, Landmarks.empty()
         if status == Status.TRACKING:
@@ -120,6 +120,7 @@ class ModernIntegrated:
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
             decisions=(*limits, *decisions),
             parts=(part,),
+            spline=spline.moved(stereo_from_window(setup, state)) if spline is not None else None,
         )
 
     @property

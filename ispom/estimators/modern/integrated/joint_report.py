@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.geometry import Array
 from ispom.solvers.spline.continuous import Solution
 from ispom.solvers.spline.observation import RIG
-from ispom.types import Decision
+from ispom.solvers.spline.problem import SplineProblem
+from ispom.types import Decision, SplineFit
 
 
 def report(window: JointWindow, solution: Solution) -> tuple[Decision, ...]:
@@ -18,6 +23,34 @@ def report(window: JointWindow, solution: Solution) -> tuple[Decision, ...]:
     size = f"{len(problem.times_s)} exposures, {len(problem.points)} points, {len(solution.errors)} observations"
     cost = checks.JOINT_COST.of(ratio, 1.0, f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations")
     return (cost, *_rig_report(window))
+
+
+def spline_fit(start_ns: int, problem: SplineProblem, solution: Solution) -> SplineFit:
+    """The spline before and after; `problem` is as it was given to the solver, its times count from `start_ns`."""
+    found, observed = solution.problem, problem.observations.exposure
+    begun = problem.sampled()
+    return SplineFit(
+        start_ns + np.rint(problem.times_s * 1e9).astype(np.int64),
+        problem.video,
+        begun.positions,
+        solution.sampled.positions,
+        start_ns + np.rint(problem.spline.knot_times_s * 1e9).astype(np.int64),
+        problem.spline.positions,
+        found.spline.positions,
+        _medians(solution.errors_before, observed, len(problem.times_s)),
+        _medians(solution.errors, observed, len(problem.times_s)),
+        solution.cost_before,
+        solution.cost_after,
+        solution.iterations,
+    )
+
+
+def _medians(errors: Array, exposure: NDArray[np.int64], count: int) -> Array:
+    """(E,) of the errors (O,) at each exposure; NaN where there is none."""
+    order = np.argsort(exposure, kind="stable")
+    edges = np.searchsorted(exposure[order], np.arange(count + 1))
+    at = [errors[order[a:b]] for a, b in pairwise(edges.tolist())]
+    return np.array([np.median(found) if len(found) else np.nan for found in at])
 
 
 def _rig_report(window: JointWindow) -> tuple[Decision, ...]:

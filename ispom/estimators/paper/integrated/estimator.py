@@ -14,13 +14,13 @@ from typing import Annotated
 import numpy as np
 
 from ispom.estimators.paper import checks
-from ispom.estimators.paper.integrated.segment import fitted
+from ispom.estimators.paper.integrated.segment import Fitted, fitted
 from ispom.estimators.paper.integrated.state import IntegratedState
 from ispom.geometry import Pose
 from ispom.settings import Range
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory
+from ispom.types import Decision, Exposure, Landmarks, Rig, SegmentFit, Status, Step, StereoPair, Trajectory
 
 MAX_RESTARTS = 8
 """Of the video's world that are remembered: one within a segment is enough to interpolate it."""
@@ -71,15 +71,17 @@ class Integrated:
         """One exposure of either kind; closes every segment that has become complete."""
         watch, stereo = Stopwatch(), isinstance(exposure, StereoPair)
         part = asked["stereo" if stereo else "video"]
-        revised, decisions = [], []
+        revised, segments = [], list[SegmentFit]()
+        decisions: list[Decision] = []
         if stereo:
             state = self._with_metric(state, part)
         else:
             state, decisions = self._with_video(state, part)
         while self._complete(state) and (closed := self._close(state)) is not None:
-            state, piece, why = closed
+            state, piece, found = closed
             revised += piece.items()
-            decisions += why
+            decisions += found.decisions
+            segments += [found.fit] if found.fit is not None else []
         pose = self._live(state, exposure.time_ns)
         watch.lap("integrate")
         status = Status.TRACKING if pose else Status.INITIALISING if state.scale is None else Status.LOST
@@ -95,6 +97,7 @@ class Integrated:
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
             decisions=tuple(decisions),
             parts=(part,),
+            segments=tuple(segments),
         )
 
     def _with_metric(self, state: IntegratedState, part: Step) -> IntegratedState:
@@ -146,17 +149,16 @@ class Integrated:
         waiting = sum(t > ends[1] for t, _ in state.metric)
         return (final is not None and final >= ends[1]) or waiting >= self.config.max_waiting_pairs
 
-    def _close(self, state: IntegratedState) -> tuple[IntegratedState, Trajectory, tuple[Decision, ...]] | None:
-        """Steps 1 to 3 for the open segment; None while it has no end."""
+    def _close(self, state: IntegratedState) -> tuple[IntegratedState, Trajectory, Fitted] | None:
+        """Steps 1 to 3 for the open segment: its poses of the rig, and how; None while it has no end."""
         ends = self._ends(state)
         if ends is None:
             return None
         times = np.array([t for t in state.frames_ns if ends[0] <= t < ends[1]], np.int64)
         metric = Trajectory.of(list(state.metric)).moved(right=self.rig.rig_from_video, frame="video")
-        poses, scale, decisions = fitted(
-            state, metric, ends, times, self.config.interpolation, self.config.min_segment_m
-        )
-        piece = poses.moved(right=self.rig.rig_from_video.inverse(), frame="rig")
+        found = fitted(state, metric, ends, times, self.config.interpolation, self.config.min_segment_m)
+        scale = found.fit.scale if found.fit is not None else None
+        piece = found.poses.moved(right=self.rig.rig_from_video.inverse(), frame="rig")
         after = replace(
             state,
             opened_ns=ends[1],
@@ -167,7 +169,7 @@ class Integrated:
             poses=state.poses.appended(piece) if len(piece) else state.poses,
         )
         segment = f"{ends[0] * 1e-9:.3f} to {ends[1] * 1e-9:.3f} s"
-        return after, piece, tuple(replace(d, about=segment) for d in decisions)
+        return after, piece, replace(found, decisions=tuple(replace(d, about=segment) for d in found.decisions))
 
     def _live(self, state: IntegratedState, time_ns: int) -> Pose | None:
         """The pose at once: from the last stereo pose on by the video's motion, in the last segment's unit."""

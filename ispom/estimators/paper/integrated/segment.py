@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,21 @@ from ispom.estimators.paper import checks
 from ispom.estimators.paper.integrated.state import IntegratedState
 from ispom.solvers.trajectory.interpolation import Interpolation, interpolate
 from ispom.solvers.trajectory.segment import Segment, fit_rotations, fit_segment
-from ispom.types import Decision, Trajectory
+from ispom.types import Decision, SegmentFit, Trajectory
 
 DOUBTFUL_DEG = 10.0
 """The paper has no thresholds for how far a segment may be bent; this one only marks doubtful ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A segment's poses, and how they came about."""
+
+    poses: Trajectory
+    """world_from_video at the asked times, metric."""
+    decisions: tuple[Decision, ...]
+    fit: SegmentFit | None = None
+    """None where the video's poses cannot be used: those of stereo are interpolated."""
 
 
 def fitted(
@@ -24,14 +35,14 @@ def fitted(
     times: NDArray[np.int64],
     interpolation: Interpolation,
     min_segment_m: float,
-) -> tuple[Trajectory, float | None, tuple[Decision, ...]]:
-    """world_from_video at the times, metres per unit (None where undefined), and why.
+) -> Fitted:
+    """At the times, with why.
 
     `metric`: world_from_video at the stereo exposures. Where the video's poses cannot be used those are interpolated.
     """
     fallback = interpolate(metric, times, "bspline")
     if unusable := _unusable(state, ends, times):
-        return fallback, None, (checks.VIDEO_COVERAGE.of(0, 1, f"{unusable}: stereo poses interpolated"),)
+        return Fitted(fallback, (checks.VIDEO_COVERAGE.of(0, 1, f"{unusable}: stereo poses interpolated"),))
     start, end = metric.at(ends[0]), metric.at(ends[1])
     assert start is not None and end is not None
     own = interpolate(state.video, np.array(ends, np.int64), interpolation)  # step 1
@@ -39,12 +50,23 @@ def fitted(
     segment = fit_segment(video, own.pose(0), own.pose(1), start, end, ends, min_segment_m)  # steps 2 and 3
     length = float(np.linalg.norm(end.translation - start.translation))
     moved = checks.SEGMENT_LENGTH.of(length, min_segment_m, passed=segment is not None)
+    around = SegmentFit(
+        ends, _around(state.video, ends), own, Trajectory.of([(ends[0], start), (ends[1], end)], "video")
+    )
     if segment is not None:
-        return segment.poses, segment.scale, (moved, *_bends(segment))
-    rotations, _ = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
+        fit = replace(around, scale=segment.scale, turn_rad=segment.turn_rad, residual_rad=segment.residual_rad)
+        return Fitted(segment.poses, (moved, *_bends(segment)), fit)
+    rotations, residual_rad = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
     still = Trajectory(times, rotations, fallback.translations, "video")
     moved = replace(moved, consequence="no ratio of lengths: positions from the stereo poses alone")
-    return still, None, (moved,)
+    return Fitted(still, (moved,), replace(around, residual_rad=residual_rad))
+
+
+def _around(video: Trajectory, ends: tuple[int, int]) -> Trajectory:
+    """The poses inside a segment, and those that bracket its ends."""
+    first = max(int(np.searchsorted(video.times_ns, ends[0], side="right")) - 1, 0)
+    last = int(np.searchsorted(video.times_ns, ends[1]))
+    return video.select(np.arange(first, min(last + 1, len(video))))
 
 
 def _unusable(state: IntegratedState, ends: tuple[int, int], times: NDArray[np.int64]) -> str:

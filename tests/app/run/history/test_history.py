@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import tempfile
+from dataclasses import replace
 
 import pytest
 from ispom_app.run.history import history as module
@@ -12,6 +13,7 @@ from ispom_app.run.history.history import SEGMENTS, History
 from ispom_app.run.history.record import ExposureRecord, size_bytes
 from ispom_app.run.playback import Playback
 
+from ispom.solvers.trajectory.stages import stages
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -38,6 +40,18 @@ def test_without_its_points_a_record_keeps_poses_statuses_and_decisions() -> Non
     assert_same([step.world_from_frame, step.revised, step.decisions], [
         whole.world_from_frame, whole.revised, whole.decisions
     ])  # fmt: skip
+
+
+def test_how_an_integration_came_about_is_kept_and_given_up_with_the_points() -> None:
+    run = Playback(doubles.sequence(30), ("integrated", "integrated.paper"), builder=helpers.build)
+    event = next(event for event in iter(run.step, None) if any(step.segments for step in event.steps))
+    record = ExposureRecord.of(event, None)
+    spline, segments = record.steps
+    assert spline.spline is not None and segments.segments
+    assert_same(record, decode(*encode(record)))
+    thin, thin_segments = decode(encode(record)[0], None).steps
+    assert thin.spline is not None and not len(thin.spline.times_ns) and stages(thin_segments.segments[0]) == ()
+    assert size_bytes(record) > size_bytes(replace(record, steps=(replace(spline, spline=None), segments))) + 1000
 
 
 def test_memory_stays_within_the_budget_and_everything_is_still_there() -> None:
