@@ -69,7 +69,7 @@ def test_a_step_tells_how_each_of_its_segments_was_fitted() -> None:
     every_ns = SECOND_NS // 10
     _, steps = walked([50_000_000 + i * every_ns for i in range(60)], [i * SECOND_NS for i in range(1, 6)])
     closing = [step for step in steps if len(step.revised)]
-    assert len(closing) == 4 and all(len(step.segments) == 1 for step in closing)
+    assert len(closing) == 3 and all(len(step.segments) == 1 for step in closing)
     assert not any(step.segments for step in steps if not len(step.revised))
     for step in closing:
         (fit,) = step.segments
