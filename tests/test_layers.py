@@ -30,7 +30,7 @@ APP_LAYERS = (
     {"colours", "decisions", "external", "options", "outputs", "subscribers", "texts"},
     {"uncertainty"},
     {"run"},
-    {"diff", "expressions"},
+    {"diff", "expressions", "inspect"},
     {"rerun_log"},
     {"review"},
     {"session"},

@@ -1,0 +1,125 @@
+"""A track's point of the scene: where it is, how well that is known, and how far each image disagrees.
+
+All in ideal pixels: those of a camera with the same matrix and without distortion, as the estimators weigh them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ispom.estimators.modern.lens import Lens
+from ispom.geometry import Array, Pose
+from ispom.numerics.reprojection import reprojected
+from ispom.solvers.multiview.structure import intersected
+from ispom.types import Rig, Trajectory
+
+from .sightings import Sighting, TrackLife
+
+
+@dataclass(frozen=True, eq=False)
+class PointEstimate:
+    """In the world and unit of the track's method."""
+
+    xyz_in_world: Array
+    """(3,)."""
+    covariance: Array | None
+    """(3, 3) to first order, the poses taken as exact; None where the views leave the distance open."""
+    from_exposure: int | None
+    """The exposure that gave it as a landmark; None where it was intersected here from all observations."""
+    residuals_px: Array
+    """(N,) distance from where it is seen, for each sighting; NaN where that has no pose or did not find it."""
+
+
+def ideal(lens: Lens, uv: Array) -> Array:
+    """Ideal pixels (N, 2) of pixels (N, 2)."""
+    camera = lens.camera
+    return lens.normalise(uv) * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+
+
+def estimate(life: TrackLife, lens: Lens, rig: Rig, sigma_px: float) -> PointEstimate | None:
+    """Its latest place as a landmark, or else where the observations put it; None where they do not. `sigma_px` is the
+    standard deviation of an observed coordinate."""
+    views = [s for s in life.seen if s.world_from_camera is not None]
+    given = next((s for s in reversed(life.sightings) if s.xyz_in_world is not None), None)
+    baseline_m = rig.baseline_m if life.camera == "left" and rig.has_stereo else 0.0
+    xyz = _intersection(views, lens, baseline_m) if given is None else given.xyz_in_world
+    if xyz is None:
+        return None
+    disparities = np.array([s.disparity_px for s in views])
+    spread = covariance(xyz, [_pose(s) for s in views], lens, sigma_px, disparities, baseline_m)
+    return PointEstimate(xyz, spread, given.index if given else None, residuals(life, lens, xyz))
+
+
+def residuals(life: TrackLife, lens: Lens, xyz_in_world: Array) -> Array:
+    """(N,) [px] of each sighting."""
+    found = np.full(len(life.sightings), np.nan)
+    for i, sighting in enumerate(life.sightings):
+        if sighting.world_from_camera is not None and not sighting.status.dropped:
+            xyz = sighting.world_from_camera.inverse().apply(xyz_in_world)
+            if xyz[2] > 1e-9:
+                found[i] = np.linalg.norm(_project(lens, xyz) - ideal(lens, sighting.uv[None])[0])
+    return found
+
+
+def covariance(
+    xyz_in_world: Array,
+    world_from_camera: list[Pose],
+    lens: Lens,
+    sigma_px: float,
+    disparity_px: Array,
+    baseline_m: float = 0.0,
+) -> Array | None:
+    """(3, 3) of a point seen from these N cameras, from the linearised observations: the inverse of their information
+    (Hartley and Zisserman 5.2). Where disparity_px (N,) is finite, the right camera saw it, too. None where singular.
+    """
+    information, camera = np.zeros((3, 3)), lens.camera
+    for pose, disparity in zip(world_from_camera, disparity_px, strict=True):
+        xyz = pose.inverse().apply(xyz_in_world)[None]
+        if xyz[0, 2] <= 1e-9:
+            continue
+        rows = [reprojected(xyz)[1][0] * np.array([[camera.fx], [camera.fy]])]
+        if np.isfinite(disparity) and baseline_m:
+            rows.append(reprojected(xyz - (baseline_m, 0, 0))[1][0, :1] * camera.fx)
+        by_world = np.concatenate(rows) @ pose.rotation.T / sigma_px
+        information += by_world.T @ by_world
+    if np.linalg.cond(information) > 1e12:
+        return None
+    return np.linalg.inv(information)
+
+
+def _project(lens: Lens, xyz_in_camera: Array) -> Array:
+    """Ideal pixel (2,) of a point (3,) before the camera."""
+    camera = lens.camera
+    return xyz_in_camera[:2] / xyz_in_camera[2] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+
+
+def _intersection(views: list[Sighting], lens: Lens, baseline_m: float) -> Array | None:
+    """The place (3,) whose projections are nearest to the observations; None where they leave its distance open."""
+    if not views:
+        return None
+    poses = Trajectory.of([(s.time_ns, _pose(s)) for s in views])
+    uv, disparity = ideal(lens, np.stack([s.uv for s in views])), np.array([s.disparity_px for s in views])
+    disparity = disparity if baseline_m else np.full(len(views), np.nan)
+    pinhole, same = replace(lens.camera, distortion=()), np.zeros(len(views), np.int64)
+    _, start = intersected(poses, pinhole, np.arange(len(views)), same, uv, disparity, baseline_m)
+    if not len(start):
+        return None
+    from_world = [_pose(s).inverse() for s in views]
+    paired = np.isfinite(disparity)
+
+    def errors(xyz_in_world: Array) -> Array:
+        xyz = np.stack([pose.apply(xyz_in_world) for pose in from_world])
+        found = np.stack([_project(lens, each) for each in xyz])
+        of_pair = lens.camera.fx * baseline_m / xyz[paired, 2] - disparity[paired]
+        right = found[paired, 0] - uv[paired, 0] - of_pair
+        return np.concatenate([(found - uv).ravel(), right])
+
+    return least_squares(errors, start[0], method="lm").x
+
+
+def _pose(sighting: Sighting) -> Pose:
+    assert sighting.world_from_camera is not None
+    return sighting.world_from_camera
