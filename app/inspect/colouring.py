@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import cv2
@@ -21,12 +22,11 @@ UNKNOWN: colours.Rgb = (150, 150, 150)
 
 @dataclass(frozen=True)
 class Scale:
-    """Bins of equal size on a linear or logarithmic axis; what lies beyond its ends is in the outermost."""
+    """Bins of equal ratio; what lies beyond the ends is in the outermost."""
 
     title: str
     low: float
     high: float
-    logarithmic: bool
 
     def bins(self, values: Array) -> NDArray[np.int64]:
         """(N,) 0 to BINS - 1; BINS where the value is unknown (NaN)."""
@@ -36,20 +36,19 @@ class Scale:
 
     def edges(self) -> Array:
         """(BINS + 1,)."""
-        space = np.geomspace if self.logarithmic else np.linspace
-        return space(self.low, self.high, BINS + 1)
+        return np.geomspace(self.low, self.high, BINS + 1)
 
     def labels(self) -> list[str]:
         """What each bin holds, the unknown last."""
         edges = [f"{edge:.3g}" for edge in self.edges()]
-        inner = [f"{a} to {b}" for a, b in zip(edges[1:-2], edges[2:-1], strict=True)]
+        inner = [f"{a} to {b}" for a, b in pairwise(edges[1:-1])]
         return [f"below {edges[1]}", *inner, f"from {edges[-2]} on", "unknown"]
 
 
 SCALES: Mapping[Colouring, Scale] = {
-    "age": Scale("age [exposures of the camera]", 1.0, 256.0, True),
-    "residual": Scale("residual of the last pose [px]", 0.0, 4.0, False),
-    "depth": Scale("depth, relative to the image's median", 0.25, 4.0, True),
+    "age": Scale("age [exposures of the camera]", 1.0, 256.0),
+    "residual": Scale("residual of the last pose [px]", 1 / 16, 4.0),
+    "depth": Scale("depth, relative to the image's median", 0.25, 4.0),
 }
 COLOURINGS: tuple[Colouring, ...] = ("state", *SCALES)
 

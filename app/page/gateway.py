@@ -16,6 +16,7 @@ from ..viser_ui.portless import CLIENT, PortlessViser
 from .access import Access
 from .connections import Connections
 from .files import SECURITY, VISER_SECURITY, recordings, send_file, send_one_of
+from .messages import Pane
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
 from .tape_reader import TapeReader
@@ -40,6 +41,8 @@ class Backends:
     """Their folder."""
     show_scene: Callable[[bool], None] = lambda _: None
     """Told whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
+    show_tabs: Callable[[frozenset[str]], None] = lambda _: None
+    """Told which of viser's tabs anybody has open."""
 
 
 class Gateway:
@@ -50,7 +53,7 @@ class Gateway:
         self._to, self._access, self._cookie = backends, access, cookie
         self.connections: Connections | None = None
         self._sockets: set[web.WebSocketResponse] = set()
-        self._wide: set[Hashable] = set()
+        self._panes: dict[Hashable, Pane] = {}
         self.app = web.Application(middlewares=[self._guard])
         self.app.cleanup_ctx.append(self._listen)
         self.app.on_shutdown.append(self._close_sockets)
@@ -164,6 +167,8 @@ class Gateway:
             self._sockets.discard(socket)
         return socket
 
-    def _see(self, page: Hashable, wide: bool) -> None:
-        (self._wide.add if wide else self._wide.discard)(page)
-        self._to.show_scene(bool(self._wide))
+    def _see(self, page: Hashable, pane: Pane) -> None:
+        self._panes = {other: seen for other, seen in self._panes.items() if other is not page}
+        self._panes |= {page: pane} if pane.wide or pane.tab else {}
+        self._to.show_scene(any(seen.wide for seen in self._panes.values()))
+        self._to.show_tabs(frozenset(seen.tab for seen in self._panes.values()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,8 @@ class Pane:
 
     wide: bool
     """Whether viser's scene can be seen beside its panel."""
+    tab: str = ""
+    """Which of the panel's tabs is open."""
 
 
 def message_of(state: State) -> dict[str, Any]:
@@ -51,6 +54,10 @@ def message_of(state: State) -> dict[str, Any]:
         "index": state.index,
         "time_s": round(state.time_s, 3),
         "playing": state.playing,
+        "selected": state.selected,
+        "colour_by": state.colour_by,
+        "camera": state.camera,
+        "look": state.look,
         "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
@@ -93,7 +100,12 @@ def command_of(text: str) -> do.Command | Pane | None:
             case "record":
                 return do.Record("")
             case "pane":
-                return Pane(bool(message["wide"]))
+                return Pane(bool(message["wide"]), str(message.get("tab", "")))
+            case "select":
+                return do.Select(str(message["what"]))
+            case "pick":
+                at = int(message["index"]), float(message["u"]), float(message["v"])
+                return do.Pick(str(message["camera"]), *at) if all(map(math.isfinite, at)) else None
             case str(name) if name in BY_NAME:
                 return BY_NAME[name].command
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):

@@ -111,7 +111,9 @@ def _start(make_session: Callable[[LiveStream], Session]) -> Backends:
     session.start()
     screen = Screen(session)
     screen.start()
-    return Backends(session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_scene)
+    return Backends(
+        session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_scene, screen.show_tabs
+    )
 
 
 def _name(host: str) -> str:

@@ -37,8 +37,8 @@ async def opened(request: web.Request, most_bytes: int, protocols: tuple[str, ..
 class Talk:
     """States out, commands in."""
 
-    def __init__(self, session: Session, news: Wakeup, see: Callable[[Talk, bool], None]) -> None:
-        """`see` is told whether this page has room for viser's scene."""
+    def __init__(self, session: Session, news: Wakeup, see: Callable[[Talk, Pane], None]) -> None:
+        """`see` is told what of viser this page has in sight."""
         self._session, self._news, self._see = session, news, see
 
     async def serve(self, socket: web.WebSocketResponse) -> None:
@@ -54,11 +54,11 @@ class Talk:
                     self._obey(command_of(message.data))
         finally:
             sending.cancel()
-            self._see(self, False)
+            self._see(self, Pane(False))
 
     def _obey(self, heard: object) -> None:
         if isinstance(heard, Pane):
-            self._see(self, heard.wide)
+            self._see(self, heard)
         elif heard is not None:
             self._session.post(heard)  # type: ignore[arg-type]
 

@@ -7,7 +7,9 @@ from typing import Literal
 
 from ispom.methods import Config
 
+from ..inspect.colouring import Colouring
 from ..options import SourceOptions
+from .state import Look
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,38 @@ class Hide:
 
 
 @dataclass(frozen=True)
+class Select:
+    """Look closely at a track or a key frame, as app/inspect/selection.py writes it; empty for nothing."""
+
+    what: str
+
+
+@dataclass(frozen=True)
+class Pick:
+    """Select the track that is nearest to a pixel of a camera's image at an exposure."""
+
+    camera: str
+    index: int
+    u: float
+    v: float
+
+
+@dataclass(frozen=True)
+class ColourBy:
+    """What the colours of tracks mean, in all images."""
+
+    what: Colouring
+
+
+@dataclass(frozen=True)
+class LookAt:
+    """What the Look tab shows: the picture of a camera, and one of its panels; None leaves either as it is."""
+
+    panel: Look | None = None
+    camera: str | None = None
+
+
+@dataclass(frozen=True)
 class Notify:
     """Tell the person of a fault."""
 
@@ -179,6 +213,7 @@ class FindMatch:
 
 
 Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
+OfLook = Select | Pick | ColourBy | LookAt
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
 Command = (
     Moves
@@ -186,6 +221,7 @@ Command = (
     | FindMatch
     | Restart
     | OfBranches
+    | OfLook
     | Open
     | Record
     | StopRecording

@@ -9,7 +9,7 @@ from ispom.methods import Config
 from ispom.sequences.address import without_secrets
 
 from ..options import SourceOptions
-from . import break_points, moves
+from . import break_points, moves, selecting
 from . import commands as do
 from .branching.desk import BranchDesk
 from .compiling import Compiling
@@ -116,6 +116,14 @@ class Controller:
                 self._repairs.start()
             case do.Hide(names):
                 store.set(hidden=names)
+            case do.Select(what):
+                store.set(selected=selecting.selected(what))
+            case do.Pick():
+                store.set(selected=selecting.picked(player.run, command))
+            case do.ColourBy(what):
+                store.set(colour_by=what)
+            case do.LookAt(panel, camera):
+                store.set(look=panel or store.state.look, camera=store.state.camera if camera is None else camera)
             case do.Notify(text):
                 store.emit(NoticeAdded(text))
 

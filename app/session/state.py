@@ -10,6 +10,7 @@ from typing import Any, Literal
 from ispom.methods import Config, possible_methods
 
 from ..expressions.parser import Expression
+from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from ..run.beside.placed import Beside
 from ..run.events import Finished, Opened
@@ -19,6 +20,7 @@ from .branching.branches import FIRST, Branch
 from .branching.comparing import Comparison
 
 MAX_NOTICES = 5
+Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals"]
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,14 @@ class State:
     """What is compiled in the background, and for how long still; empty while nothing is."""
     hidden: frozenset[str] = frozenset()
     """Layers and methods that are not drawn."""
+    selected: str = ""
+    """What is looked at closely, as app/inspect/selection.py writes it: `track:monocular:181`; empty for nothing."""
+    colour_by: Colouring = "state"
+    """What the colours of tracks mean."""
+    camera: str = ""
+    """Whose picture is looked at; empty for the first that the rig has."""
+    look: Look = "track"
+    """What the Look tab shows below the picture."""
     notices: tuple[Notice, ...] = ()
     notice_count: int = 0
     """Notices so far, those no longer shown included."""
@@ -205,6 +215,7 @@ class Changed:
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"unfinished"}
+_CHANGEABLE |= {"selected", "colour_by", "camera", "look"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
 
@@ -233,6 +244,8 @@ def reduce(state: State, event: Event) -> State:
                 comparison=None,
                 loop=None,
                 marked=None,
+                selected="",
+                camera="",
             )
         case OpeningFailed(reason):
             return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))

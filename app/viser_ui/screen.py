@@ -15,6 +15,7 @@ from ..rerun_log.blueprint import looking_at
 from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
+from .look import NAME, LookTab
 from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
 from .panels.differences import DifferencesPanel
@@ -39,6 +40,7 @@ Panel = (
     | BreakPointPanel
     | ViewPanel
     | WhyPanel
+    | LookTab
     | RecordPanel
 )
 PAINT_S = 1 / 30
@@ -68,6 +70,7 @@ class Screen:
         self._scene_shown: tuple[object, ...] = ()
         """What the scene was drawn from."""
         self.scene_wanted = True
+        self._look_wanted = False
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
 
@@ -77,6 +80,10 @@ class Screen:
     def show_scene(self, wanted: bool) -> None:
         """Whether anybody can see the scene."""
         self.scene_wanted = wanted
+
+    def show_tabs(self, open_tabs: frozenset[str]) -> None:
+        """Which tabs anybody has open: what takes long is drawn for those only."""
+        self._look_wanted = NAME in open_tabs
 
     def close(self) -> None:
         self._stop.set()
@@ -89,6 +96,8 @@ class Screen:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Why"):
             why = WhyPanel(gui)
+        with tabs.add_tab(NAME):
+            self._look = LookTab(gui, self._session)
         with tabs.add_tab("Methods"):
             methods = MethodsPanel(gui, self._session)
         with tabs.add_tab("Branches"):
@@ -101,7 +110,7 @@ class Screen:
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
-        return [run, source, why, methods, branches, curves, differences, break_point, view, record]
+        return [run, source, why, self._look, methods, branches, curves, differences, break_point, view, record]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)
@@ -134,6 +143,8 @@ class Screen:
             self._painted, self._due_s = state, time.monotonic() + PLAYING_S
             for panel in self.panels:
                 panel.show(state)
+        if self._look_wanted:
+            self._look.refresh(state)
         if not self.scene_wanted or time.monotonic() < self._scene_due_s:
             return
         self._scene_due_s = time.monotonic() + SCENE_S

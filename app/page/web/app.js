@@ -14,17 +14,19 @@ dark.addEventListener("change", () => location.reload());
 
 let socket;
 let state = null;
-let wide = false;
+const pane = { wide: false, tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const viewer = openViewer(dark.matches, (index) => send({ do: "seek", index }), showViewer);
 
-makeSplitter((now) => {
-  if (now !== wide) send({ do: "pane", wide: (wide = now) });
-});
+function paneBecame(change) {
+  if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;
+  send({ do: "pane", ...Object.assign(pane, change) });
+}
+makeSplitter((wide) => paneBecame({ wide }));
 
 function connect() {
   socket = new WebSocket(new URL("ws", document.baseURI).href.replace("http", "ws"));
-  socket.onopen = () => send({ do: "pane", wide });
+  socket.onopen = () => send({ do: "pane", ...pane });
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
     if (state.keys) setKeys(state.keys);
@@ -51,7 +53,7 @@ function command(message) {
   send(message);
 }
 listen(window, command);
-openControls(dark.matches, command);
+openControls(dark.matches, command, (tab) => paneBecame({ tab }));
 
 const axis = makeAxis((index) => command({ do: "seek", index }));
 

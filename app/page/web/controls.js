@@ -1,10 +1,11 @@
 // viser's panel in its frame: the page's theme, its keys, and labels that can be read (viser's have a contrast of 2.6 to 3.6).
 import { listen } from "./keyboard.js";
+import { listenToPanels } from "./panels.js";
 
 const LABELS = { dark: "#b4bcc2", light: "#565e66" };
 const ON_WHITE = "#00659c", GRAY = "#5f6870", RED = "#c62828"; // in the dark, viser's own are bright enough
 
-export function openControls(dark, command) {
+export function openControls(dark, command, tabOpened) {
   const frame = document.getElementById("controls");
   frame.addEventListener("load", () => {
     const style = frame.contentDocument.createElement("style");
@@ -16,6 +17,7 @@ export function openControls(dark, command) {
       ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
     frame.contentDocument.head.append(style);
     listen(frame.contentWindow, command);
+    listenToPanels(frame.contentDocument, command, tabOpened);
   });
   frame.src = `viser/${dark ? "?darkMode" : ""}`;
 }

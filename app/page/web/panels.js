@@ -1,0 +1,27 @@
+// What the panels' own HTML asks for: an element with data-select, data-seek or data-pick is one that a click, or Enter,
+// answers; and which tab is open, for what nobody sees is not drawn.
+
+export function listenToPanels(page, command, tabOpened) {
+  const body = page.body;
+  const asked = (event) => {
+    const element = event.target.closest?.("[data-select], [data-seek], [data-pick]");
+    if (!element) return;
+    const { select, seek, pick } = element.dataset;
+    if (seek !== undefined) command({ do: "seek", index: Number(seek) });
+    if (select !== undefined) command({ do: "select", what: select });
+    if (pick !== undefined && event.type === "click") command({ do: "pick", camera: pick, ...place(element, event) });
+  };
+  body.addEventListener("click", asked);
+  body.addEventListener("keydown", (event) => event.key === "Enter" && asked(event));
+  const watch = () => tabOpened(body.querySelector("[role=tab][aria-selected=true]")?.textContent ?? "");
+  new MutationObserver(watch).observe(body, { subtree: true, childList: true, attributeFilter: ["aria-selected"] });
+}
+
+// The pixel of the image that was clicked: its centre, not its corner, has whole numbers.
+function place(picture, { clientX, clientY }) {
+  const { left, top, width, height } = picture.getBoundingClientRect();
+  const [, , columns, rows] = picture.getAttribute("viewBox").split(" ").map(Number);
+  const u = ((clientX - left) / width) * columns - 0.5;
+  const v = ((clientY - top) / height) * rows - 0.5;
+  return { index: Number(picture.dataset.index), u, v };
+}

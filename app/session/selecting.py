@@ -1,0 +1,28 @@
+"""What becomes of a click: the name of what was picked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.errors import InputError
+
+from ..inspect.selection import Selection, parsed
+from ..inspect.sightings import nearest, seen_by
+from . import commands as do
+from .current_run import CurrentRun
+
+
+def selected(what: str) -> str:
+    """As it is written; InputError where that says nothing that could be selected."""
+    return str(parsed(what) or "")
+
+
+def picked(run: CurrentRun | None, pick: do.Pick) -> str:
+    """The track nearest to the pixel. InputError where the exposure has no tracks of that camera."""
+    seen = None
+    if run is not None and 0 <= pick.index < len(run.history):
+        seen = seen_by(run.history[pick.index], camera=pick.camera)
+    number = None if seen is None else nearest(seen, np.array([pick.u, pick.v]))
+    if seen is None or number is None:
+        raise InputError(f"exposure {pick.index} has no tracks of the {pick.camera[:20]} camera: pick at another one")
+    return str(Selection("track", seen.step.method, number))

@@ -1,0 +1,39 @@
+"""Numbers and images as SVG and HTML write them."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+
+import cv2
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.types import Image
+
+JPEG_QUALITY = 75
+
+
+def dots(uv: Array) -> str:
+    """A path of points (N, 2) in pixels: lines without length, which round caps make visible."""
+    return "".join(f"M{u:.1f} {v:.1f}h0" for u, v in in_view(uv).tolist())
+
+
+def polyline(uv: Array) -> str:
+    """The points (N, 2) of a polyline in pixels."""
+    return " ".join(f"{u:.1f},{v:.1f}" for u, v in in_view(uv).tolist())
+
+
+def in_view(uv: Array) -> Array:
+    """(K, 2) in the coordinates of an SVG, which count from the corner of the first pixel; without unknown ones."""
+    uv = np.asarray(uv, float).reshape(-1, 2)
+    return uv[np.isfinite(uv).all(1)] + 0.5
+
+
+def picture(image: Image, width: int) -> str:
+    """An address that holds the image as JPEG, at most so wide."""
+    if image.shape[1] > width:
+        size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return f"data:image/jpeg;base64,{b64encode(data.tobytes()).decode()}"

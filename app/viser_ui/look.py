@@ -1,0 +1,100 @@
+"""The Look tab: a picture with its tracks, and below it one panel.
+
+Drawn only while somebody has the tab open, and at most once a second while the run plays.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, get_args
+
+import viser
+
+from ..inspect.colouring import COLOURINGS
+from ..inspect.looked import Looked
+from ..inspect.selection import parsed
+from ..session import commands as do
+from ..session.state import Look, State
+from .panels.key_frames import key_frames_report
+from .panels.residuals import residuals_report
+from .panels.track import TrackChips, track_report
+from .panels.track_picture import track_picture
+from .panels.tracks import lifetimes_chart, tracks_table
+
+if TYPE_CHECKING:
+    from ..session.session import Session
+
+NAME = "Look"
+PLAYING_S = 1.0
+"""Between two pictures while the run goes on."""
+CAMERAS = {"video": "video", "left": "left image"}
+EMPTY = '<div style="padding:4px 14px;font-size:12px">Nothing is computed yet. Press Play, or step forward (→).</div>'
+
+
+class LookTab:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._chips, self._showing = session, TrackChips(), False
+        self._camera = gui.add_button_group("image", tuple(CAMERAS.values()), hint="Whose picture is shown.")
+        self._camera.on_click(lambda _: session.post(do.LookAt(camera=_key(CAMERAS, self._camera.value))))
+        hint = "What the colours of tracks mean, here and in the images at the right."
+        self._colour_by = gui.add_dropdown("colour by", COLOURINGS, initial_value="state", hint=hint)
+        self._colour_by.on_update(lambda _: self._post(do.ColourBy(self._colour_by.value)))
+        self._picture = gui.add_html(EMPTY)
+        self._panel = gui.add_dropdown("show", get_args(Look), initial_value="track")
+        self._panel.on_update(lambda _: self._post(do.LookAt(panel=self._panel.value)))
+        self._text = gui.add_html("")
+        self._drawn: tuple[Any, ...] = ()
+        self._due_s = 0.0
+
+    def _post(self, command: do.OfLook) -> None:
+        if not self._showing:
+            self._session.post(command)
+
+    def show(self, state: State) -> None:
+        """The controls alone: see `refresh` for what takes longer."""
+        self._showing = True
+        try:
+            if self._colour_by.value != state.colour_by:
+                self._colour_by.value = state.colour_by
+            if self._panel.value != state.look:
+                self._panel.value = state.look
+        finally:
+            self._showing = False
+
+    def refresh(self, state: State) -> None:
+        """Draws what the state shows, where that has changed and it is time."""
+        looked_at = (state.run, state.displayed, state.selected, state.camera, state.colour_by, state.look)
+        if looked_at == self._drawn or (state.playing and time.monotonic() < self._due_s):
+            return
+        self._drawn = looked_at
+        looked = self._looked(state)
+        texts = (EMPTY, "") if looked is None else (track_picture(looked), self._report(state.look, looked))
+        for handle, text in zip((self._picture, self._text), texts, strict=True):
+            if handle.content != text:
+                handle.content = text
+        self._due_s = time.monotonic() + PLAYING_S
+
+    def _report(self, look: Look, looked: Looked) -> str:
+        if look == "track":
+            return track_report(looked, self._chips)
+        drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "key frames": key_frames_report}
+        return drawn.get(look, residuals_report)(looked)
+
+    def _looked(self, state: State) -> Looked | None:
+        run = self._session.run
+        if run is None or state.displayed is None or state.displayed.index >= len(run.history):
+            return None
+        return Looked(
+            run.opened.sequence,
+            run.history,
+            run.series,
+            run.known_at,
+            state.displayed,
+            parsed(state.selected),
+            state.camera,
+            state.colour_by,
+        )
+
+
+def _key(names: dict[str, str], value: str) -> str:
+    return next(key for key, name in names.items() if name == value)

@@ -1,0 +1,96 @@
+"""The picture of a camera with its tracks: a click on it picks the nearest one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ispom.errors import UnreadableImage
+from ispom.types import Image, Sequence, StereoPair, Tracks, TrackStatus
+
+from ... import colours
+from ...inspect.colouring import SCALES, palette
+from ...inspect.epipolar import EpipolarLine, epipolar
+from ...inspect.looked import Looked
+from ..drawing import dots, in_view, picture, polyline
+from ..markup import render
+
+WIDTH = 640
+"""Of the JPEG; the panel is about half as wide."""
+
+
+def track_picture(looked: Looked) -> str:
+    """As HTML."""
+    known: dict[str, Any] = {"camera": looked.pictured, "index": looked.index, "image": None, "dots": (), "legend": ()}
+    if looked.index is None or (image := image_of(looked.sequence, looked.index)) is None:
+        return render("track_picture.html", **known)
+    known |= {"image": picture(image, WIDTH), "height": image.shape[0], "width": image.shape[1]}
+    if looked.seen is not None:
+        known |= {"dots": _dots(looked, looked.seen.tracks), "legend": _legend(looked, looked.seen.tracks)}
+    return render("track_picture.html", **known, title=_title(looked), scale=_scale(looked), picked=_picked(looked))
+
+
+def image_of(sequence: Sequence, index: int) -> Image | None:
+    """The video image or the left one of an exposure; None where it cannot be read again."""
+    try:
+        exposure = sequence[index]
+    except UnreadableImage:
+        return None
+    image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
+    return image if image.size else None
+
+
+def line_of(looked: Looked) -> EpipolarLine | None:
+    """Of the selected track: in the exposure that saw it last, the line of where the first one with a pose saw it."""
+    views = [s for s in looked.life.seen if s.world_from_camera is not None] if looked.life else []
+    if looked.life is None or len(views) < 2:
+        return None
+    first, last = views[0], views[-1]
+    assert first.world_from_camera is not None and last.world_from_camera is not None
+    lens = looked.lens(looked.of_track, looked.life.camera)
+    return epipolar(lens, first.world_from_camera, last.world_from_camera, first.uv, last.uv)
+
+
+def _title(looked: Looked) -> str:
+    if looked.seen is None:
+        return f"{looked.pictured} image of exposure {looked.index}: no tracks"
+    method = colours.label(looked.seen.step.method)
+    return f"{looked.pictured} image of exposure {looked.index}, {len(looked.seen.tracks)} tracks: {method}"
+
+
+def _scale(looked: Looked) -> str:
+    return "" if looked.colour_by == "state" else SCALES[looked.colour_by].title
+
+
+def _dots(looked: Looked, tracks: Tracks) -> list[tuple[str, str]]:
+    """(colour, path) of each group of tracks."""
+    if looked.colour_by == "state":
+        groups = tracks.status
+        tints = {int(status): colours.css(colour) for status, colour in colours.TRACK.items()}
+    else:
+        groups = np.where(tracks.status < TrackStatus.LOST, looked.knowledge.bins(tracks, looked.colour_by), -1)
+        tints = {i: colours.css(colour) for i, colour in enumerate(palette())}
+    return [(tint, dots(tracks.uv[groups == i])) for i, tint in tints.items() if (groups == i).any()]
+
+
+def _legend(looked: Looked, tracks: Tracks) -> list[tuple[str, str]]:
+    """(colour, text) of what is in the picture."""
+    if looked.colour_by != "state":
+        scale = SCALES[looked.colour_by]
+        return [(colours.css(c), text) for c, text in zip(palette(), scale.labels(), strict=True)]
+    counts = np.bincount(tracks.status, minlength=len(TrackStatus))
+    present = [status for status in TrackStatus if counts[status]]
+    return [(colours.css(colours.TRACK[s]), f"{counts[s]} {s.reason}") for s in present]
+
+
+def _picked(looked: Looked) -> dict[str, Any] | None:
+    """The selected track in this picture: its path, where it is, and its epipolar line."""
+    life = looked.life
+    if life is None or life.camera != looked.pictured:
+        return None
+    line = line_of(looked) if life.last.index == looked.index else None
+    path = np.stack([s.uv for s in life.sightings])
+    u, v = in_view(path[-1])[0].tolist()
+    curve = polyline(line.curve_uv) if line is not None and len(line.curve_uv) > 1 else ""
+    return {"path": polyline(path), "u": u, "v": v, "line": curve, "here": life.last.index == looked.index}

@@ -1,0 +1,177 @@
+"""The Look tab: what it shows of a run that says all, and what it asks of the session. No browser."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from ispom_app.inspect.looked import Looked
+from ispom_app.inspect.selection import parsed
+from ispom_app.run.playback import Playback
+from ispom_app.session import commands as do
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.state import Computed, State, changed, reduce
+from ispom_app.viser_ui import look as looks
+from ispom_app.viser_ui.look import EMPTY, LookTab
+from ispom_app.viser_ui.panels.key_frames import key_frames_report
+from ispom_app.viser_ui.panels.residuals import residuals_report
+from ispom_app.viser_ui.panels.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
+from ispom_app.viser_ui.panels.track_picture import track_picture
+from ispom_app.viser_ui.panels.tracks import lifetimes_chart, tracks_table
+
+from ispom.errors import UnreadableImage
+from ispom.types import Tracks
+from tests import doubles
+from tests.alone import METHODS
+
+N = 40
+
+
+class Steady(doubles.FullEstimator):
+    """Its tracks stay the same from one exposure to the next."""
+
+    def step(self, state: tuple[int, ...], exposure: Any, asked: object = None) -> Any:
+        after, step = super().step(state, exposure)
+        ids = np.arange(30, dtype=np.int64)
+        tracks = {camera: replace(t, ids=ids, status=np.zeros(30, np.uint8)) for camera, t in step.tracks.items()}
+        return after, replace(step, tracks=tracks, landmarks=replace(step.landmarks, ids=ids))
+
+
+def computed(estimator: Any) -> CurrentRun:
+    playback = Playback(
+        doubles.sequence(N), METHODS, builder=lambda config, methods, rig: doubles.ensemble(methods, estimator)
+    )
+    found = CurrentRun(playback, 10**9)
+    while not playback.done:
+        found.step()
+    return found
+
+
+@pytest.fixture(scope="module")
+def run() -> CurrentRun:
+    return computed(Steady)
+
+
+def state_of(run: CurrentRun, **values: object) -> State:
+    state = reduce(State("double:40"), run.opened)
+    for record in run.history:
+        state = reduce(state, Computed(record, run.tally))
+    return reduce(state, changed(**values))
+
+
+def looked(run: CurrentRun, selected: str = "", camera: str = "video", **values: Any) -> Looked:
+    record = run.history[values.pop("index", N - 1)]
+    by = values.pop("colour_by", "state")
+    sequence = values.pop("sequence", run.opened.sequence)
+    return Looked(sequence, run.history, run.series, run.known_at, record, parsed(selected), camera, by)
+
+
+@pytest.mark.parametrize("camera", ["video", "left"])
+@pytest.mark.parametrize("by", ["state", "age", "residual", "depth"])
+def test_the_picture_has_its_tracks_and_says_what_their_colours_mean(run: CurrentRun, camera: str, by: str):
+    shown = looked(run, camera=camera, colour_by=by)
+    text = track_picture(shown)
+    assert f'data-pick="{camera}" data-index="{shown.index}"' in text and text.count("h0") >= 30
+    assert "median" in text if by == "depth" else by == "state" or f"{by}" in text
+
+
+def test_the_picture_is_the_cameras_latest_up_to_the_exposure_shown(run: CurrentRun):
+    shown = looked(run, camera="left", index=9)
+    assert shown.index is not None and shown.index <= 9 and run.history[shown.index].kind == "stereo"
+
+
+def test_an_image_that_cannot_be_read_again_is_said_to_be(run: CurrentRun):
+    def load(i: int) -> Any:
+        raise UnreadableImage("gone")
+
+    sequence = replace(run.opened.sequence, load=load)
+    shown = looked(run, "track:monocular:5", sequence=sequence)
+    assert "no image that can be read" in track_picture(shown)
+    assert "Track 5" in track_report(shown, TrackChips())
+
+
+def test_a_track_has_chips_point_and_residuals(run: CurrentRun):
+    shown = looked(run, "track:monocular:5")
+    text = track_report(shown, TrackChips())
+    assert text.count("data-seek=") == 12 and "landmark of exposure" in text and "from the line" in text
+    assert "1 sigma" in text and "RMS" in text
+
+
+def test_a_track_of_a_part_alone_is_found_as_well(run: CurrentRun):
+    assert looked(run, "track:monocular:5").life is not None
+    assert "not among" in track_report(looked(run, "track:monocular:999"), TrackChips())
+    assert "click" in track_report(looked(run), TrackChips())
+
+
+def test_chips_are_spread_over_the_life_and_few_are_kept(run: CurrentRun):
+    shown, chips = looked(run, "track:monocular:5"), TrackChips()
+    assert shown.life is not None
+    places = spread(shown.life)
+    assert places[0] == 0 and places[-1] == len(shown.life.sightings) - 1 and len(places) == 12
+    for number in range(12):
+        track_report(looked(run, f"track:monocular:{number}"), chips)
+    assert len(chips._kept) == MOST_KEPT
+
+
+def test_a_chip_at_the_edge_repeats_it():
+    image = np.arange(100 * 80, dtype=np.uint32).reshape(80, 100).astype(np.uint8)
+    found = cut(image, np.array([2.0, 79.0]))
+    assert found.shape == (CHIP_PX, CHIP_PX) and found[CHIP_PX // 2, CHIP_PX // 2] == image[79, 2]
+
+
+def test_rows_lines_and_cells_can_be_selected(run: CurrentRun):
+    shown = looked(run, "key_frame:monocular:0")
+    assert tracks_table(shown).count('data-select="track:monocular:') == 30
+    assert lifetimes_chart(shown).count('data-select="track:monocular:') == 30
+    text = key_frames_report(shown)
+    assert 'data-select="key_frame:monocular:' in text and "Key frame 0" in text and "30 shared tracks" in text
+    assert "95 % below" in residuals_report(shown)
+
+
+def test_without_tracks_each_panel_says_so():
+    class Blind(doubles.FakeEstimator):
+        def step(self, state: tuple[int, ...], exposure: Any, asked: object = None) -> Any:
+            after, step = super().step(state, exposure)
+            none = Tracks.of(np.zeros(0), np.zeros((0, 2)))
+            return after, replace(step, tracks=dict.fromkeys(step.tracks, none), key_frame=False)
+
+    shown = looked(computed(Blind))
+    for panel in (track_picture, tracks_table, lifetimes_chart, key_frames_report, residuals_report):
+        assert panel(shown)
+
+
+class Asked:
+    def __init__(self, run: CurrentRun) -> None:
+        self.run, self.asked = run, list[do.Command]()
+        self.post = self.asked.append
+
+
+def test_controls_ask_and_follow_without_asking(server: viser.ViserServer, run: CurrentRun):
+    session = Asked(run)
+    tab = LookTab(server.gui, session)  # type: ignore[arg-type]
+    tab.show(state_of(run, colour_by="depth", look="residuals"))
+    assert not session.asked and (tab._colour_by.value, tab._panel.value) == ("depth", "residuals")
+    tab._panel.value, tab._colour_by.value, tab._camera.value = "tracks", "age", "left image"
+    assert session.asked == [do.LookAt(panel="tracks"), do.ColourBy("age"), do.LookAt(camera="left")]
+
+
+def test_it_is_drawn_when_something_changed_and_at_most_once_a_second_while_playing(
+    server: viser.ViserServer, run: CurrentRun, monkeypatch: pytest.MonkeyPatch
+):
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(looks, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    tab, state = LookTab(server.gui, Asked(run)), state_of(run, playing=True)  # type: ignore[arg-type]
+    tab.refresh(replace(state, displayed=None))
+    assert tab._picture.content == EMPTY
+    clock.now += 2
+    tab.refresh(state)
+    first = tab._picture.content
+    assert "data-pick" in first
+    tab.refresh(replace(state, displayed=run.history[20]))
+    assert tab._picture.content == first
+    tab.refresh(replace(state, displayed=run.history[20], playing=False))
+    assert tab._picture.content != first
