@@ -23,11 +23,10 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened.tab.close()
 
 
-def show(page: Page, panel: str) -> None:
-    """Chooses a panel."""
-    page.controls.get_by_role("textbox", name="show").click()
-    page.controls.get_by_role("option", name=panel, exact=True).click()
-    page.until(f"state.look === '{panel}'", f"the panel {panel}")
+def choose(page: Page, now: str, wanted: str) -> None:
+    """In the list that stands at `now`."""
+    page.controls.locator(f"input:visible[value='{now}']").first.click()
+    page.controls.get_by_role("option", name=wanted, exact=True).click()
 
 
 def test_a_click_in_the_picture_picks_a_track_that_survives_a_reload(page: Page):
@@ -57,7 +56,8 @@ def test_a_chip_shows_its_exposure(page: Page):
 
 
 def test_a_row_of_the_table_is_selected_by_click_and_by_key(page: Page):
-    show(page, "tracks")
+    choose(page, "track", "tracks")
+    page.until("state.look === 'tracks'", "the table")
     rows = page.controls.locator("tr[data-select]")
     rows.nth(1).wait_for()
     wanted = [rows.nth(i).get_attribute("data-select") for i in (0, 1)]
@@ -69,7 +69,8 @@ def test_a_row_of_the_table_is_selected_by_click_and_by_key(page: Page):
 
 
 def test_a_key_frame_is_selected_in_the_matrix(page: Page):
-    show(page, "key frames")
+    choose(page, "tracks", "key frames")
+    page.until("state.look === 'key frames'", "the matrix")
     name = page.controls.locator("text[data-select]").first
     wanted = name.get_attribute("data-select")
     name.click()
@@ -78,8 +79,7 @@ def test_a_key_frame_is_selected_in_the_matrix(page: Page):
 
 
 def test_colours_and_camera_are_the_states(page: Page):
-    page.controls.get_by_role("textbox", name="colour by").click()
-    page.controls.get_by_role("option", name="age", exact=True).click()
+    choose(page, "state", "age")
     page.until("state.colour_by === 'age'", "the colouring")
     page.controls.get_by_text("age [exposures of the camera]").wait_for()
     page.controls.get_by_role("button", name="left image", exact=True).click()
