@@ -21,7 +21,7 @@ EXPOSURES = 1_200
 MEASURED_EVERY = 10
 """Exposures: to walk a State takes about as long as a step."""
 GROWN = 1.1
-STANDING = ("still", "pairs end", "goes blank", "video goes blank")
+STANDING = ("still", "stops", "pairs end", "goes blank", "video goes blank")
 """Of the scenarios those in which most could pile up."""
 RUNS = [(name, s) for name in ALL for s in SCENARIOS if s.name in STANDING and s.kinds == registered(name).needs]
 

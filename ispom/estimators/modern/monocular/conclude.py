@@ -69,7 +69,9 @@ def as_step(
     followed, adjusted = outcome.followed, outcome.uncertainty
     unknown = np.full(len(followed.status), np.nan, np.float32)
     residual = unknown if outcome.residual_px is None else outcome.residual_px
-    poses = after.map.trajectory() if after.map is not None else []
+    revised = Trajectory.empty("video")
+    if adjusted is not None and after.map is not None:
+        revised = Trajectory.of([*outcome.settled, *after.map.trajectory()], "video")
     return Step(
         exposure.time_ns,
         outcome.status,
@@ -80,7 +82,7 @@ def as_step(
         {"video": as_tracks(before.live, followed, residual, fresh)},
         Landmarks.empty() if adjusted is None else _landmarks(exposure, after),
         residual[np.isfinite(residual) & (followed.status == TrackStatus.ALIVE)],
-        Trajectory.empty("video") if adjusted is None else Trajectory.of([*outcome.settled, *poses], "video"),
+        revised,
         outcome.scale,
         seconds,
         outcome.decisions,

@@ -15,7 +15,8 @@ from ispom.solvers.window.prior import POSE, Prior
 DYING_SHARE = 0.3
 """Share of its points still tracked, below which the oldest key frame leaves: it constrains nothing new any more."""
 MAX_RELATIVE_FRAMES = 100
-"""Frames between key frames whose poses still follow their key frame; older ones are final."""
+"""Frames between key frames whose poses still follow their key frame once a key frame is taken; older ones are final.
+Without a key frame, as at rest, they may become twice as many."""
 NEWEST = 3
 """The last key frames that always stay: they carry the motion, and the youngest points."""
 
@@ -37,7 +38,7 @@ def shortened(state: Map, alive: NDArray[np.int64], count: int, sigma: float) ->
             state = replace(state, prior=_prior_without(state, j))
         state, done = _without_key(state, j)
         settled += done
-    state, done = _limited(state)
+    state, done = limited(state, MAX_RELATIVE_FRAMES)
     settled += done
     seen = np.unique(np.concatenate([k.ids for k in state.keys]))
     return replace(state, points=state.points.only(seen)), settled
@@ -98,11 +99,12 @@ def _without_key(state: Map, j: int) -> tuple[Map, list[tuple[int, Pose]]]:
     return replace(state, keys=keys, relative_frames=(*others, own, *moved)), []
 
 
-def _limited(state: Map) -> tuple[Map, list[tuple[int, Pose]]]:
-    """At most MAX_RELATIVE_FRAMES between key frames, and the poses of the oldest beyond: a map in view may last."""
-    extra = len(state.relative_frames) - MAX_RELATIVE_FRAMES
-    if extra <= 0:
+def limited(state: Map, most: int = 2 * MAX_RELATIVE_FRAMES) -> tuple[Map, list[tuple[int, Pose]]]:
+    """Where more than `most` frames lie between key frames, the map with MAX_RELATIVE_FRAMES of them, and the poses of
+    the oldest beyond, which are final: a map in view may last."""
+    if len(state.relative_frames) <= most:
         return state, []
+    extra = len(state.relative_frames) - MAX_RELATIVE_FRAMES
     order = sorted(state.relative_frames, key=lambda b: b.time_ns)
     of_key = {k.time_ns: p for k, p in zip(state.keys, state.poses, strict=True)}
     done = [(b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in order[:extra]]

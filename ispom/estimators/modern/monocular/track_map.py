@@ -11,7 +11,7 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED, Localisation, localise, moving_tracks
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.marginalise import shortened
+from ispom.estimators.modern.monocular.marginalise import limited, shortened
 from ispom.estimators.modern.monocular.recover import recover
 from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
@@ -46,7 +46,8 @@ def track_map(setup: Setup, state: ModernMonocularState, world: Map, new: NewIma
         covariance=state.uncertainty.of_pose(found.ids, found.xyz, found.motion, setup.sigma),
     )
     if not any(test.passed for test in tests):
-        return replace(outcome, map=world.with_relative_frame(new.time_ns, frame.world_from_camera))
+        world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
+        return replace(outcome, map=world, settled=tuple(settled))
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
     watch.lap("key frame")
     return outcome
