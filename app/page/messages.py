@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from ispom.methods import method as registered
+from ispom.methods import names
 
 from .. import colours
 from ..rerun_log.blueprint import hidden_paths
+from ..rerun_log.layers import LAYERS
 from ..session import commands as do
 from ..session.actions import ACTIONS, BY_NAME
+from ..session.sources.known import run_name
 from ..session.state import State
 from ..texts import length, size
 
@@ -45,6 +48,8 @@ def message_of(state: State) -> dict[str, Any]:
     return {
         "source": state.source,
         "name": state.name or state.source,
+        "address": {"run": run_name(state.source), "branch": state.branch, "hidden": sorted(state.hidden)},
+        "branches": [branch.number for branch in state.branches],
         "notes": state.notes,
         "phase": state.phase,
         "run": state.run,
@@ -99,6 +104,12 @@ def command_of(text: str) -> do.Command | Pane | None:
                 return do.Seek(int(message["index"]))
             case "record":
                 return do.Record("")
+            case "open_named":
+                return do.OpenNamed(str(message["run"]))
+            case "show_branch":
+                return do.ShowBranch(int(message["number"]))
+            case "hide":
+                return do.Hide(frozenset(map(str, message["names"])) & {*LAYERS, *names()})
             case "pane":
                 return Pane(bool(message["wide"]), str(message.get("tab", "")))
             case "select":

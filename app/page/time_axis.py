@@ -11,6 +11,7 @@ from ispom.types import Status
 from .. import colours
 from ..expressions.matches import matches
 from ..expressions.parser import Expression
+from ..run.events import Bookmark
 from ..run.history.series import Series
 from ..session.branching.branches import Branch
 from ..session.current_run import CurrentRun
@@ -26,6 +27,7 @@ class AxisNews:
     def __init__(self) -> None:
         self._run: CurrentRun | None = None
         self._branches: tuple[Branch, ...] = ()
+        self._bookmarks: tuple[Bookmark, ...] = ()
         self._marked: Expression | None = None
         self._read = self._computed = self._asked = 0
         """Exposures whose times, results and matches the page has."""
@@ -36,7 +38,7 @@ class AxisNews:
             return None
         news: dict[str, Any] = {}
         if run is not self._run:
-            self._run, self._marked, self._branches = run, None, ()
+            self._run, self._marked, self._branches, self._bookmarks = run, None, (), ()
             self._read = self._computed = self._asked = 0
             methods = run.opened.methods
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
@@ -44,6 +46,9 @@ class AxisNews:
         if state.branches != self._branches:
             before, self._branches = self._points(), state.branches
             news |= {"branches": self._points()} if self._points() != before else {}
+        if state.bookmarks != self._bookmarks:
+            self._bookmarks = state.bookmarks
+            news["bookmarks"] = [{"at": b.exposure, "note": b.note} for b in state.bookmarks]
         return news or None
 
     @property

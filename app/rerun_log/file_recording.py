@@ -24,7 +24,7 @@ import rerun as rr
 from ispom.errors import InputError
 from ispom.io.whole import part_of
 
-from ..run.events import Event, Opened
+from ..run.events import Bookmark, Event, Opened
 from ..run.folder.lock import locked
 from . import blueprint
 from .piped_file import PIPES, PipedFile
@@ -78,7 +78,7 @@ class FileRecording:
         present = next((path for path in (self._part, self.path) if path.exists()), None)
         return present.stat().st_size if present else 0
 
-    def write(self, event: Event) -> None:
+    def write(self, event: Event | Bookmark) -> None:
         """Never raises because of the disk: see `failure`."""
         if self._stream is not None:
             batch = self._recorder.batch(event)

@@ -12,7 +12,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /video, /left                            image, tracks, trails, legend; left also disparity
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
-    /decisions, /log                         text
+    /decisions, /log, /log/bookmarks         text
 
 Timelines: `exposure` (its index) and `time` (since the first exposure).
 """
@@ -26,7 +26,7 @@ import rerun as rr
 from ispom.geometry import Similarity
 from ispom.types import Step, StereoPair, Tracks
 
-from ..run.events import Event, Finished, Opened, Stepped
+from ..run.events import Bookmark, Event, Finished, Opened, Stepped
 from ..run.history.record import with_parts
 from ..run.model.drawn_size import unit_in_metres
 from . import entities
@@ -52,8 +52,11 @@ class Recorder:
         images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left")]
         return Batch(0, 0, (*self._world.opening(), *images, *self._plots.opening()))
 
-    def batch(self, event: Event) -> Batch:
-        """What this event adds. Each event once, in their order."""
+    def batch(self, event: Event | Bookmark) -> Batch:
+        """What this event adds. Each event once, in their order; bookmarks after those that they mark."""
+        if isinstance(event, Bookmark):
+            text = rr.TextLog(f"bookmark: {event.note}" if event.note else "bookmark")
+            return Batch(event.exposure, event.time_ns - self.first_ns, (Entry("log/bookmarks", text),))
         if isinstance(event, Finished):
             return Batch(*self._now, tuple(self._world.finished(event)))
         self._now = (event.index, event.exposure.time_ns - self.first_ns)

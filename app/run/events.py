@@ -55,6 +55,15 @@ class Finished:
     placements: Mapping[str, Similarity]
 
 
+@dataclass(frozen=True)
+class Bookmark:
+    """An exposure that a person marked."""
+
+    exposure: int
+    time_ns: int
+    note: str = ""
+
+
 Event = Stepped | Finished
 
 

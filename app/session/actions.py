@@ -18,7 +18,7 @@ class Action:
     label: str
     hint: str
     """What it does, in one sentence."""
-    command: do.Moves
+    command: do.Moves | do.ToggleBookmark
 
 
 ACTIONS = (
@@ -46,5 +46,12 @@ ACTIONS = (
     Action("loop_start", "a", "Loop from here", "Playing goes round from the exposure shown on.", do.LoopEdge("start")),
     Action("loop_end", "b", "Loop to here", "Playing goes round up to the exposure shown.", do.LoopEdge("end")),
     Action("no_loop", "l", "No loop", "Playing goes on to the end again.", do.NoLoop()),
+    Action(
+        "bookmark",
+        "m",
+        "Bookmark",
+        "Marks the exposure shown; again: removes a mark without a note.",
+        do.ToggleBookmark(),
+    ),
 )
 BY_NAME = {action.name: action for action in ACTIONS}

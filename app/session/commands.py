@@ -121,12 +121,36 @@ class CompareBranch:
 
 
 @dataclass(frozen=True)
+class PutBookmark:
+    """Mark the exposure that is shown; None keeps the note that is there."""
+
+    note: str | None = None
+
+
+@dataclass(frozen=True)
+class ToggleBookmark:
+    """Mark the exposure that is shown; where it has a mark without a note, remove that."""
+
+
+@dataclass(frozen=True)
+class RemoveBookmark:
+    exposure: int
+
+
+@dataclass(frozen=True)
 class Open:
     """Open another source, and play it: `sim:NAME`, an address, or a path."""
 
     source: str
     options: SourceOptions | None = None
     """None: as the command line said."""
+
+
+@dataclass(frozen=True)
+class OpenNamed:
+    """Open the run of this name, where it is one that is known here (sources/known.py). A name, never a path."""
+
+    name: str
 
 
 @dataclass(frozen=True)
@@ -222,7 +246,11 @@ Command = (
     | Restart
     | OfBranches
     | OfLook
+    | PutBookmark
+    | ToggleBookmark
+    | RemoveBookmark
     | Open
+    | OpenNamed
     | Record
     | StopRecording
     | RepairRecordings

@@ -11,6 +11,7 @@ from ispom.sequences.address import without_secrets
 from ..options import SourceOptions
 from . import break_points, moves, selecting
 from . import commands as do
+from .bookmarks.desk import BookmarkDesk
 from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -18,6 +19,7 @@ from .player import Player
 from .recording.desk import RecordingDesk
 from .recording.listing import list_recordings
 from .recording.repairs import Repairs
+from .sources.known import Known
 from .sources.opening import SourceOpener
 from .sources.recent import RecentSources
 from .state import NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
@@ -53,7 +55,8 @@ class Controller:
     ) -> None:
         """`first` is opened at the start; `methods` None means the usual ones of each source."""
         self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
-        self._repairs = Repairs(recordings.folder)
+        self._repairs, self._known = Repairs(recordings.folder), Known(recordings.folder)
+        self._bookmarks = BookmarkDesk(store, recordings.folder)
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay = first, autoplay
         self._wanted, self._history_bytes = methods, history_bytes
@@ -108,6 +111,15 @@ class Controller:
             case do.Open(source, options):
                 if self._open(source, options):
                     self._play_on()
+            case do.OpenNamed(name):
+                if self._open(self._known.source(name, store.state), None):
+                    self._play_on()
+            case do.PutBookmark(note):
+                self._bookmarks.put(note)
+            case do.ToggleBookmark():
+                self._bookmarks.toggle()
+            case do.RemoveBookmark(exposure):
+                self._bookmarks.remove(exposure)
             case do.Record(name):
                 self._record(name)
             case do.StopRecording():
@@ -212,6 +224,7 @@ class Controller:
                 self._store.emit(NoticeAdded(run.stored.unavailable, "info"))
         elif not run.done:
             self._compiling.explain()
+        self._bookmarks.begin(run, self._store.state.source)
 
     def _play_on(self) -> None:
         """A run that was opened plays by itself; one that is over waits to be looked at."""
@@ -238,7 +251,7 @@ class Controller:
         """The file is closed when all of the run so far is written, which may take a while."""
         run = self._player.run
         if self._recordings.recording and run is not None:
-            self._recordings.stop(run.finish() if run.history else None)
+            self._recordings.stop(run.finish() if run.history else None, self._store.state.bookmarks)
 
     def _watch_recordings(self) -> None:
         """Shows how a recording goes, and what became of it."""

@@ -112,8 +112,8 @@ class CurrentRun:
         if before.stored is None:
             return ""
         methods = frozenset(step.method for step in before.steps)
-        rows = (record_rows(record, methods) for record in (before, ExposureRecord.of(event, None)))
-        found = next(divergences(*rows, tuple(methods)), None)
+        stored, made = record_rows(before, methods), record_rows(ExposureRecord.of(event, None), methods)
+        found = next(divergences(stored, made, tuple(methods)), None)
         if found is None:
             return ""
         return (

@@ -154,6 +154,7 @@ class Session:
         if self._worker.close(timeout_s):
             return True
         if self._recordings.busy:
-            self._recordings.stop(self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None)
+            finished = self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None
+            self._recordings.stop(finished, self.state.bookmarks)
             self._recordings.close(0.6 * CLOSE_S)
         return False

@@ -13,7 +13,7 @@ from ..expressions.parser import Expression
 from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from ..run.beside.placed import Beside
-from ..run.events import Finished, Opened
+from ..run.events import Bookmark, Finished, Opened
 from ..run.history.record import ExposureRecord, MethodStatus
 from ..run.model.tally import Tally
 from .branching.branches import FIRST, Branch
@@ -107,6 +107,8 @@ class State:
     """The condition that a run goes on towards."""
     marked: Expression | None = None
     """The condition that was asked for last: where it holds is marked on the time axis."""
+    bookmarks: tuple[Bookmark, ...] = ()
+    """Of the source's exposures, in their order."""
     target: int | None = None
     """The exposure that a seek is computing towards."""
     ended: bool = False
@@ -214,8 +216,8 @@ class Changed:
 
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
-_CHANGEABLE |= {"unfinished"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look"}
+_CHANGEABLE |= {"unfinished", "bookmarks"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
 

@@ -16,6 +16,7 @@ from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
 from .look import NAME, LookTab
+from .panels.bookmarks import BookmarksPanel
 from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
 from .panels.differences import DifferencesPanel
@@ -42,6 +43,7 @@ Panel = (
     | WhyPanel
     | LookTab
     | RecordPanel
+    | BookmarksPanel
 )
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
@@ -110,7 +112,9 @@ class Screen:
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
-        return [run, source, why, self._look, methods, branches, curves, differences, break_point, view, record]
+            bookmarks = BookmarksPanel(gui, self._session)
+        panels: list[Panel] = [run, source, why, self._look, methods, branches, curves, differences, break_point]
+        return [*panels, view, record, bookmarks]
 
     def _look_at(self, truth: Trajectory | None) -> None:
         position, target = looking_at(truth)

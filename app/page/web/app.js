@@ -1,4 +1,5 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
+import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
 import { openControls } from "./controls.js";
 import { listen, setKeys } from "./keyboard.js";
@@ -7,7 +8,7 @@ import { openViewer } from "./rerun.js";
 import { makeSplitter } from "./splitter.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
 
-history.replaceState(null, "", location.pathname); // the token is the cookie's now, and nobody's to copy
+history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 dark.addEventListener("change", () => location.reload());
@@ -35,6 +36,7 @@ function connect() {
     axis.show(state);
     showNotices(state.notices);
     viewer.follow(state);
+    address.follow(state);
   };
   socket.onclose = () => {
     showOffline();
@@ -55,6 +57,7 @@ function command(message) {
 listen(window, command);
 openControls(dark.matches, command, (tab) => paneBecame({ tab }));
 
+const address = makeAddress(send);
 const axis = makeAxis((index) => command({ do: "seek", index }));
 
 connect();

@@ -55,6 +55,11 @@ export function drawAxis(canvas, width, axis, place) {
   }
   box(place(0), place(axis.times.length - 1), y + 1, BAR, colour("field"));
   if (axis.computed) box(place(0), place(axis.computed - 1), y + 1, BAR, colour("accent"), 0.6);
+  for (const bookmark of axis.bookmarks ?? []) {
+    const x = Math.round(place(bookmark.at));
+    box(x, x + 1, 0, height, colour("accent"));
+    for (let wide = 0; wide < 5; wide++) box(x - wide, x + 1 + wide, 4 - wide, 1, colour("accent"));
+  }
   for (const branch of axis.branches) {
     box(place(branch.at) - 1, place(branch.at) + 1, 0, height, branch.colour);
     box(place(branch.at) - 1, place(branch.at) + 7, 0, 5, branch.colour);

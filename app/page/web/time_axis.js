@@ -7,7 +7,7 @@ const at = (id) => document.getElementById(id);
 
 export function makeAxis(seek) {
   const strip = at("axis");
-  const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], loop: null };
+  const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], bookmarks: [], loop: null };
   let index = -1;
   let width = strip.clientWidth;
   let due = null;
@@ -58,7 +58,7 @@ export function makeAxis(seek) {
 function take(axis, news) {
   if (news.methods) {
     const methods = news.methods.map((method) => ({ ...method, keyFrames: [], lost: [] }));
-    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, matches: [], condition: "", branches: [] });
+    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, matches: [], condition: "", branches: [], bookmarks: [] });
   }
   axis.times = axis.times.concat(news.times_ms ?? []);
   axis.kinds += news.kinds ?? "";
@@ -75,6 +75,7 @@ function take(axis, news) {
   if (news.condition !== undefined) Object.assign(axis, { condition: news.condition, matches: [] });
   axis.matches.push(...(news.matches ?? []));
   axis.branches = news.branches ?? axis.branches;
+  axis.bookmarks = news.bookmarks ?? axis.bookmarks;
 }
 
 const room = (width) => Math.max(width - 2 * PAD, 1);
@@ -107,6 +108,7 @@ function hint(axis, strip, { clientX, clientY }) {
     ...axis.methods.map((method) => happened(method, index)),
     axis.matches.includes(index) ? `holds: ${axis.condition}` : "",
     ...axis.branches.filter((branch) => branch.at === index).map((branch) => `${branch.name} begins`),
+    ...axis.bookmarks.filter((bookmark) => bookmark.at === index).map(({ note }) => `bookmark${note && `: ${note}`}`),
   ].filter(Boolean).join("\n");
   box.style.left = `${Math.min(Math.max(clientX - box.offsetWidth / 2, 4), innerWidth - box.offsetWidth - 4)}px`;
 }

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import yaml
 
@@ -17,13 +17,14 @@ from ispom.io.files import exists
 from ispom.io.mapping import read_mapping
 from ispom.methods import Config, in_order, method, names, with_asked
 from ispom.settings import from_plain
-from ispom.types import Frame, Sequence
+from ispom.types import Sequence
 
 from ..playback import Stage
 from .run_folder import RUN
 
-FRAMES: tuple[Frame, ...] = ("rig", "left", "video")
+RunFrame = Literal["rig", "left", "video"]
 """Whose poses a run may write."""
+FRAMES: tuple[RunFrame, ...] = get_args(RunFrame)
 PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba", "embreex", "rerun-sdk")
 _NEEDED = {"source": str, "sequence": str, "notes": list, "options": dict, "config": dict, "versions": dict}
 
@@ -66,7 +67,7 @@ class RunFile:
         return _config(self.config, "config")
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> RunFrame:
         """Whose poses the run's trajectories hold."""
         return self.options["frame"]
 

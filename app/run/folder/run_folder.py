@@ -18,6 +18,8 @@ from .lock import LOCK, locked
 MARKER = "INCOMPLETE"
 """The file that says that a run is not complete, and in its first line why."""
 RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
+NOTES = "notes.yaml"
+"""Bookmarks of a person, who looked at the run."""
 LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ispom.errors import InputError
 
-from ...run.events import Finished, Stepped
+from ...run.events import Bookmark, Finished, Stepped
 from ..current_run import CurrentRun
 from ..state import Recording
 from .listing import recording_path
@@ -48,10 +48,10 @@ class RecordingDesk:
         """Whether new exposures are being recorded."""
         return self._open is not None
 
-    def stop(self, finished: Finished | None) -> None:
-        """The file is closed when all of the run so far is written, which may take a while."""
+    def stop(self, finished: Finished | None, bookmarks: tuple[Bookmark, ...] = ()) -> None:
+        """The file is closed when all of the run so far, and its bookmarks, are written, which may take a while."""
         if self._open is not None:
-            self._open.stop(finished)
+            self._open.stop(finished, bookmarks)
             self._closing.append(self._open)
             self._open = None
 

@@ -9,7 +9,7 @@ from threading import Thread
 from ispom.errors import InputError
 
 from ...rerun_log.file_recording import FileRecording
-from ...run.events import Finished, Opened, Stepped
+from ...run.events import Bookmark, Finished, Opened, Stepped
 from ...run.history.feed import Feed
 from ...run.history.history import History
 from ..state import Recording
@@ -28,6 +28,7 @@ class RecordingWriter:
         """Why the recording is not whole, one sentence; None while all is well."""
         self._file = FileRecording(path, opened)
         self._feed = Feed(opened, history, rereads=True)
+        self._bookmarks: tuple[Bookmark, ...] = ()
         self._thread = Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
 
@@ -44,8 +45,10 @@ class RecordingWriter:
         """The newest exposure of the history, with its images, so that they need not be read again."""
         self._feed.offer(event)
 
-    def stop(self, finished: Finished | None) -> None:
-        """Writes what the history holds by now and the final trajectories, where there are any; then closes."""
+    def stop(self, finished: Finished | None, bookmarks: tuple[Bookmark, ...] = ()) -> None:
+        """Writes what the history holds by now, the final trajectories, where there are any, and the bookmarks; then
+        closes."""
+        self._bookmarks = bookmarks or self._bookmarks
         self._feed.finish(finished, ends=True)
 
     def close(self, timeout_s: float) -> None:
@@ -62,6 +65,8 @@ class RecordingWriter:
                 self._file.write(event)
                 if self._file.failure:
                     break
+            for bookmark in self._bookmarks:
+                self._file.write(bookmark)
         except (InputError, OSError) as fault:
             self.failure = str(fault)
         except Exception as fault:

@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session = session
+        self._session, self._showing, self._seen = session, False, session.state.hidden
+        self._asked: set[frozenset[str]] = set()
+        """What was asked for here, and is not shown yet."""
         self._boxes = {method: gui.add_checkbox(colours.label(method), True) for method in names()}
         self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
         for box in self._boxes.values():
-            box.on_update(lambda _: session.post(do.Hide(self.hidden)))
+            box.on_update(lambda _: self._clicked())
         gui.add_html(legend())
 
     @property
@@ -33,11 +35,31 @@ class ViewPanel:
         """Names of layers and methods."""
         return frozenset(name for name, box in self._boxes.items() if not box.value)
 
+    def _clicked(self) -> None:
+        if not self._showing:
+            self._asked.add(self.hidden)
+            self._session.post(do.Hide(self.hidden))
+
     def show(self, state: State) -> None:
+        if state.hidden != self._seen:
+            self._seen = state.hidden
+            if state.hidden in self._asked:
+                self._asked.clear()
+            else:
+                self._follow(state.hidden)
         for name, box in self._boxes.items():
             absent = name not in LAYERS and name not in state.methods
             if box.disabled != absent:
                 box.disabled = absent
+
+    def _follow(self, hidden: frozenset[str]) -> None:
+        """The boxes, where somebody else hid something: the page's address."""
+        self._showing = True
+        try:
+            for name, box in self._boxes.items():
+                box.value = name not in hidden
+        finally:
+            self._showing = False
 
 
 def legend() -> str:

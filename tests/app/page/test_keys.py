@@ -26,6 +26,7 @@ CONSEQUENCES = {
     "loop_start": "state.loop?.[0] === 20 && state.loop[1] === null",
     "loop_end": "state.loop?.[0] === 0 && state.loop[1] === 20",
     "no_loop": "state.loop === null",
+    "bookmark": "window.ispom.axis.bookmarks[0]?.at === 20",
 }
 """Of each action at exposure 20, where the first and every fifth exposure of a method is a key frame."""
 BUTTONS = {
@@ -51,10 +52,13 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
 
 
 def begin(page: Page, name: str) -> None:
-    """At exposure 20; with a loop, where it is to be taken away."""
+    """At exposure 20, without a bookmark; with a loop, where it is to be taken away."""
     page.send("{do: 'no_loop'}")
     page.send(f"{{do: 'seek', index: {FROM}}}")
     page.until(f"state.index === {FROM} && state.loop === null && !state.playing", "the beginning")
+    if name == "bookmark" and page.tab.evaluate("window.ispom.axis.bookmarks.length"):
+        page.send("{do: 'bookmark'}")
+        page.until("window.ispom.axis.bookmarks.length === 0", "the bookmark to be gone")
     if name == "no_loop":
         page.send("{do: 'loop_start'}")
         page.until("state.loop !== null", "a loop")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -142,3 +143,27 @@ def test_other_sources_are_opened_as_ever(run: Path, tmp_path: Path) -> None:
     wait_for(lambda: session.state.ended and session.state.total == 28, "the source")
     assert open_sequence(str(run.parent / "kitti" / "sequences" / "07")).name == session.state.name
     session.close(5)
+
+
+def test_bookmarks_of_a_run_that_is_over_are_kept_in_its_folder(session: Session, run: Path, tmp_path: Path) -> None:
+    session.post(do.PutBookmark("the end"))
+    wait_for(lambda: session.state.bookmarks, "the bookmark")
+    try:
+        again = opened(tmp_path / "other", run)
+        wait_for(lambda: again.state.bookmarks == session.state.bookmarks, "the bookmark")
+        again.close(5)
+    finally:
+        (run / "notes.yaml").unlink()
+
+
+def test_an_address_opens_known_runs_by_name_and_nothing_else(session: Session, run: Path, tmp_path: Path) -> None:
+    for name in ("other", "../stored", str(run), "kitti"):
+        count = session.state.notice_count
+        session.post(do.OpenNamed(name))
+        wait_for(lambda count=count: session.state.notice_count > count, "the refusal")
+        assert "there is no run called" in session.state.notices[-1].text
+    shutil.copytree(run, tmp_path / "below")
+    before = session.state.run
+    session.post(do.OpenNamed("below"))
+    wait_for(lambda: session.state.run > before and session.state.phase == "ready", "the run below the recordings")
+    assert session.state.total == 21

@@ -1,0 +1,1 @@
+"""Places in a run that somebody marked, with notes."""

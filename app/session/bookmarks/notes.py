@@ -1,0 +1,87 @@
+"""Bookmarks as a file: notes.yaml in a run's folder, or one for each source beside the recordings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import asdict
+from hashlib import blake2b
+from pathlib import Path
+
+import yaml
+
+from ispom.errors import InputError
+from ispom.io.files import exists
+from ispom.io.mapping import read_mapping
+from ispom.io.whole import replace_whole
+from ispom.types import Sequence
+
+from ...run.events import Bookmark
+from ...run.folder.run_folder import NOTES
+
+MOST, NOTE_LENGTH = 500, 200
+"""Bookmarks of a run, and characters of a note."""
+
+
+def notes_path(stored: Path | None, recordings: Path, source: str) -> Path:
+    """Where the bookmarks are: in the folder of a stored run, beside a recording, or of a `source` beside all
+    recordings."""
+    if stored is not None:
+        return stored / NOTES if stored.suffix != ".rrd" else stored.with_suffix(f".{NOTES}")
+    plain = re.sub(r"[^\w]+", "-", source).strip("-")[-40:]
+    return recordings / "notes" / f"{plain}-{blake2b(source.encode(), digest_size=4).hexdigest()}.yaml"
+
+
+def written(bookmarks: Iterable[Bookmark]) -> str:
+    """The file's content."""
+    entries = [asdict(bookmark) for bookmark in bookmarks]
+    return yaml.safe_dump({"bookmarks": entries}, sort_keys=False, allow_unicode=True)
+
+
+def write_notes(path: Path, bookmarks: tuple[Bookmark, ...]) -> None:
+    """Without bookmarks there is no file. InputError where the disk does not take it."""
+    try:
+        if bookmarks:
+            replace_whole(path, written(bookmarks))
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}): the bookmark lasts until the app ends"
+        ) from None
+
+
+def read_notes(path: Path, sequence: Sequence) -> tuple[Bookmark, ...]:
+    """Those of a file that fit the exposures: at their number or, where the source was opened otherwise, at their time.
+
+    InputError where the file is not as written.
+    """
+    if not exists(path):
+        return ()
+    entries = read_mapping(path).get("bookmarks")
+    if not isinstance(entries, list) or len(entries) > MOST:
+        raise InputError(f"{path} has no bookmarks as the app writes them: correct or remove it")
+    found = (_placed(_bookmark(path, entry), sequence) for entry in entries)
+    by_exposure = {bookmark.exposure: bookmark for bookmark in found if bookmark is not None}
+    return tuple(by_exposure[i] for i in sorted(by_exposure))
+
+
+def _bookmark(path: Path, entry: object) -> Bookmark:
+    given = entry if isinstance(entry, dict) else {}
+    exposure, time_ns, note = (given.get(name) for name in ("exposure", "time_ns", "note"))
+    if not isinstance(exposure, int) or not isinstance(time_ns, int) or not isinstance(note, str):
+        raise InputError(f"{path} says of a bookmark {str(entry)[:60]!r}: correct or remove it")
+    return Bookmark(exposure, time_ns, tidy(note))
+
+
+def _placed(bookmark: Bookmark, sequence: Sequence) -> Bookmark | None:
+    times_ns, i = sequence.times_ns, bookmark.exposure
+    if 0 <= i < len(times_ns) and times_ns[i] == bookmark.time_ns:
+        return bookmark
+    same = (times_ns == bookmark.time_ns).nonzero()[0]
+    return Bookmark(int(same[0]), bookmark.time_ns, bookmark.note) if len(same) else None
+
+
+def tidy(note: str) -> str:
+    """On one line, not too long."""
+    return " ".join(note.split())[:NOTE_LENGTH]

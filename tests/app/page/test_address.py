@@ -1,0 +1,102 @@
+"""The page's address reopens exactly what is shown; bookmarks are put, seen on the axis, gone to and removed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import parse_qsl
+
+import pytest
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
+
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.until("state.ended && !state.playing", "the end")
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+def address(page: Page) -> dict[str, str]:
+    return dict(parse_qsl(page.tab.evaluate("location.hash.slice(1)"), keep_blank_values=True))
+
+
+def go(page: Page, index: int) -> None:
+    page.send(f'{{do: "seek", index: {index}}}')
+    page.until(f"state.index === {index} && location.hash.includes('at={index}')", "the exposure in the address")
+
+
+def test_the_address_follows_the_page(page: Page) -> None:
+    go(page, 21)
+    assert address(page) == {"run": "double:40", "at": "21"}
+    assert "token" not in page.tab.evaluate("location.href")
+    page.controls.get_by_role("tab", name="View").click()
+    page.controls.get_by_text("point clouds").first.click()
+    page.until("state.address.hidden.length === 1 && location.hash.includes('hidden=clouds')", "the layer")
+    page.controls.get_by_text("point clouds").first.click()
+    page.until("state.address.hidden.length === 0 && !location.hash.includes('hidden')", "the layer")
+
+
+def test_the_address_names_what_is_looked_at_closely(page: Page) -> None:
+    page.tab.evaluate("location.hash = '#run=double:40&at=22&select=key_frame:stereo:1'")
+    page.until("state.index === 22 && state.selected === 'key_frame:stereo:1'", "what the address names")
+    page.tab.evaluate("location.hash = '#run=double:40&at=21'")
+    page.until("state.index === 21 && state.selected === ''", "nothing")
+
+
+def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, browser, app: App) -> None:  # noqa: F811
+    go(page, 30)
+    other = Page(browser, f"{app.url}#run=double:40&at=7&hidden=clouds,truth", viewer=FAKE)
+    other.until("state.index === 7 && String(state.address.hidden) === 'clouds,truth'", "what the address names")
+    page.until("state.index === 7", "the same on all pages")
+    other.tab.evaluate("location.hash = '#run=double:40&at=12'")
+    other.until("state.index === 12 && state.address.hidden.length === 0", "the address that was typed")
+    other.until("location.hash === '#run=double:40&at=12'", "the address to stay")
+    assert not other.faults
+    other.tab.close()
+
+
+def test_an_address_of_another_branch_shows_that_branch(page: Page) -> None:
+    go(page, 40)
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.controls.get_by_role("button", name="Fork").click()
+    page.until("state.address.branch === 1 && state.ended && !state.playing", "the branch")
+    page.until("location.hash.includes('branch=1')", "the branch in the address")
+    page.tab.evaluate("location.hash = '#run=double:40&at=5'")
+    page.until("state.address.branch === 0 && state.index === 5", "the first run")
+
+
+def test_an_unknown_run_is_told_and_never_a_path(page: Page) -> None:
+    go(page, 9)
+    for run in ("nowhere", "/etc", "../../etc/passwd"):
+        count = page.tab.evaluate("window.ispom.state.notices.at(-1)?.number ?? 0")
+        page.tab.evaluate(f"location.hash = '#run={run}&at=3'")
+        page.until(f"(state.notices.at(-1)?.number ?? 0) > {count}", "the notice")
+        assert "there is no run called" in page.state["notices"][-1]["text"]
+        page.until("location.hash === '#run=double:40&at=9'", "the address of what is shown")
+
+
+def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
+    go(page, 17)
+    page.tab.keyboard.press("m")
+    page.until("window.ispom.axis.bookmarks.length === 1", "the bookmark")
+    assert page.tab.evaluate("window.ispom.axis.bookmarks") == [{"at": 17, "note": ""}]
+    go(page, 33)
+    page.controls.get_by_role("tab", name="Record").click()
+    page.controls.get_by_role("textbox").and_(page.controls.locator("input:visible")).last.fill("here it jumps")
+    page.controls.get_by_role("button", name="Bookmark this exposure").click()
+    page.until("window.ispom.axis.bookmarks.length === 2", "the second one")
+    assert page.tab.evaluate("window.ispom.axis.bookmarks")[1]["note"] == "here it jumps"
+    page.tab.locator("#axis").hover(position={"x": 8 + 1264 * 33 / 43, "y": 3})
+    assert "bookmark: here it jumps" in page.tab.locator("#axis-hint").inner_text()
+    go(page, 2)
+    page.controls.get_by_role("button", name="Go to", exact=True).click()
+    page.until("state.index === 33", "the bookmark's exposure")
+    page.controls.get_by_role("button", name="Remove", exact=True).click()
+    page.until("window.ispom.axis.bookmarks.length === 1 && window.ispom.axis.bookmarks[0].at === 17", "the other")

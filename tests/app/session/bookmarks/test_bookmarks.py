@@ -1,0 +1,90 @@
+"""Bookmarks: kept with what they mark, found again, and in the recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ispom_app.run.events import Bookmark
+from ispom_app.session import commands as do
+from ispom_app.session.bookmarks.notes import notes_path, read_notes, write_notes
+from rerun.chunk import RrdReader
+
+from ispom.errors import InputError
+from tests import doubles
+from tests.app.helpers import started, wait_for
+
+
+def test_they_are_read_as_they_were_written(tmp_path: Path) -> None:
+    sequence, path = doubles.sequence(20), tmp_path / "notes.yaml"
+    marks = tuple(Bookmark(i, int(sequence.times_ns[i]), note) for i, note in ((2, ""), (7, "sprünge: 'x' #1 {a}")))
+    write_notes(path, marks)
+    assert read_notes(path, sequence) == marks
+    write_notes(path, ())
+    assert not path.exists() and read_notes(path, sequence) == ()
+
+
+def test_where_the_source_is_opened_otherwise_they_stay_at_their_times(tmp_path: Path) -> None:
+    sequence, path = doubles.sequence(20), tmp_path / "notes.yaml"
+    video = np.flatnonzero(np.array(sequence.kinds) == "video")
+    write_notes(path, tuple(Bookmark(i, int(sequence.times_ns[i])) for i in (0, int(video[9]), 21)))
+    fewer = sequence.truncated(18)
+    fewer = type(fewer)(fewer.name, fewer.rig, fewer.times_ns[video[:15]], ("video",) * 15, fewer.load)
+    assert [b.exposure for b in read_notes(path, fewer)] == [0, 9], "the last one is beyond the end"
+
+
+@pytest.mark.parametrize(
+    "text", ["bookmarks: 3", "bookmarks: [{exposure: a, time_ns: 3, note: x}]", "x", "bookmarks: [4]"]
+)
+def test_a_damaged_file_is_told_in_one_sentence(tmp_path: Path, text: str) -> None:
+    (tmp_path / "notes.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"notes\.yaml"):
+        read_notes(tmp_path / "notes.yaml", doubles.sequence())
+
+
+def test_each_source_has_its_own_file_and_no_name_leaves_the_folder(tmp_path: Path) -> None:
+    sources = ("sim:city", "sim/city", "../../etc/passwd", "/data/kitti/06", "/other/kitti/06", ".." * 60, "")
+    paths = {notes_path(None, tmp_path, source) for source in sources}
+    assert len(paths) == len(sources) and {path.parent for path in paths} == {tmp_path / "notes"}
+    assert notes_path(tmp_path / "run", tmp_path, "x") == tmp_path / "run" / "notes.yaml"
+    assert notes_path(tmp_path / "a.rrd", tmp_path, "x") == tmp_path / "a.notes.yaml"
+
+
+def test_they_are_put_changed_removed_and_there_again_after_a_restart(tmp_path: Path) -> None:
+    session = started(tmp_path)
+    wait_for(lambda: session.state.ended, "the end")
+    for index, note in ((3, None), (8, "  jumps\nhere "), (3, "first")):
+        session.post(do.Seek(index))
+        session.post(do.PutBookmark(note))
+        wait_for(lambda index=index: session.state.index == index, "the exposure")
+    session.post(do.PutBookmark())
+    wait_for(
+        lambda: [(b.exposure, b.note) for b in session.state.bookmarks] == [(3, "first"), (8, "jumps here")], "both"
+    )
+    session.post(do.RemoveBookmark(8))
+    session.post(do.RemoveBookmark(9))
+    wait_for(lambda: any("no bookmark at exposure 9" in n.text for n in session.state.notices), "the refusal")
+    marks = session.state.bookmarks
+    assert [b.exposure for b in marks] == [3]
+    session.close(5)
+    again = started(tmp_path)
+    wait_for(lambda: again.state.bookmarks == marks, "the bookmarks")
+    again.close(5)
+
+
+def test_they_are_in_the_recording(tmp_path: Path) -> None:
+    session = started(tmp_path)
+    session.post(do.Record("marked"))
+    wait_for(lambda: session.state.ended, "the end")
+    session.post(do.Seek(5))
+    session.post(do.PutBookmark("here"))
+    session.post(do.StopRecording())
+    wait_for(lambda: session.state.recordings, "the file")
+    session.close(5)
+    found = [
+        (batch.column("exposure").to_pylist(), batch.column("TextLog:text").to_pylist())
+        for chunk in RrdReader(tmp_path / "marked.rrd").stream().filter(content="/log/bookmarks").to_chunks()
+        for batch in [chunk.to_record_batch()]
+    ]
+    assert found == [([5], [["bookmark: here"]])]
