@@ -1,13 +1,19 @@
-// The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that somebody opens or
-// changes is followed, a step with each state: the run, its branch, the layers, what is looked at, the exposure.
+// The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that
+// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at, exposure.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
+const DEFAULTS = { branch: "0", hidden: "", select: "" }; // what need not be written
 const STEPS = [
-  ["run", (state, run) => state.address.run === run, (run) => ({ do: "open_named", run })],
-  ["branch", (state, branch) => state.address.branch === Number(branch), (branch) => ({ do: "show_branch", number: Number(branch) })],
-  ["hidden", (state, hidden) => String(state.address.hidden) === hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })],
-  ["select", (state, what) => state.selected === what, (what) => ({ do: "select", what })],
-  ["at", (state, at) => state.index === Number(at), (at) => ({ do: "seek", index: Number(at) })],
+  step("run", (state) => state.address.run, (run) => ({ do: "open_named", run })),
+  step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
+  step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
+  step("select", (state) => state.selected, (what) => ({ do: "select", what })),
+  step("at", (state) => state.index, (at) => ({ do: "seek", index: Number(at) })),
 ];
+
+// A part of the address: how the state has it, and what is to be asked where that differs.
+function step(name, shown, ask) {
+  return { name, shown, ask };
+}
 
 export function makeAddress(send) {
   let wanted = read(); // what is still to be reached; null while the address follows the page
@@ -17,8 +23,8 @@ export function makeAddress(send) {
   const write = (state) => {
     due = null;
     writtenAt = performance.now();
-    const { run, branch, hidden } = state.address;
-    const found = new URLSearchParams({ run, ...(branch && { branch }), at: state.index, ...(hidden.length && { hidden }), ...(state.selected && { select: state.selected }) });
+    const parts = STEPS.map(({ name, shown }) => [name, String(shown(state))]);
+    const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
     const hash = `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
     if (hash !== location.hash) history.replaceState(null, "", hash);
   };
@@ -38,11 +44,11 @@ export function makeAddress(send) {
   };
   const reach = (state) => {
     const notices = state.notices.at(-1)?.number ?? 0;
-    const step = STEPS.find(([name, reached]) => wanted[name] !== undefined && !reached(state, wanted[name]));
-    if (!step) wanted = null;
-    else if (asked?.name !== step[0]) {
-      asked = { name: step[0], notices };
-      send(step[2](wanted[step[0]]));
+    const next = STEPS.find(({ name, shown }) => wanted[name] !== undefined && String(shown(state)) !== wanted[name]);
+    if (!next) wanted = null;
+    else if (asked?.name !== next.name) {
+      asked = { name: next.name, notices };
+      send(next.ask(wanted[next.name]));
     } else if (state.notices.some(({ kind, number }) => kind === "error" && number > asked.notices)) wanted = null; // refused
   };
   return { follow };
@@ -51,5 +57,5 @@ export function makeAddress(send) {
 // The parts of the address; null where it names nothing.
 function read() {
   const found = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-  return found.run === undefined && found.at === undefined ? null : { hidden: "", branch: "0", select: "", ...found };
+  return found.run === undefined && found.at === undefined ? null : { ...DEFAULTS, ...found };
 }
