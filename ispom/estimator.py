@@ -65,6 +65,8 @@ class Method:
     """Role -> name of each method whose Steps it builds on; those are computed once for all who ask."""
     checks: Mapping[str, Check] = field(default_factory=dict)
     """By key: all that its Decisions may be about."""
+    stages: Mapping[str, str] = field(default_factory=dict)
+    """By their names in Step.seconds: what is done in each stage, one sentence for people."""
 
     def uses(self, exposure: Exposure) -> bool:
         return ("video" if isinstance(exposure, VideoFrame) else "stereo") in self.needs

@@ -41,6 +41,7 @@ BUILT_IN = (
         "key frames and local bundle adjustment (PTAM, 2007)",
         TRANSFER,
         checks=monocular_checks.CHECKS,
+        stages=monocular_checks.STAGES,
     ),
     Method(
         "stereo",
@@ -49,6 +50,7 @@ BUILT_IN = (
         "metric",
         "key frames, local bundle adjustment (ORB-SLAM2 2017)",
         checks=stereo_checks.CHECKS,
+        stages=stereo_checks.STAGES,
     ),
     Method(
         "integrated",
@@ -59,6 +61,7 @@ BUILT_IN = (
         PER_UNIT,
         {"video": "monocular", "stereo": "stereo"},
         integrated_checks.CHECKS,
+        integrated_checks.STAGES,
     ),
     Method(
         "monocular.paper",
@@ -68,6 +71,7 @@ BUILT_IN = (
         "Li, Liu and Yuan 2013, section 6.1",
         TRANSFER,
         checks=paper_checks.MONOCULAR,
+        stages=paper_checks.MONOCULAR_STAGES,
     ),
     Method(
         "stereo.paper",
@@ -76,6 +80,7 @@ BUILT_IN = (
         "metric",
         "Li, Liu and Yuan 2013, section 6.2",
         checks=paper_checks.STEREO,
+        stages=paper_checks.STEREO_STAGES,
     ),
     Method(
         "integrated.paper",
@@ -86,6 +91,7 @@ BUILT_IN = (
         PER_UNIT,
         {"video": "monocular.paper", "stereo": "stereo.paper"},
         paper_checks.INTEGRATED,
+        paper_checks.INTEGRATED_STAGES,
     ),
 )
 

@@ -24,6 +24,7 @@ class Bundle:
     """Half the robust cost, in squares of the loss scale."""
     residuals: Array
     """(K,) reprojection errors, normalised units, after the adjustment; 1e9 behind the camera."""
+    iterations: int
 
 
 def adjust(
@@ -60,4 +61,4 @@ def adjust(
     residuals = np.empty(len(x))
     residuals[order] = found.distances
     poses = tuple(Pose(r, t) for r, t in zip(found.window.rotations, found.window.translations, strict=True))
-    return Bundle(poses, found.window.points, found.cost_before, found.cost_after, residuals)
+    return Bundle(poses, found.window.points, found.cost_before, found.cost_after, residuals, found.iterations)

@@ -22,6 +22,19 @@ class Check:
     question: str = ""
     relation: Relation = ">="
     unit: str = ""
+    passes: str = ""
+    """The sentence for people where it passes: "Key frame: moved {value} degrees, {threshold} are enough."; with
+    {value}, {threshold} and {margin}, as numbers, and any format that a float has, as in {value:.0%}."""
+    fails: str = ""
+    """The same where it does not pass; empty: the same sentence."""
+
+    def __post_init__(self) -> None:
+        """ValueError where a sentence asks for anything else."""
+        for text in (self.passes, self.fails):
+            try:
+                text.format(value=0.5, threshold=0.5, margin=0.5)
+            except (LookupError, ValueError, AttributeError) as fault:
+                raise ValueError(f"check {self.key!r} has a sentence that cannot be filled in: {text!r}") from fault
 
     def of(self, value: float, threshold: float, consequence: str = "", passed: bool | None = None) -> Decision:
         """As made now; `passed` where more than the comparison decides."""

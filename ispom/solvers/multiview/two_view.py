@@ -17,6 +17,8 @@ class Hypotheses:
     """Of length 1."""
     planar_share: float
     """Inliers of the homography over those of the essential matrix: near 1 on a plane and on a pure rotation."""
+    essential: int = 0
+    """So many of the poses, the first ones, are the essential matrix's; the others are the homography's."""
 
 
 def hypotheses(x1: Array, x2: Array, threshold: float, planar_from: float = 0.7) -> Hypotheses:
@@ -29,14 +31,15 @@ def hypotheses(x1: Array, x2: Array, threshold: float, planar_from: float = 0.7)
         return Hypotheses((), 0.0)
     general = relative_pose(x1, x2, threshold)
     poses = [] if general is None else [general.second_from_first]
+    essential = len(poses)
     homography, mask = cv2.findHomography(x1, x2, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.999)
     if homography is None or mask is None:
-        return Hypotheses(tuple(poses), 0.0)
+        return Hypotheses(tuple(poses), 0.0, len(poses))
     planar = mask.ravel() > 0
     share = float(planar.sum() / max(1, 0 if general is None else general.inliers.sum()))
     if share >= planar_from and planar.sum() >= 8:
         poses += _decomposed(np.asarray(homography, float), x1[planar])
-    return Hypotheses(tuple(poses), min(share, 2.0))
+    return Hypotheses(tuple(poses), min(share, 2.0), essential)
 
 
 def _decomposed(homography: Array, x1: Array) -> list[Pose]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.knots import USUAL_KNOT_FRAMES, knot_spacing_s, with_knots
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
-from ispom.estimators.modern.integrated.stereo_world import common_pair
+from ispom.estimators.modern.integrated.stereo_world import alignment, common_pair
 from ispom.estimators.modern.integrated.thinning import shortened, thinned
 from ispom.estimators.modern.integrated.view import Reference
 from ispom.geometry import Array, Pose
@@ -41,6 +42,7 @@ def adjusted(
     setup: Setup, state: ModernIntegratedState
 ) -> tuple[ModernIntegratedState, tuple[Decision, ...], list[tuple[int, Pose, bool]], SplineFit | None]:
     """The window with its oldest pair gone, adjusted; why; the poses in it; and the spline, in the window's world."""
+    before = state.window
     state = _shortened(setup, state)
     window, meeting = state.window, common_pair(setup, state)
     if len(window.pairs) < 2 or meeting is None:
@@ -57,8 +59,16 @@ def adjusted(
     solution = solve(problem, setup.iterations)
     window = _with_solution(window, solution, used, meeting.time_ns)
     poses = [pose for view in window.views for pose in view.poses()]
-    fit = spline_fit(window.views[0].time_ns, problem, solution)
-    return replace(state, window=window), (*why, *report(window, solution)), poses, fit
+    state, fit = replace(state, window=window), spline_fit(window.views[0].time_ns, problem, solution)
+    went = report(window, solution, setup.iterations), (_what_left(setup, before, window),), alignment(setup, state)
+    return state, (*why, *chain(*went)), poses, fit
+
+
+def _what_left(setup: Setup, before: JointWindow, after: JointWindow) -> Decision:
+    """Whether the oldest pairs had to leave the window."""
+    gone = len(before.views) - len(after.views)
+    then = f"the oldest left with {gone} exposures, whose poses are final" if gone else ""
+    return checks.WINDOW.of(len(before.pairs), setup.window_pairs, then)
 
 
 def _shortened(setup: Setup, state: ModernIntegratedState) -> ModernIntegratedState:

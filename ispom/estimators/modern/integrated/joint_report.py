@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.geometry import Array
@@ -15,14 +16,19 @@ from ispom.solvers.spline.observation import RIG
 from ispom.solvers.spline.problem import SplineProblem
 from ispom.types import Decision, SplineFit
 
+OUTLIER = 8.0
+"""[standard deviations] Observations that are farther off hardly count: the loss flattens from 1 on."""
 
-def report(window: JointWindow, solution: Solution) -> tuple[Decision, ...]:
-    """Of the window as adjusted."""
+
+def report(window: JointWindow, solution: Solution, iterations: int) -> tuple[Decision, ...]:
+    """Of the window as adjusted, in at most so many iterations."""
     problem = solution.problem
     ratio = solution.cost_after / max(solution.cost_before, 1e-12)
     size = f"{len(problem.times_s)} exposures, {len(problem.points)} points, {len(solution.errors)} observations"
     cost = checks.JOINT_COST.of(ratio, 1.0, f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations")
-    return (cost, *_rig_report(window))
+    far = checks.OUTLIERS.of(int((solution.errors > OUTLIER).sum()), len(solution.errors))
+    went = optimised(solution.cost_before, solution.cost_after, solution.iterations, iterations)
+    return (cost, *went, far, *_rig_report(window))
 
 
 def spline_fit(start_ns: int, problem: SplineProblem, solution: Solution) -> SplineFit:

@@ -6,12 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import View
-from ispom.geometry import Pose
+from ispom.geometry import Pose, rotation_angle_rad
 from ispom.solvers.trajectory.anchoring import anchored
-from ispom.types import Trajectory
+from ispom.types import Decision, Trajectory
+
+LEAST_LENGTH_BASELINES = 0.1
+"""A window that is shorter, in baselines, gives no ratio of lengths: both are noise."""
 
 
 def common_pair(setup: Setup, state: ModernIntegratedState) -> View | None:
@@ -29,6 +33,26 @@ def stereo_from_window(setup: Setup, state: ModernIntegratedState) -> Pose:
     if not setup.follow_stereo or pair is None or pair.time_ns not in metric:
         return Pose()
     return metric[pair.time_ns] @ pair.world_from_rig.inverse()
+
+
+def alignment(setup: Setup, state: ModernIntegratedState) -> tuple[Decision, ...]:
+    """How the window's pairs lie on stereo's poses, once carried onto them at the last pair; of one pair, nothing."""
+    metric = dict(state.metric)
+    pairs = [v for v in state.window.views if not v.video and v.time_ns in metric]
+    if not setup.follow_stereo or len(pairs) < 2:
+        return ()
+    onto = stereo_from_window(setup, state)
+    own = np.stack([(onto @ v.world_from_rig).translation for v in pairs])
+    theirs = np.stack([metric[v.time_ns].translation for v in pairs])
+    length, stereo_length = (float(np.linalg.norm(np.diff(xyz, axis=0), axis=1).sum()) for xyz in (own, theirs))
+    residual_mm = 1e3 * float(np.sqrt(((own - theirs) ** 2).sum(axis=1).mean()))
+    placed = (
+        checks.ALIGN_TURN.of(float(np.degrees(rotation_angle_rad(onto.rotation))), 0.0),
+        checks.ALIGN_RESIDUAL.of(residual_mm, 0.0),
+    )
+    if length < LEAST_LENGTH_BASELINES * setup.rig.baseline_m:
+        return placed
+    return checks.ALIGN_SCALE.of(stereo_length / length, 0.0), *placed
 
 
 def video_poses(setup: Setup, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory) -> Trajectory:

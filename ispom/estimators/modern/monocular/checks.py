@@ -1,29 +1,216 @@
-"""The checks of the monocular method."""
+"""The checks of the monocular method, and the stages of a step."""
 
 from __future__ import annotations
 
+from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
 from ispom.types import Check, by_key
 
 LOCATED, KEY_FRAME, FIRST_MAP = "Frame located?", "New key frame?", "First map?"
+UNIT, CALIBRATED = "Unit kept?", "Is the calibration right?"
 
-POSE_POINTS = Check("pose_points", "points that agree with the pose", "requirement", LOCATED)
-TURN_ONLY = Check("turn_only", "motion besides a turn", "finding", "Turned on the spot?", "<", "deg")
-PARALLAX = Check("parallax", "parallax since the last key frame", "trigger", KEY_FRAME, unit="deg")
-POINTS_LEFT = Check("points_left", "share of the last key frame's points left", "trigger", KEY_FRAME, "<")
-VIEW_ANGLE = Check("view_angle", "turned since the last key frame", "trigger", KEY_FRAME, unit="deg")
-INTERVAL = Check("interval", "time since the last key frame", "trigger", KEY_FRAME, unit="s")
-BUNDLE_COST = Check("bundle_cost", "bundle cost, after / before", "finding", relation="<")
-STEP_SCALE = Check("step_scale", "scale drift of this step", "finding", relation="<=")
-SCALE_DRIFT = Check("scale_drift", "scale drift since the start, 1 sigma", "finding", relation="<=", unit="%")
-FOCAL_LENGTH = Check("focal_length", "correction of the focal length", "finding", relation="<=", unit="%")
+STAGES = {
+    "track": "Follows the tracks into the new image (KLT), from where the motion so far puts them.",
+    "start": "No map yet: collects frames since the first until two of them give one.",
+    "locate": "Finds the pose from the map's points, and compares each track with the image it was first seen in.",
+    "key frame": "Adds the frame to the map with new points, adjusts the window, and drops what disagrees.",
+    "new points": "Looks for corners where tracks are missing, at key frames, and keeps what the next frame needs.",
+}
+"""By their names in Step.seconds, in order."""
 
-START_POINTS = Check("start_points", "share of the first frame's points left", "requirement", FIRST_MAP)
-START_PARALLAX = Check("start_parallax", "parallax since the first frame", "trigger", FIRST_MAP, unit="deg")
-PLANE_SHARE = Check("plane_share", "share of points that a plane explains", "finding", FIRST_MAP)
-MAPS = Check("maps", "hypotheses that give a map", "requirement", FIRST_MAP)
-AMBIGUITY = Check("ambiguity", "cost of the second best pose / best", "requirement", FIRST_MAP)
-EXPLAINED_SHARE = Check("explained_share", "share of points that the best pose explains", "requirement", FIRST_MAP)
-UNIT_POINTS = Check("unit_points", "points that carry the unit over", "requirement", "Unit kept?")
+POSE_POINTS = Check(
+    "pose_points",
+    "points that agree with the pose",
+    "requirement",
+    LOCATED,
+    passes="Located: {value} points agree with one pose, {threshold} are needed.",
+    fails="Not located: {value} points agree with one pose, {threshold} are needed.",
+)
+TURN_ONLY = Check(
+    "turn_only",
+    "motion besides a turn",
+    "finding",
+    "Turned on the spot?",
+    "<",
+    "deg",
+    passes="The camera turned on the spot: besides the turn, points moved {value} degrees (less than {threshold}).",
+    fails="More than a turn: besides it, points moved {value} degrees ({threshold} or more).",
+)
+PARALLAX = Check(
+    "parallax",
+    "parallax since the last key frame",
+    "trigger",
+    KEY_FRAME,
+    unit="deg",
+    passes="Key frame: moved {value} degrees, {threshold} are enough.",
+    fails="No key frame: moved {value} of {threshold} degrees.",
+)
+POINTS_LEFT = Check(
+    "points_left",
+    "share of the last key frame's points left",
+    "trigger",
+    KEY_FRAME,
+    "<",
+    passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
+    fails="No key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
+)
+VIEW_ANGLE = Check(
+    "view_angle",
+    "turned since the last key frame",
+    "trigger",
+    KEY_FRAME,
+    unit="deg",
+    passes="Key frame: turned {value} degrees, {threshold} are enough.",
+    fails="No key frame: turned {value} of {threshold} degrees.",
+)
+INTERVAL = Check(
+    "interval",
+    "time since the last key frame",
+    "trigger",
+    KEY_FRAME,
+    unit="s",
+    passes="Key frame: {value} s have passed since the last one, {threshold} are enough with some parallax.",
+    fails="No key frame: {value} s have passed since the last one; {threshold} are needed, and some parallax.",
+)
+BUNDLE_COST = Check(
+    "bundle_cost",
+    "bundle cost, after / before",
+    "finding",
+    ADJUSTED,
+    "<",
+    passes="Bundle adjustment left {value:.1%} of the cost.",
+    fails="Bundle adjustment did not lower the cost: {value:.1%} of that before.",
+)
+OUTLIERS = Check(
+    "outliers",
+    "points dropped by the adjustment",
+    "finding",
+    ADJUSTED,
+    "<=",
+    passes="Of {threshold} points {value} disagree and are dropped.",
+)
+WINDOW = Check(
+    "window",
+    "key frames in the window",
+    "finding",
+    ADJUSTED,
+    "<=",
+    passes="The window holds {value} of at most {threshold} key frames: nothing leaves it.",
+    fails="The window had {value} key frames, of which it keeps {threshold}.",
+)
+STEP_SCALE = Check(
+    "step_scale",
+    "scale drift of this step",
+    "finding",
+    UNIT,
+    "<=",
+    passes="The unit of this step differs from the map's by {value:.2%}, no more than noise ({threshold:.2%}).",
+    fails="The unit of this step differs from the map's by {value:.2%}, more than noise ({threshold:.2%}).",
+)
+SCALE_DRIFT = Check(
+    "scale_drift",
+    "scale drift since the start, 1 sigma",
+    "finding",
+    UNIT,
+    "<=",
+    "%",
+    passes="The unit has a spread of {value} % (1 sigma) against that of the start; beyond {threshold} % it is marked.",
+    fails="The unit has a spread of {value} % (1 sigma) against that of the start, more than {threshold} %.",
+)
+FOCAL_LENGTH = Check(
+    "focal_length",
+    "correction of the focal length",
+    "finding",
+    CALIBRATED,
+    "<=",
+    "%",
+    passes="The images correct the focal length by {value} %, as careful calibration may leave (up to {threshold} %).",
+    fails="The images correct the focal length by {value} %, more than a careful calibration leaves ({threshold} %).",
+)
+
+START_POINTS = Check(
+    "start_points",
+    "share of the first frame's points left",
+    "requirement",
+    FIRST_MAP,
+    passes="{value:.0%} of the first frame's points are left, {threshold:.0%} are needed.",
+    fails="Too few of the first frame's points are left ({value:.0%}): a map is tried now, or this start is given up.",
+)
+START_PARALLAX = Check(
+    "start_parallax",
+    "parallax since the first frame",
+    "trigger",
+    FIRST_MAP,
+    unit="deg",
+    passes="A map is tried: moved {value} degrees since the first frame, {threshold} are enough.",
+    fails="No map: moved {value} of {threshold} degrees since the first frame.",
+)
+PLANE_SHARE = Check(
+    "plane_share",
+    "share of points that a plane explains",
+    "finding",
+    FIRST_MAP,
+    passes="Mostly a plane: a homography explains {value:.0%} as many points as the essential matrix.",
+    fails="No single plane: a homography explains {value:.0%} as many points as the essential matrix.",
+)
+MAPS = Check(
+    "maps",
+    "hypotheses that give a map",
+    "requirement",
+    FIRST_MAP,
+    passes="{value} of the two-view motions give a map.",
+    fails="No map: none of the two-view motions, of essential matrix and homography, gives one.",
+)
+MODEL = Check(
+    "homography_cost",
+    "cost of the homography's map / the essential matrix's",
+    "finding",
+    FIRST_MAP,
+    "<",
+    passes="Model: homography; its map has {value} times the cost of the essential matrix's.",
+    fails="Model: essential matrix; the homography's map has {value} times its cost.",
+)
+AMBIGUITY = Check(
+    "ambiguity",
+    "cost of the second best pose / best",
+    "requirement",
+    FIRST_MAP,
+    passes="The second best motion costs {value} times as much as the best; {threshold} make it clear.",
+    fails="Ambiguous: the second best motion costs {value} times as much as the best, {threshold} are needed.",
+)
+EXPLAINED_SHARE = Check(
+    "explained_share",
+    "share of points that the best pose explains",
+    "requirement",
+    FIRST_MAP,
+    passes="The best motion explains {value:.0%} of the points, {threshold:.0%} are needed.",
+    fails="The best motion explains {value:.0%} of the points only, {threshold:.0%} are needed.",
+)
+UNIT_POINTS = Check(
+    "unit_points",
+    "points that carry the unit over",
+    "requirement",
+    UNIT,
+    passes="{value} points of the map before the loss carry its unit over, {threshold} are needed.",
+    fails="{value} points of the map before the loss are seen again; to carry its unit over, {threshold} are needed.",
+)
+UNIT_FACTOR = Check(
+    "unit_factor",
+    "unit before the loss / that of the new map",
+    "finding",
+    UNIT,
+    ">",
+    passes="The new map was scaled by {value} to the unit before the loss.",
+)
+UNIT_SPREAD = Check(
+    "unit_spread",
+    "spread of the unit carried over, 1 sigma",
+    "finding",
+    UNIT,
+    "<=",
+    "%",
+    passes="The unit before the loss is known to {value} % (1 sigma); beyond {threshold} % it is marked.",
+    fails="The unit before the loss is known to {value} % only (1 sigma), beyond {threshold} %.",
+)
 
 CHECKS = by_key(
     POSE_POINTS,
@@ -33,6 +220,10 @@ CHECKS = by_key(
     VIEW_ANGLE,
     INTERVAL,
     BUNDLE_COST,
+    COST,
+    ITERATIONS,
+    OUTLIERS,
+    WINDOW,
     STEP_SCALE,
     SCALE_DRIFT,
     FOCAL_LENGTH,
@@ -40,7 +231,10 @@ CHECKS = by_key(
     START_PARALLAX,
     PLANE_SHARE,
     MAPS,
+    MODEL,
     AMBIGUITY,
     EXPLAINED_SHARE,
     UNIT_POINTS,
+    UNIT_FACTOR,
+    UNIT_SPREAD,
 )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import LOSS
+from ispom.estimators.modern.monocular.key_frame import MAX_DRIFT
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
 from ispom.estimators.modern.monocular.setup import MIN_INLIER_SHARE, MISTRACKED
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start
@@ -36,6 +37,8 @@ OUTLIER = 4.0
 OUTLIER_COST = 0.5 * float(np.log1p(OUTLIER**2))
 SPEED_SIGMA = 0.3
 """Deviation of the logarithm of the speed, after a loss over that before it."""
+NO_RIVAL = 99.0
+"""Relative cost from which on, or without a rival at all, the report says no more than that."""
 CLEARLY_BETTER = 1.25
 """Cost of the second best hypothesis over that of the best: less is ambiguous, and waits for more parallax."""
 TWO_VIEW = 2.0
@@ -64,15 +67,35 @@ def first_map(
     good = sorted((t for t in trials if t is not None), key=lambda t: t.costs.sum())
     if not good:
         return None, (planar, checks.MAPS.of(0, 1))
+    model = _model(trials[: found.essential], trials[found.essential :])
     best = good[0].map
     ratio = min((_relative_cost(t, good[0]) for t in good[1:] if not _same(best, t.map)), default=np.inf)
-    clear = checks.AMBIGUITY.of(min(ratio, 99.0), CLEARLY_BETTER)
+    clear = checks.AMBIGUITY.of(min(ratio, NO_RIVAL), CLEARLY_BETTER, "" if np.isfinite(ratio) else "no second one")
     share = float((good[0].costs < OUTLIER_COST).mean())
     most = checks.EXPLAINED_SHARE.of(share, MIN_EXPLAINED)
-    if not (clear.passed and most.passed) and not impatient:
-        return None, (planar, clear, most)
+    if not (clear.passed and most.passed):
+        if not impatient:
+            return None, (planar, model, clear, most)
+        clear = replace(clear, passed=True, consequence="taken all the same: more parallax will not tell")
     best, unit = _in_old_unit(best, start)
-    return _filled(best, start, sigma), (planar, clear, *unit)
+    return _filled(best, start, sigma), (planar, model, clear, *unit)
+
+
+def _model(by_essential: list[Trial | None], by_homography: list[Trial | None]) -> Decision:
+    """Which of the two models gives the better map; one of them does."""
+    general, planar = _best(by_essential), _best(by_homography)
+    if planar is None:
+        because = "gives no map" if by_homography else "explains too few points to be tried"
+        return checks.MODEL.of(NO_RIVAL, 1.0, f"no rival: the homography {because}")
+    if general is None:
+        return checks.MODEL.of(0.0, 1.0, "no rival: the essential matrix gives no map")
+    same = "both lead to the same map" if _same(general.map, planar.map) else ""
+    return checks.MODEL.of(min(_relative_cost(planar, general), NO_RIVAL), 1.0, same)
+
+
+def _best(trials: list[Trial | None]) -> Trial | None:
+    """That of least cost; None where none has a map."""
+    return min((t for t in trials if t is not None), key=lambda t: t.costs.sum(), default=None)
 
 
 def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
@@ -86,7 +109,8 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
     count = int(front.sum())
     shared = checks.UNIT_POINTS.of(count, MIN_SHARED)
     if not shared.passed:
-        return state, (replace(shared, consequence="the speed before the loss is taken instead"),)
+        spread = checks.UNIT_SPREAD.of(100 * SPEED_SIGMA, MAX_DRIFT)
+        return state, (replace(shared, consequence="the speed before the loss is taken instead"), spread)
     ratio = np.log(before[front] / now[front])
     middle = float(np.median(ratio))
     sigma_log = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(count)
@@ -101,7 +125,8 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
     )
     state = replace(state, keys=keys, points=ScenePoints(state.points.ids, larger(state.points.xyz)))
     state = replace(state, prior=_anchored(start, state.poses, sigma_log))
-    return state, (replace(shared, consequence=f"depth ratio {factor:.3f}, known to {sigma_log:.3f}"),)
+    carried = checks.UNIT_FACTOR.of(factor, 0.0), checks.UNIT_SPREAD.of(100 * sigma_log, MAX_DRIFT)
+    return state, (shared, *carried)
 
 
 @dataclass(frozen=True, eq=False)

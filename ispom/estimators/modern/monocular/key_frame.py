@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.lens import FOCAL_SIGMA
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
@@ -73,12 +74,18 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     points = world.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
     world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
     moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * sigma)
-    dropped = np.concatenate([open_ids[moving], np.setdiff1d(before.ids, world.points.ids)])
+    outliers = np.setdiff1d(before.ids, world.points.ids)
+    dropped = np.concatenate([open_ids[moving], outliers])
     size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
+    went = (
+        cost,
+        *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
+        checks.OUTLIERS.of(len(outliers), len(before.ids)),
+    )
     uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma)
     scale, drift = _scale(world, known, sigma, uncertainty)
-    return Extended(world, dropped, uncertainty, scale, (cost, *drift, *_correction(world)))
+    return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(world)))
 
 
 def _correction(world: Map) -> tuple[Decision, ...]:

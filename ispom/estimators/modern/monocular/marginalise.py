@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame, bundle_problem
 from ispom.geometry import Pose
 from ispom.solvers.window.adjustment import marginalise
 from ispom.solvers.window.prior import POSE, Prior
+from ispom.types import Decision
 
 DYING_SHARE = 0.3
 """Share of its points still tracked, below which the oldest key frame leaves: it constrains nothing new any more."""
@@ -42,6 +44,16 @@ def shortened(state: Map, alive: NDArray[np.int64], count: int, sigma: float) ->
     settled += done
     seen = np.unique(np.concatenate([k.ids for k in state.keys]))
     return replace(state, points=state.points.only(seen)), settled
+
+
+def what_left(before: Map, after: Map, count: int) -> Decision:
+    """Whether a key frame had to leave the window of at most `count`, and as what; of the maps around `shortened`."""
+    then, gone = "", len(before.points.ids) - len(after.points.ids)
+    if after.keys[0].time_ns != before.keys[0].time_ns:
+        then = f"the oldest became a prior on the others, and {gone} points left the map"
+    elif len(after.keys) < len(before.keys):
+        then = "the one that tells least beside the others became a frame as those between"
+    return checks.WINDOW.of(len(before.keys), count, then)
 
 
 def _redundant(state: Map) -> int:

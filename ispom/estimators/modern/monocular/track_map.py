@@ -11,7 +11,7 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED, Localisation, localise, moving_tracks
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.marginalise import limited, shortened
+from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
 from ispom.estimators.modern.monocular.recover import recover
 from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
@@ -83,7 +83,7 @@ def _key_frame(setup: Setup, outcome: Outcome, world: Map, frame: TrackedFrame, 
         pose=world.poses[-1],
         map=world,
         key_frame=True,
-        decisions=(*outcome.decisions, *done.decisions),
+        decisions=(*outcome.decisions, *done.decisions, what_left(done.map, world, setup.key_frames)),
         covariance=done.uncertainty.pose,
         uncertainty=done.uncertainty,
         scale=done.scale,

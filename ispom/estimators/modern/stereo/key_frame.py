@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected
@@ -108,16 +109,24 @@ def _adjusted(
     """The window adjusted; what is too much for it becomes a prior."""
     baseline, sigma = setup.baseline_m, setup.extra_sigma
     world, result = adjusted(world, baseline, sigma, setup.loss, setup.limit, setup.iterations)
+    count, then = len(world.keys), ""
     while len(world.keys) > setup.window:
         oldest = world.keys[0]
+        then = f"the oldest became a prior on the others, with its {len(oldest.ids)} points"
         settled = settled.appended((oldest.time_ns, oldest.left_from_world))
         world = without_oldest(world, baseline, sigma, setup.loss)
     if result is None:
         return world, settled, ()
+    far = int((result.distances > setup.limit).sum())
+    went = (
+        *optimised(result.cost_before, result.cost_after, result.iterations, setup.iterations),
+        checks.OUTLIERS.of(far, len(result.distances)),
+        checks.WINDOW.of(count, setup.window, then),
+    )
     f = setup.camera.fx
     error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
     usual = 2 * setup.loss_px
-    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), *_calibration(setup, world))
+    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), *went, *_calibration(setup, world))
 
 
 def _calibration(setup: Setup, world: StereoMap) -> tuple[Decision, ...]:

@@ -15,6 +15,8 @@ from ispom.types import Decision, SegmentFit, Trajectory
 
 DOUBTFUL_DEG = 10.0
 """The paper has no thresholds for how far a segment may be bent; this one only marks doubtful ones."""
+DOUBTFUL_CHANGE = 20.0
+"""[%] The same for how far its scale may be from the last segment's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,7 @@ def fitted(
     fallback = interpolate(metric, times, "bspline")
     if unusable := _unusable(state, ends, times):
         return Fitted(fallback, (checks.VIDEO_COVERAGE.of(0, 1, f"{unusable}: stereo poses interpolated"),))
+    covered = checks.VIDEO_COVERAGE.of(1, 1)
     start, end = metric.at(ends[0]), metric.at(ends[1])
     assert start is not None and end is not None
     own = interpolate(state.video, np.array(ends, np.int64), interpolation)  # step 1
@@ -55,11 +58,11 @@ def fitted(
     )
     if segment is not None:
         fit = replace(around, scale=segment.scale, turn_rad=segment.turn_rad, residual_rad=segment.residual_rad)
-        return Fitted(segment.poses, (moved, *_bends(segment)), fit)
+        return Fitted(segment.poses, (covered, moved, *_bends(segment, state.scale)), fit)
     rotations, residual_rad = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
     still = Trajectory(times, rotations, fallback.translations, "video")
     moved = replace(moved, consequence="no ratio of lengths: positions from the stereo poses alone")
-    return Fitted(still, (moved,), replace(around, residual_rad=residual_rad))
+    return Fitted(still, (covered, moved), replace(around, residual_rad=residual_rad))
 
 
 def _around(video: Trajectory, ends: tuple[int, int]) -> Trajectory:
@@ -81,11 +84,13 @@ def _unusable(state: IntegratedState, ends: tuple[int, int], times: NDArray[np.i
     return ""
 
 
-def _bends(segment: Segment) -> tuple[Decision, ...]:
-    """How far the video segment had to be bent."""
+def _bends(segment: Segment, last_scale: float | None) -> tuple[Decision, ...]:
+    """How far the video segment had to be bent, and its scale beside the last segment's."""
     turn, residual = np.degrees(segment.turn_rad), np.degrees(segment.residual_rad)
+    change = () if last_scale is None else (100 * abs(segment.scale / last_scale - 1),)
     return (
         checks.SCALE_RATIO.of(segment.scale, 0.0),
+        *(checks.SCALE_CHANGE.of(percent, DOUBTFUL_CHANGE) for percent in change),
         checks.SEGMENT_TURN.of(turn, DOUBTFUL_DEG),
         checks.END_ORIENTATION.of(residual, DOUBTFUL_DEG),
     )

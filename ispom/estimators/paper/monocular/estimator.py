@@ -126,7 +126,7 @@ class Monocular:
             window, bundled = adjust_window(window, self._limit)
             step = step.measured(window.keys)
         window = fill_between(window, config.interpolation, 2 * self._limit)
-        return Revision(window, step, (*tests, *made, transferred, *bundled), triple, ids, scale)
+        return Revision(window, step, (*tests, *made, *transferred, *bundled), triple, ids, scale)
 
     def _without_triple(
         self, state: MonocularState, frame: TrackedFrame, common: int, decisions: tuple[Decision, ...]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispom.estimators.adjustment import optimised
 from ispom.estimators.paper import checks
 from ispom.estimators.paper.monocular.window import KeyFrameWindow
 from ispom.estimators.tracked_frame import ScenePoints
@@ -13,6 +14,8 @@ from ispom.geometry import Pose
 from ispom.solvers.bundle import adjust
 from ispom.types import Decision
 
+ITERATIONS = 10
+"""Of each adjustment, at most."""
 FIXED = 2
 """Key frames that hold the gauge and the unit."""
 MIN_POINTS = 10
@@ -47,13 +50,15 @@ def adjust_window(window: KeyFrameWindow, scale: float) -> tuple[KeyFrameWindow,
         np.concatenate(x),
         fixed,
         scale,
+        ITERATIONS,
     )
     xyz = window.landmarks.xyz.copy()
     xyz[chosen] = bundle.xyz_in_world
     after = [p.inverse() for p in bundle.cameras_from_world]
     size = f"{len(keys)} key frames, {len(chosen)} points, {len(np.concatenate(points))} observations"
     decision = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
-    return _carried(window, after, ScenePoints(window.landmarks.ids, xyz)), (decision,)
+    went = optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS)
+    return _carried(window, after, ScenePoints(window.landmarks.ids, xyz)), (decision, *went)
 
 
 def _carried(window: KeyFrameWindow, keys_after: list[Pose], landmarks: ScenePoints) -> KeyFrameWindow:

@@ -13,6 +13,8 @@ from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.solvers.multiview.triple import ScaleTransfer, Triple, depth_ratio, step_length
 from ispom.types import Decision
 
+DOUBTFUL_SPREAD = 20.0
+"""[%] The paper has no threshold for how far the points may disagree on the unit; this one only marks doubtful ones."""
 LEAST_LENGTH = 0.05
 """A |T13| - |T12| below this share of |T13 - T12| (on a sharp bend even negative) would make the unit vanish."""
 SHORTEST = 1e-6
@@ -37,11 +39,11 @@ class ScaleStep:
 
 def transfer_scale(
     triple: Triple, ids: NDArray[np.int64], window: KeyFrameWindow, last: ScaleStep | None, transfer: ScaleTransfer
-) -> tuple[ScaleStep, float, Decision]:
-    """What the next triple needs, world units per unit of this triple, and the decision."""
+) -> tuple[ScaleStep, float, tuple[Decision, ...]]:
+    """What the next triple needs, world units per unit of this triple, and the decisions."""
     t12 = float(np.linalg.norm(triple.t12))
     true_length, length = step_length(triple, "vector"), step_length(triple, transfer)
-    because = ""
+    because, shared = "", None if window.fresh else _shared(triple, ids, window)
     if length <= LEAST_LENGTH * true_length:
         because = f"|T13| - |T12| = {length:.3f} cannot be a length here: |T13 - T12| used"
         length = true_length
@@ -51,19 +53,41 @@ def transfer_scale(
         scale = 1 / max(t12, SHORTEST)
     else:
         scale = last.length / max(t12, SHORTEST)
-        if transfer == "depth" and not window.fresh:
-            scale, because = _by_depth(triple, ids, window, scale)
+        if transfer == "depth" and shared is not None:
+            scale, because = shared.applied(scale)
     decision = checks.SCALE_TRANSFER.of(scale, 0.0, f"{transfer}; {because}" if because else transfer)
-    return ScaleStep(scale * length, length / true_length), scale, decision
+    return ScaleStep(scale * length, length / true_length), scale, (decision, *_spread(shared))
 
 
-def _by_depth(triple: Triple, ids: NDArray[np.int64], window: KeyFrameWindow, fallback: float) -> tuple[float, str]:
+@dataclass(frozen=True)
+class SharedDepths:
+    """What points of the triple before say of the unit, by their depths."""
+
+    ratio: float
+    """World units per unit of this triple, the median; NaN with too few points."""
+    deviation: float
+    """Of the logarithm of one point's ratio."""
+    count: int
+
+    def applied(self, fallback: float) -> tuple[float, str]:
+        """The unit, and why."""
+        if not np.isfinite(self.ratio):
+            return fallback, f"only {self.count} shared points: |T23| used"
+        return self.ratio, f"{self.count} shared points, spread {100 * self.deviation:.1f} %"
+
+
+def _spread(shared: SharedDepths | None) -> tuple[Decision, ...]:
+    if shared is None or not np.isfinite(shared.ratio):
+        return ()
+    they = f"{shared.count} points, whose depths give the factor {shared.ratio:.4g}"
+    return (checks.SCALE_SPREAD.of(100 * shared.deviation, DOUBTFUL_SPREAD, they),)
+
+
+def _shared(triple: Triple, ids: NDArray[np.int64], window: KeyFrameWindow) -> SharedDepths:
     world_from_first = window.keys[-2].world_from_camera
     assert world_from_first is not None
     place = window.landmarks.places(ids)
     shared = (place >= 0) & triple.resected
     known = world_from_first.inverse().apply(window.landmarks.xyz[place[shared]])[:, 2]
     ratio, deviation = depth_ratio(known, triple.xyz_in_first[shared][:, 2])
-    if not np.isfinite(ratio):
-        return fallback, f"only {int(shared.sum())} shared points: |T23| used"
-    return ratio, f"{int(shared.sum())} shared points, spread {100 * deviation:.1f} %"
+    return SharedDepths(ratio, deviation, int(shared.sum()))
