@@ -1,13 +1,14 @@
-"""What a step decided, grouped by the question that its checks answer."""
+"""What a step decided, in words: grouped by the question that its checks answer, and each as a sentence."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ispom.types import Decision
+from ispom.types import Check, Decision
 
 SIGNS = {">=": "≥", "<=": "≤"}
+WANTED = {">=": "at least", "<=": "at most", ">": "more than", "<": "less than", "=": "exactly"}
 
 
 @dataclass(frozen=True)
@@ -38,18 +39,45 @@ def mark(decision: Decision) -> str:
     return "✓" if decision.passed else "✕"
 
 
+def sentence(decision: Decision, check: Check | None) -> str:
+    """The outcome and its consequence for people; in the words of the method's `check` where that has some."""
+    text = "" if check is None else check.passes if decision.passed else check.fails or check.passes
+    if text:
+        value, threshold, margin = map(_InWords, (decision.value, decision.threshold, decision.margin))
+        said = text.format(value=value, threshold=threshold, margin=margin)
+    else:
+        unit = f" {decision.unit}" if decision.unit else ""
+        wanted = f"{WANTED[decision.relation]} {number(decision.threshold)}"
+        said = f"{decision.name[:1].upper()}{decision.name[1:]}: {number(decision.value)}{unit}, {wanted} wanted."
+    return f"{said.removesuffix('.')}; {decision.consequence}." if decision.consequence else said
+
+
 def measured(decision: Decision) -> str:
     """The value, and the threshold that it is held against: `0.157 deg (≥ 0.5)`."""
     unit, relation = f" {decision.unit}" if decision.unit else "", SIGNS.get(decision.relation, decision.relation)
-    return f"{_number(decision.value)}{unit} ({relation} {_number(decision.threshold)})"
+    return f"{number(decision.value)}{unit} ({relation} {number(decision.threshold)})"
+
+
+def margin(decision: Decision) -> str:
+    """By how much it passed, with its sign and unit: `+0.7 deg`, `−1.3 deg` where it did not."""
+    unit, sign = f" {decision.unit}" if decision.unit else "", "−" if decision.margin < 0 else "+"
+    return f"{sign}{number(abs(decision.margin))}{unit}"
 
 
 def named(decision: Decision) -> str:
     return f"{decision.name} ({decision.about})" if decision.about else decision.name
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """Three digits, or all before the point."""
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+class _InWords(float):
+    """A number in a check's sentence: as everywhere, but where the sentence wants another format."""
+
+    def __format__(self, spec: str) -> str:
+        return super().__format__(spec).replace("%", " %") if spec else number(self)
 
 
 def _answer(checks: list[Decision]) -> str:

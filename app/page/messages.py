@@ -69,6 +69,7 @@ def message_of(state: State) -> dict[str, Any]:
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
         "methods": [_method(method, state) for method in state.methods],
+        "plotted": state.plotted,
         "hidden": hidden_paths(state.methods, state.hidden),
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
@@ -102,6 +103,8 @@ def command_of(text: str) -> do.Command | Pane | None:
         match message["do"]:
             case "seek":
                 return do.Seek(int(message["index"]))
+            case "plot":
+                return do.Plot(str(message["name"]))
             case "record":
                 return do.Record("")
             case "open_named":

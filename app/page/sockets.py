@@ -7,11 +7,13 @@ import json
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from ..session.session import Session
 from ..viser_ui.portless import PortlessViser
+from .check_plot import plot_of
 from .messages import KEYS, Pane, command_of, message_of
 from .time_axis import AxisNews
 from .wakeup import Wakeup
@@ -69,7 +71,10 @@ class Talk:
                 news = self._news.next()
                 if (state := self._session.state) is not shown or axis.behind:
                     shown = state
-                    message = message_of(state) | {"keys": keys, "axis": axis.since(state, self._session.run)}
+                    message = message_of(state) | {"keys": keys}
+                    run = self._session.run
+                    plot = plot_of(state, run)
+                    message |= {"axis": axis.since(state, run), "plot": None if plot is None else asdict(plot)}
                     keys = None
                     await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)

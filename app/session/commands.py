@@ -236,6 +236,13 @@ class FindMatch:
     forwards: bool = True
 
 
+@dataclass(frozen=True)
+class Plot:
+    """Draw a quantity, METHOD.KEY, over time; the one that is drawn already is closed."""
+
+    name: str
+
+
 Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
 OfLook = Select | Pick | ColourBy | LookAt
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
@@ -243,6 +250,7 @@ Command = (
     Moves
     | RunUntil
     | FindMatch
+    | Plot
     | Restart
     | OfBranches
     | OfLook

@@ -16,6 +16,7 @@ from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .player import Player
+from .plotting import plotted
 from .recording.desk import RecordingDesk
 from .recording.listing import list_recordings
 from .recording.repairs import Repairs
@@ -91,6 +92,8 @@ class Controller:
                 player.move(*break_points.run_until(store.state, player.run, condition))
             case do.FindMatch(condition, forwards):
                 player.move(*break_points.find(store.state, player.run, condition, forwards=forwards))
+            case do.Plot(name):
+                store.set(plotted=plotted(store.state, player.run, name))
             case do.Speed(factor):
                 player.move(changed(speed=factor))
             case do.Restart(methods, config):

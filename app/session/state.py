@@ -102,6 +102,8 @@ class State:
     """Trajectories of other programs over the same source."""
     comparison: Comparison | None = None
     """Of two branches."""
+    plotted: str = ""
+    """The quantity that is drawn over time beside its check; empty for none."""
     loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
@@ -216,7 +218,7 @@ class Changed:
 
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
-_CHANGEABLE |= {"selected", "colour_by", "camera", "look"}
+_CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
 _CHANGEABLE |= {"unfinished", "bookmarks"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ispom_app.decisions import answers, mark, measured
+from ispom_app.decisions import answers, margin, mark, measured, sentence
 
-from ispom.types import Decision
+from ispom.types import Check, Decision
 
 TRIGGERS = [
     Decision(name, value, 0.5, value >= 0.5, question="New key frame?", kind="trigger")
@@ -44,3 +44,28 @@ def test_questions_keep_their_order():
         ("Pose?", "Yes"),
         ("New key frame?", "No: 0 of 2 triggers"),
     ]
+
+
+PARALLAX = Check(
+    "parallax", "parallax", "trigger", "New key frame?", unit="deg",
+    passes="Key frame: moved {value} degrees, {margin} more than needed.",
+    fails="Moved {value} of {threshold} degrees.",
+)  # fmt: skip
+
+
+def test_a_check_says_its_outcome_in_its_own_words():
+    assert sentence(PARALLAX.of(1.2, 2.5), PARALLAX) == "Moved 1.2 of 2.5 degrees."
+    assert sentence(PARALLAX.of(3, 2.5), PARALLAX) == "Key frame: moved 3 degrees, 0.5 more than needed."
+    assert sentence(PARALLAX.of(1.2, 2.5, "place held"), PARALLAX) == "Moved 1.2 of 2.5 degrees; place held."
+    share = Check("share", "share", "finding", relation="<", passes="{value:.0%} left.")
+    assert sentence(share.of(0.85, 0.3), share) == "85 % left.", "a finding has one sentence for both outcomes"
+
+
+def test_a_check_of_another_package_is_a_sentence_as_well():
+    decision = Decision("tracks that agree", 8, 15, False, "px", consequence="no pose")
+    assert sentence(decision, None) == "Tracks that agree: 8 px, at least 15 wanted; no pose."
+
+
+def test_a_margin_has_its_sign_and_unit():
+    assert margin(PARALLAX.of(1.2, 2.5)) == "−1.3 deg" and margin(PARALLAX.of(3, 2.5)) == "+0.5 deg"
+    assert margin(Decision("cost", 2, 5, True, relation="<=")) == "+3"

@@ -56,3 +56,42 @@ def test_a_check_compares_as_its_relation_says(relation: str, passes: bool) -> N
 def test_two_checks_of_one_key_are_refused() -> None:
     with pytest.raises(ValueError, match="same, same"):
         by_key(Check("same", "one", "finding"), Check("same", "other", "finding"))
+
+
+@pytest.mark.parametrize("method", CHECKS)
+def test_each_check_and_each_stage_of_a_built_in_method_is_a_sentence(method: str, steps: list[Step]) -> None:
+    for check in CHECKS[method].values():
+        for text in (check.passes, check.fails or check.passes):
+            assert text.endswith(".") and text[0] in "{ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", (check.key, text)
+        assert check.fails or check.kind == "finding", check.key
+    stages = {m.name: m.stages for m in BUILT_IN}[method]
+    own = {name for step in steps if step.method == method for name in step.seconds if ": " not in name}
+    assert own <= stages.keys() and all(text.endswith(".") for text in stages.values())
+
+
+@pytest.mark.parametrize("text", ["{}", "{threshhold}", "{value.real.x}", "{value:q}", "{"])
+def test_a_sentence_that_cannot_be_filled_in_is_refused_at_once(text: str) -> None:
+    with pytest.raises(ValueError, match="check 'a_key' has a sentence that cannot be filled in"):
+        Check("a_key", "a name", "finding", passes=text)
+
+
+@pytest.mark.parametrize("method", ["monocular", "stereo", "integrated"])
+def test_an_adjustment_tells_cost_iterations_outliers_and_what_left_the_window(method: str, steps: list[Step]) -> None:
+    keys = [{d.key: d for d in step.decisions} for step in steps if step.method == method]
+    adjusted = [found for found in keys if "cost" in found]
+    assert adjusted and all({"iterations", "outliers", "window"} <= found.keys() for found in adjusted)
+    for found in adjusted:
+        assert found["cost"].value <= found["cost"].threshold and found["iterations"].value >= 1
+        assert 0 <= found["outliers"].value <= found["outliers"].threshold
+        assert found["window"].passed == (not found["window"].consequence)
+
+
+def test_the_first_map_tells_its_model_and_the_integrations_their_alignment(steps: list[Step]) -> None:
+    seen = {f"{step.method}.{d.key}": d for step in steps for d in step.decisions}
+    assert {"monocular.plane_share", "monocular.homography_cost", "integrated.align_turn"} <= seen.keys()
+    assert {
+        "integrated.paper.scale_ratio",
+        "integrated.paper.scale_change",
+        "monocular.paper.scale_spread",
+    } <= seen.keys()
+    assert abs(seen["integrated.align_scale"].value - 1) < 0.05

@@ -4,6 +4,7 @@ import { makeAxis } from "./time_axis.js";
 import { openControls } from "./controls.js";
 import { listen, setKeys } from "./keyboard.js";
 import { showNotices } from "./notices.js";
+import { makePlot } from "./plot.js";
 import { openViewer } from "./rerun.js";
 import { makeSplitter } from "./splitter.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
@@ -34,6 +35,7 @@ function connect() {
     window.ispom = { state, viewer, send, axis: axis.data };
     showState(state);
     axis.show(state);
+    showPlot(state.plot);
     showNotices(state.notices);
     viewer.follow(state);
     address.follow(state);
@@ -58,6 +60,7 @@ listen(window, command);
 openControls(dark.matches, command, (tab) => paneBecame({ tab }));
 
 const address = makeAddress(send);
+const showPlot = makePlot(command);
 const axis = makeAxis((index) => command({ do: "seek", index }));
 
 connect();

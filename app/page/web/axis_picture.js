@@ -14,7 +14,7 @@ export function laneAt(axis, y) {
   if (y < 2 + 2 * TICKS) return "Stereo exposures";
   const row = Math.floor((y - 2 - 2 * TICKS) / LANE);
   if (row < axis.methods.length) return `${axis.methods[row].label}: marks are key frames, red is lost`;
-  return row < rows(axis) ? `Where ${axis.condition} holds` : "Bar: computed so far";
+  return row < rows(axis) ? `Where ${axis.condition} holds` : y < heightOf(axis) ? "Bar: computed so far" : "";
 }
 
 export function drawAxis(canvas, width, axis, place) {

@@ -1,4 +1,5 @@
 // viser's panel in its frame: the page's theme, its keys, and labels that can be read (viser's have a contrast of 2.6 to 3.6).
+import { keepFocus } from "./focus.js";
 import { listen } from "./keyboard.js";
 import { listenToPanels } from "./panels.js";
 
@@ -19,6 +20,7 @@ export function openControls(dark, command, tabOpened) {
     frame.contentDocument.head.append(style);
     listen(frame.contentWindow, command);
     listenToPanels(frame.contentDocument, command, tabOpened);
+    keepFocus(frame.contentDocument);
   });
   frame.src = `viser/${dark ? "?darkMode" : ""}`;
 }

@@ -7,6 +7,7 @@ from array import array
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.methods import with_asked
@@ -74,6 +75,13 @@ class Series:
     def values(self, name: str, start: int = 0, stop: int | None = None) -> Array:
         """(N,) a copy of a column, or of a stretch of it, as it is kept; KeyError for one that there is not."""
         return np.array(self._columns[name][start:stop])
+
+    def said(self, name: str, stop: int) -> tuple[NDArray[np.int64], Array]:
+        """(N,) the exposures before `stop` on which a quantity's method stepped, and (N,) its values there; NaN where
+        nothing was said of it. KeyError for a quantity that there is not."""
+        method = self.quantities[name].method
+        stepped = np.frombuffer(bytes(self._stepped[method][:stop]), bool)
+        return np.flatnonzero(stepped), self.values(name, 0, stop)[stepped]
 
     def stepped(self, methods: Iterable[str], index: int) -> bool:
         """Whether one of these methods stepped on the exposure; "" stands for the exposure itself."""

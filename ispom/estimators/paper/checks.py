@@ -32,7 +32,7 @@ PARALLAX = Check(
     KEY_FRAME,
     unit="deg",
     passes="Key frame: moved {value} degrees, {threshold} are enough.",
-    fails="No key frame: moved {value} of {threshold} degrees.",
+    fails="No reason for a key frame: moved {value} of {threshold} degrees.",
 )
 POINTS_LEFT = Check(
     "points_left",
@@ -41,7 +41,7 @@ POINTS_LEFT = Check(
     KEY_FRAME,
     "<",
     passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No key frame: {value:.0%} of the last one's points are left; it takes less than {threshold:.0%}.",
+    fails="No reason for a key frame: {value:.0%} of the last one's points left; it takes less than {threshold:.0%}.",
 )
 EPIPOLAR_SHARE = Check(
     "epipolar_share",

@@ -97,12 +97,13 @@ def test_names_of_recordings_are_never_markup(gui, session):
 
 def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
     triggers = [Decision(n, 0.1, 0.5, False, question="New key frame?", kind="trigger") for n in (HOSTILE, "turn")]
-    text = report(record(0, *triggers), 1)
+    text = report(replace(STATE, displayed=record(0, *triggers)))
     assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text
 
 
 def test_why_shows_the_exposure_as_it_is_counted_everywhere(gui):
     panel = WhyPanel(gui)
+    panel.show(STATE)
     assert "Nothing is computed yet" in panel._html.content
     panel.show(replace(STATE, displayed=record(7, Decision("inliers", 8, 12, False, consequence="no pose"))))
     assert "exposure 7, used by 1 of 1 methods" in panel._html.content

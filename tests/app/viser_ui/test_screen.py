@@ -111,14 +111,15 @@ def test_all_that_a_step_says_is_in_the_why_panel(screen: Screen, session: FakeS
 
     by_kind = {record.kind: record.index for record in run.history if not lost(record)}
     for text in (
-        "tracks alive",
+        "tracks before + ",
+        "Follows the tracks into the new image",
         "residual",
         "95 % confidence",
         "± ",
         "scale drift",
         "parallax",
         "no key frame",
-        " ms (",
+        " ms",
     ):
         assert text in said(by_kind["video"]), text
     assert "Stereo" in said(by_kind["stereo"])

@@ -42,7 +42,7 @@ PARALLAX = Check(
     KEY_FRAME,
     unit="deg",
     passes="Key frame: moved {value} degrees, {threshold} are enough.",
-    fails="No key frame: moved {value} of {threshold} degrees.",
+    fails="No reason for a key frame: moved {value} of {threshold} degrees.",
 )
 POINTS_LEFT = Check(
     "points_left",
@@ -51,7 +51,7 @@ POINTS_LEFT = Check(
     KEY_FRAME,
     "<",
     passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
+    fails="No reason for a key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
 )
 VIEW_ANGLE = Check(
     "view_angle",
@@ -60,7 +60,7 @@ VIEW_ANGLE = Check(
     KEY_FRAME,
     unit="deg",
     passes="Key frame: turned {value} degrees, {threshold} are enough.",
-    fails="No key frame: turned {value} of {threshold} degrees.",
+    fails="No reason for a key frame: turned {value} of {threshold} degrees.",
 )
 INTERVAL = Check(
     "interval",
@@ -68,8 +68,8 @@ INTERVAL = Check(
     "trigger",
     KEY_FRAME,
     unit="s",
-    passes="Key frame: {value} s have passed since the last one, {threshold} are enough with some parallax.",
-    fails="No key frame: {value} s have passed since the last one; {threshold} are needed, and some parallax.",
+    passes="Key frame: {value} s since the last one, {threshold} are enough with some parallax.",
+    fails="No reason for a key frame: {value} s since the last one; {threshold} are needed, and some parallax.",
 )
 BUNDLE_COST = Check(
     "bundle_cost",

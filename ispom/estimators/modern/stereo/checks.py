@@ -63,7 +63,7 @@ DISPLACEMENT = Check(
     KEY_FRAME,
     unit="px",
     passes="Key frame: the points moved {value} px, {threshold} are enough.",
-    fails="No key frame: the points moved {value} of {threshold} px.",
+    fails="No reason for a key frame: the points moved {value} of {threshold} px.",
 )
 POINTS_LEFT = Check(
     "points_left",
@@ -72,7 +72,7 @@ POINTS_LEFT = Check(
     KEY_FRAME,
     "<",
     passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
+    fails="No reason for a key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
 )
 ADJUSTED_ERROR = Check(
     "adjusted_error",
