@@ -63,6 +63,8 @@ def message_of(state: State) -> dict[str, Any]:
         "colour_by": state.colour_by,
         "camera": state.camera,
         "look": state.look,
+        "flicker": _flicker(state),
+        "integration": [state.integration.method, state.integration.stage] if state.integration else None,
         "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
@@ -76,6 +78,13 @@ def message_of(state: State) -> dict[str, Any]:
         else None,
         "notices": [{"number": n.number, "text": n.text, "kind": n.kind} for n in state.notices],
     }
+
+
+def _flicker(state: State) -> list[Any] | None:
+    """Which side is drawn ("a" or "b"), its branch and its method."""
+    if state.flicker is None:
+        return None
+    return ["b" if state.flicker.on_b else "a", state.flicker.shown.branch, state.flicker.shown.method]
 
 
 def _method(method: str, state: State) -> dict[str, Any]:

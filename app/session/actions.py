@@ -18,7 +18,7 @@ class Action:
     label: str
     hint: str
     """What it does, in one sentence."""
-    command: do.Moves | do.ToggleBookmark
+    command: do.Moves | do.OfViews | do.ToggleBookmark
 
 
 ACTIONS = (
@@ -53,5 +53,6 @@ ACTIONS = (
         "Marks the exposure shown; again: removes a mark without a note.",
         do.ToggleBookmark(),
     ),
+    Action("flick", "x", "Flicker", "Draws the other of two methods or branches, see Flicker.", do.Flick()),
 )
 BY_NAME = {action.name: action for action in ACTIONS}

@@ -9,6 +9,7 @@ from ispom.methods import Config
 
 from ..inspect.colouring import Colouring
 from ..options import SourceOptions
+from .flicker import Side
 from .state import Look
 
 
@@ -138,6 +139,38 @@ class RemoveBookmark:
 
 
 @dataclass(frozen=True)
+class FlickerBetween:
+    """Draw one of two sides at a time, the first of them now."""
+
+    a: Side
+    b: Side
+
+
+@dataclass(frozen=True)
+class Flick:
+    """Draw the other side of the flicker; without one, begin it between the usual two."""
+
+
+@dataclass(frozen=True)
+class StopFlicker:
+    """Draw all as usual."""
+
+
+@dataclass(frozen=True)
+class ShowIntegration:
+    """Look at how a method's latest fit came about, from its first stage on; without a name, no longer."""
+
+    method: str
+
+
+@dataclass(frozen=True)
+class StepIntegration:
+    """So many stages on."""
+
+    by: int
+
+
+@dataclass(frozen=True)
 class Open:
     """Open another source, and play it: `sim:NAME`, an address, or a path."""
 
@@ -246,8 +279,10 @@ class Plot:
 Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
 OfLook = Select | Pick | ColourBy | LookAt
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
+OfViews = FlickerBetween | Flick | StopFlicker | ShowIntegration | StepIntegration
 Command = (
     Moves
+    | OfViews
     | RunUntil
     | FindMatch
     | Plot

@@ -9,7 +9,7 @@ from ispom.methods import Config
 from ispom.sequences.address import without_secrets
 
 from ..options import SourceOptions
-from . import break_points, moves, selecting
+from . import break_points, flicker, integration, moves, selecting
 from . import commands as do
 from .bookmarks.desk import BookmarkDesk
 from .branching.desk import BranchDesk
@@ -23,7 +23,7 @@ from .recording.repairs import Repairs
 from .sources.known import Known
 from .sources.opening import SourceOpener
 from .sources.recent import RecentSources
-from .state import NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
+from .state import Flicked, NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
 from .store import Store
 from .viewers import Viewers
 
@@ -111,6 +111,18 @@ class Controller:
                 self._branches.delete(number)
             case do.CompareBranch(number):
                 self._branches.compare(number)
+            case do.FlickerBetween(a, b):
+                store.set(flicker=flicker.between(self._branches.sides, a, b))
+            case do.Flick() if store.state.flicker is None:
+                store.set(flicker=flicker.usual(self._branches.sides, store.state.branch))
+            case do.Flick():
+                store.emit(Flicked())
+            case do.StopFlicker():
+                store.set(flicker=None)
+            case do.ShowIntegration(method):
+                store.set(integration=integration.shown(store.state, player.run, method))
+            case do.StepIntegration(by):
+                store.set(integration=integration.moved(store.state, player.run, by))
             case do.Open(source, options):
                 if self._open(source, options):
                     self._play_on()

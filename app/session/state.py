@@ -18,6 +18,8 @@ from ..run.history.record import ExposureRecord, MethodStatus
 from ..run.model.tally import Tally
 from .branching.branches import FIRST, Branch
 from .branching.comparing import Comparison
+from .flicker import Flicker
+from .integration import Integration
 
 MAX_NOTICES = 5
 Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals"]
@@ -104,6 +106,10 @@ class State:
     """Of two branches."""
     plotted: str = ""
     """The quantity that is drawn over time beside its check; empty for none."""
+    flicker: Flicker | None = None
+    """Two methods or branches of which one is drawn at a time; None for all as usual."""
+    integration: Integration | None = None
+    """The integration that is looked at step by step."""
     loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
@@ -202,6 +208,11 @@ class Displayed:
 
 
 @dataclass(frozen=True)
+class Flicked:
+    """The other side of the flicker is drawn."""
+
+
+@dataclass(frozen=True)
 class NoticeAdded:
     """Something that a person must know of."""
 
@@ -216,10 +227,11 @@ class Changed:
     values: Mapping[str, object]
 
 
-Event = Opening | OpeningFailed | Restored | Opened | Resumed | Computed | Displayed | Finished | NoticeAdded | Changed
+Progress = Computed | Displayed | Finished
+Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
-_CHANGEABLE |= {"unfinished", "bookmarks"}
+_CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
 
@@ -246,6 +258,8 @@ def reduce(state: State, event: Event) -> State:
                 branches=(),
                 branch=0,
                 comparison=None,
+                flicker=None,
+                integration=None,
                 loop=None,
                 marked=None,
                 selected="",
@@ -283,6 +297,8 @@ def reduce(state: State, event: Event) -> State:
             return replace(state, displayed=record)
         case Finished():
             return replace(state, ended=True, playing=state.playing and state.loop is not None)
+        case Flicked():
+            return replace(state, flicker=state.flicker and state.flicker.turned)
         case NoticeAdded(text, kind):
             notice = Notice(state.notice_count + 1, text, kind)
             return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])

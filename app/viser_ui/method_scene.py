@@ -32,7 +32,7 @@ SHADOWLESS: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
 
 
 class MethodScene:
-    """What is drawn of one method. Nodes are below `/METHOD`, in the shared world."""
+    """What is drawn of one method. Nodes are below `/METHOD`, or another `root`, in the shared world."""
 
     def __init__(
         self,
@@ -40,8 +40,9 @@ class MethodScene:
         method: str,
         opened: Opened,
         seek: Callable[[int], None],
+        root: str = "",
     ) -> None:
-        self._api, self._method, self._root, self._seek = api, method, f"/{method}", seek
+        self._api, self._method, self._root, self._seek = api, method, root or f"/{method}", seek
         self._colour, self._rig, self._truth = colours.of(method), opened.sequence.rig, opened.truth
         self._frame = api.add_frame(self._root, show_axes=False)
         self._view = next(c for c in (self._rig.video, self._rig.left, Camera(4, 3, 4, 4, 2, 1.5)) if c is not None)
@@ -55,7 +56,7 @@ class MethodScene:
     def show(self, times: Times, known: MethodModel, placement: Similarity, index: int, hidden: frozenset[str]) -> None:
         """What is known at exposure `index`, placed in the shared world."""
         self._index = index
-        self._frame.visible = self._root[1:] not in hidden
+        self.visible(self._method not in hidden)
         moved = not same_place(placement, self._placement)
         before = self._size
         self._placement = placement
@@ -73,6 +74,14 @@ class MethodScene:
             self._api.remove_by_name(name)
             del self._drawn[name]
         self._pose(known, hidden)
+
+    def visible(self, on: bool) -> None:
+        """Whether any of it is seen."""
+        if self._frame.visible != on:
+            self._frame.visible = on
+
+    def remove(self) -> None:
+        self._frame.remove()
 
     def _once(self, name: str, draw: Callable[[str], object], *values: object) -> dict[str, None]:
         """Draws a node, where it was drawn from other values before."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import viser
 
 from ispom.geometry import Similarity
+from ispom.types import Step
 
 from .. import colours
 from ..run.events import Opened
@@ -14,20 +15,31 @@ from ..run.history.record import ExposureRecord
 from ..run.model.drawn_size import drawn_truth
 from ..run.model.run_model import RunModel
 from ..session.branching.branches import Beside
+from ..session.current_run import CurrentRun
+from ..session.flicker import Flicker
 from .beside_scene import BesideScene
 from .branch_scene import BranchScene
+from .flicker_scene import FlickerScene
+from .integration.scene import IntegrationScene
 from .method_scene import MethodScene, add_line
 
 
 class Scene:
     """Draws the run as of one exposure. What did not change since it was drawn last is not sent again."""
 
-    def __init__(self, api: viser.SceneApi, seek: Callable[[int], None]) -> None:
-        self._api, self._seek = api, seek
+    def __init__(
+        self,
+        api: viser.SceneApi,
+        seek: Callable[[int], None],
+        run_of: Callable[[int], CurrentRun | None] = lambda _: None,
+    ) -> None:
+        """`run_of` gives the run of a branch."""
+        self._api, self._seek, self._run_of = api, seek, run_of
         self._methods: dict[str, MethodScene] = {}
         self._truth: viser.FrameHandle | None = None
         self._branches = BranchScene(api)
         self._beside: BesideScene | None = None
+        self._flicker, self._integration = FlickerScene(api, run_of, seek), IntegrationScene(api)
 
     def start(self, opened: Opened) -> None:
         """Empties the scene for another run."""
@@ -39,6 +51,8 @@ class Scene:
             add_line(self._api, "/truth/line", truth.translations, colours.TRUTH)
         self._methods = {m: MethodScene(self._api, m, opened, self._seek) for m in opened.methods}
         self._branches, self._beside = BranchScene(self._api), BesideScene(self._api, opened)
+        self._flicker = FlickerScene(self._api, self._run_of, self._seek)
+        self._integration = IntegrationScene(self._api)
 
     def show(self, model: RunModel, record: ExposureRecord, hidden: frozenset[str]) -> None:
         """The run as of an exposure: what was known then, without the hidden layers and methods."""
@@ -49,6 +63,18 @@ class Scene:
             method.show(model.times, model.methods[name], placement, record.index, hidden)
         if self._beside is not None:
             self._beside.show(model, record, hidden)
+
+    def show_flicker(self, flicker: Flicker | None, index: int, hidden: frozenset[str]) -> None:
+        """The two sides of a flicker, as of an exposure."""
+        self._flicker.show(flicker, index, hidden)
+
+    def turn(self, flicker: Flicker | None) -> None:
+        """The side of the flicker that is seen."""
+        self._flicker.turn(flicker)
+
+    def show_integration(self, step: Step | None, stage: int) -> None:
+        """A stage of a fit."""
+        self._integration.show(step, stage)
 
     def show_beside(self, branches: Mapping[int, Beside], hidden: frozenset[str]) -> None:
         """Other branches, as of the same exposure."""

@@ -9,6 +9,7 @@ from threading import Event, Thread
 import rich
 import viser
 
+from ispom.geometry import Array
 from ispom.types import Sequence, Trajectory
 
 from ..rerun_log.blueprint import looking_at
@@ -21,6 +22,8 @@ from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
 from .panels.differences import DifferencesPanel
 from .panels.error_curves import ErrorCurvesPanel
+from .panels.flicker import FlickerPanel
+from .panels.integration import IntegrationPanel
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel
@@ -38,6 +41,8 @@ Panel = (
     | BranchesPanel
     | DifferencesPanel
     | ErrorCurvesPanel
+    | FlickerPanel
+    | IntegrationPanel
     | BreakPointPanel
     | ViewPanel
     | WhyPanel
@@ -65,7 +70,7 @@ class Screen:
         self.server.gui.main_panel.set_width(380)
         self.panels = self._panels(self.server.gui)
         self.server.scene.world_axes.visible = False
-        self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)))
+        self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)), session.branch)
         self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
         self._fault = ""
         self._looked_at: Sequence | None = None
@@ -106,18 +111,24 @@ class Screen:
             branches = BranchesPanel(gui, self._session)
             curves = ErrorCurvesPanel(gui, self._session)
             differences = DifferencesPanel(gui, self._session)
+            flicker = FlickerPanel(gui, self._session)
         with tabs.add_tab("Break"):
             break_point = BreakPointPanel(gui, self._session)
         with tabs.add_tab("View"):
+            self._steps = IntegrationPanel(gui, self._session, self._aim)
             view = ViewPanel(gui, self._session)
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
             bookmarks = BookmarksPanel(gui, self._session)
-        panels: list[Panel] = [run, source, why, self._look, methods, branches, curves, differences, break_point]
-        return [*panels, view, record, bookmarks]
+        of_branches: list[Panel] = [branches, curves, differences, flicker]
+        of_views: list[Panel] = [self._steps, view, record, bookmarks]
+        return [run, source, why, self._look, methods, *of_branches, break_point, *of_views]
 
     def _look_at(self, truth: Trajectory | None) -> None:
-        position, target = looking_at(truth)
+        self._aim(*looking_at(truth))
+
+    def _aim(self, position: Array, target: Array) -> None:
+        """The cameras of all who are there, and of who comes."""
         self.server.initial_camera.up = (0.0, -1.0, 0.0)
         for camera in (self.server.initial_camera, *(c.camera for c in self.server.get_clients().values())):
             camera.position, camera.look_at = tuple(position), tuple(target)
@@ -149,6 +160,7 @@ class Screen:
                 panel.show(state)
         if self._look_wanted:
             self._look.refresh(state)
+        self._scene.turn(state.flicker)
         if not self.scene_wanted or time.monotonic() < self._scene_due_s:
             return
         self._scene_due_s = time.monotonic() + SCENE_S
@@ -160,8 +172,14 @@ class Screen:
                 self._looked_at = opened.sequence
                 self._look_at(drawn_truth(opened.truth, opened.methods))
         drawn = tuple(branch.number for branch in state.branches if not branch.hidden)
-        shown = (state.displayed, state.computed, state.hidden, drawn)
+        looked_at = (state.flicker and (state.flicker.a, state.flicker.b), state.integration)
+        shown = (state.displayed, state.computed, state.hidden, drawn, looked_at)
         if state.displayed is not None and shown != self._scene_shown:
             self._scene_shown = shown
-            self._scene.show(self._session.known_at(state.index), state.displayed, state.hidden)
-            self._scene.show_beside(self._session.beside(state), state.hidden)
+            alone = state.flicker is not None
+            hidden = state.hidden | frozenset(state.methods if alone else ())
+            self._scene.show(self._session.known_at(state.index), state.displayed, hidden)
+            self._scene.show_beside({} if alone else self._session.beside(state), hidden)
+            self._scene.show_flicker(state.flicker, state.index, state.hidden)
+            stage = state.integration.stage if state.integration is not None else 0
+            self._scene.show_integration(self._steps.fit if state.integration is not None else None, stage)

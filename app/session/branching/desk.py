@@ -8,6 +8,7 @@ from ispom.errors import InputError
 from ispom.methods import Config, in_order
 
 from ..current_run import CurrentRun
+from ..flicker import Side, sides
 from ..state import Event, Resumed, changed
 from ..store import Store
 from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
@@ -34,6 +35,11 @@ class BranchDesk:
 
     def run(self, number: int) -> CurrentRun | None:
         return self._runs.get(number)
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """What can flicker: the methods of each branch."""
+        return sides(self._store.state.branches, lambda number: self._found(number).opened.methods)
 
     def fork(self, methods: tuple[str, ...], config: Config, name: str) -> tuple[CurrentRun, Resumed]:
         """From the state after the exposure that is shown; as `show`. InputError where that cannot be."""
@@ -93,6 +99,9 @@ class BranchDesk:
         compared = self._store.state.comparison
         if compared is not None and number in (compared.shown, compared.other):
             self._store.set(comparison=None)
+        flicker = self._store.state.flicker
+        if flicker is not None and number in (flicker.a.branch, flicker.b.branch):
+            self._store.set(flicker=None)
         self._store.set(branches=tuple(b for b in self._store.state.branches if b.number != number))
 
     def compare(self, number: int) -> None:

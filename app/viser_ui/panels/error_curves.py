@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 from viser import uplot
 
+from ispom.geometry import Array
 from ispom.methods import in_order
 
 from ... import colours
@@ -36,7 +36,7 @@ AXIS: uplot.Axis = {"stroke": GREY, "grid": {"stroke": f"{GREY}40", "width": 1},
 class Curve:
     label: str
     colour: colours.Rgb
-    values: NDArray[np.float64]
+    values: Array
     """(N,) [m] at the exposures; NaN where unknown."""
     dash: tuple[int, ...] = ()
 
@@ -72,7 +72,8 @@ class ErrorCurvesPanel:
 
     def _draw(self, curves: list[Curve], count: int) -> None:
         width = -(-count // MOST_POINTS)
-        data = (np.arange(0, count, width).astype(float), *(thinned(curve.values, count, width) for curve in curves))
+        columns = (np.arange(0, count, width), *(thinned(curve.values, count, width) for curve in curves))
+        data = tuple(column.astype(np.float64) for column in columns)
         names = tuple((curve.label, colours.css(curve.colour)) for curve in curves)
         if self._plot is not None and names == self._names:
             self._plot.data = data
@@ -112,7 +113,7 @@ def error_curves(state: State, series_of: Callable[[int], Series | None]) -> Ite
             yield Curve(beside.name, beside.colour, values)
 
 
-def thinned(values: NDArray[np.float64], count: int, width: int) -> NDArray[np.float64]:
+def thinned(values: Array, count: int, width: int) -> Array:
     """(ceil(count / width),) the largest of every `width` values, which are filled up to `count` with NaN."""
     filled = np.concatenate([values, np.full(count - len(values), np.nan)])
     return np.fmax.reduceat(filled, np.arange(0, count, width))

@@ -49,6 +49,7 @@ class FakeSession:
 
     def __init__(self, run: CurrentRun, folder: Path) -> None:
         self._run, self.asked = run, list[do.Command]()
+        self.run = run
         self.opened, self.folders, self.post = run.opened, Folders(folder), self.asked.append
         self.known_at = run.known_at
         self.beside, self.series, self.branch = (lambda state: {}), run.series, (lambda number: run)

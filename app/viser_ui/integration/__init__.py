@@ -1,0 +1,1 @@
+"""The integration, step by step: what is drawn at each stage, and its numbers."""

@@ -1,0 +1,58 @@
+"""The integration step by step: which fit is looked at, and its stages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from ispom_app.run.playback import Playback
+from ispom_app.session import commands as do
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.integration import Integration, latest_fit, stage_count
+
+from tests import doubles
+from tests.app import helpers
+from tests.app.helpers import started, wait_for
+
+METHODS = ("monocular", "integrated", "integrated.paper")
+
+
+@pytest.fixture(scope="module")
+def run() -> CurrentRun:
+    found = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=helpers.build), 10**8)
+    while not found.playback.done:
+        found.step()
+    return found
+
+
+def test_the_latest_fit_up_to_an_exposure_is_found(run: CurrentRun) -> None:
+    assert latest_fit(run, "integrated.paper", 9) is None and latest_fit(run, "monocular", 40) is None
+    assert latest_fit(run, "nobody", 40) is None
+    fits = {i: found and found[0] for i in range(44) if (found := latest_fit(run, "integrated.paper", i)) or i < 10}
+    assert all(at is None or at <= i for i, at in fits.items()) and len(set(fits.values())) > 5
+    found = latest_fit(run, "integrated", 43)
+    assert found is not None and found[1].spline is not None and stage_count(found[1]) == 3
+    found = latest_fit(run, "integrated.paper", 43)
+    assert found is not None and stage_count(found[1]) == 5
+
+
+def test_its_stages_are_stepped_through_and_end_at_both_ends(tmp_path: Path) -> None:
+    session = started(tmp_path, "double:40", methods=METHODS)
+    wait_for(lambda: session.state.ended, "the end")
+    session.post(do.StepIntegration(1))
+    wait_for(lambda: session.state.notices, "the mistake")
+    assert "no integration is shown" in session.state.notices[-1].text
+    session.post(do.ShowIntegration("integrated.paper"))
+    wait_for(lambda: session.state.integration == Integration("integrated.paper", 0), "the first stage")
+    for stage in (1, 2, 3, 4):
+        session.post(do.StepIntegration(1))
+        wait_for(lambda stage=stage: session.state.integration == Integration("integrated.paper", stage), "a stage")
+    session.post(do.StepIntegration(1))
+    session.post(do.StepIntegration(-1))
+    wait_for(lambda: session.state.integration == Integration("integrated.paper", 3), "one back from the last")
+    session.post(do.ShowIntegration("monocular"))
+    wait_for(lambda: len(session.state.notices) > 1, "the mistake")
+    assert "monocular has fitted nothing up to exposure 43" in session.state.notices[-1].text
+    session.post(do.ShowIntegration(""))
+    wait_for(lambda: session.state.integration is None, "the end of looking")
+    assert session.close(5)

@@ -1,0 +1,139 @@
+"""The integration step by step: the panel from the state, and the shapes and numbers of each stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import viser
+from ispom_app.run.playback import Playback
+from ispom_app.session import commands as do
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.integration import Integration, latest_fit
+from ispom_app.session.state import State, reduce
+from ispom_app.viser_ui.integration.drawing import Dots, Line, bracket_rows, drawing, extent
+from ispom_app.viser_ui.integration.numbers import table
+from ispom_app.viser_ui.integration.scene import IntegrationScene
+from ispom_app.viser_ui.panels.integration import LOOK, NEXT, PREVIOUS, IntegrationPanel
+
+from ispom.types import Step, Trajectory
+from tests import doubles
+from tests.app import helpers
+from tests.app.viser_ui.test_scene import Spy
+
+METHODS = ("monocular", "integrated", "integrated.paper")
+
+
+@pytest.fixture(scope="module")
+def run() -> CurrentRun:
+    found = CurrentRun(Playback(doubles.sequence(40), METHODS, builder=helpers.build), 10**8)
+    while not found.playback.done:
+        found.step()
+    return found
+
+
+def fit_of(run: CurrentRun, method: str) -> Step:
+    found = latest_fit(run, method, 43)
+    assert found is not None
+    return found[1]
+
+
+def names(step: Step, stage: int) -> set[str]:
+    return {shape.name for shape in drawing(step, stage)}
+
+
+def test_a_segment_shows_what_each_stage_adds(run: CurrentRun) -> None:
+    step = fit_of(run, "integrated.paper")
+    always = {"stereo", "stereo_poses", "stereo_axes", "video", "video_poses", "video_axes"}
+    assert names(step, 0) == always | {"gap"}
+    assert names(step, 1) == always | {"gap", "ends", "bracket"}
+    assert names(step, 2) == always | {"gap", "ends"}
+    rows = bracket_rows(step.segments[0])
+    times, span = step.segments[0].video.times_ns[rows], step.segments[0].span_ns
+    assert len(rows) == 4 and times[0] < span[0] <= times[1] and times[2] < span[1] <= times[3]
+    last = next(shape for shape in drawing(step, 4) if shape.name == "video" and isinstance(shape, Line))
+    first = next(shape for shape in drawing(step, 4) if shape.name == "stereo" and isinstance(shape, Line))
+    assert last.colour != first.colour and np.isfinite(last.xyz).all()
+
+
+def test_a_spline_shows_exposures_then_itself_then_the_adjusted_one(run: CurrentRun) -> None:
+    step = fit_of(run, "integrated")
+    assert step.spline is not None
+    assert [names(step, i) for i in range(3)] == [
+        {"video_exposures", "pairs"},
+        {"video_exposures", "pairs", "spline", "knots"},
+        {"video_exposures", "pairs", "spline", "knots", "begun"},
+    ]
+    places = [next(s for s in drawing(step, i) if s.name == "pairs") for i in (1, 2)]
+    assert all(isinstance(place, Dots) for place in places)
+    moved = places[1].xyz - places[0].xyz  # type: ignore[union-attr]
+    assert np.allclose(moved, [0, -0.05, 0])
+
+
+def test_the_numbers_of_a_segment_shrink_from_row_to_row(run: CurrentRun) -> None:
+    found = table(fit_of(run, "integrated.paper"), 3)
+    assert found["title"] == "4 of 5: Rotated" and [row[1] for row in found["rows"]] == [False] * 3 + [True, False]
+    assert ("scale", "0.5 m per unit") in found["facts"]
+    assert found["rows"][4][2][2] == "0.000°"
+
+
+def test_the_numbers_of_a_spline_stand_beside_those_before(run: CurrentRun) -> None:
+    found = table(fit_of(run, "integrated"), 2)
+    assert found["title"] == "3 of 3: Adjusted"
+    rows = {name: values for name, _, values in found["rows"]}
+    assert rows["cost"] == ("90", "30") and float(rows["video frames"][0]) == pytest.approx(
+        3 * float(rows["video frames"][1]), abs=0.02
+    )
+
+
+def test_what_the_history_gave_up_is_neither_drawn_nor_counted(run: CurrentRun) -> None:
+    step = fit_of(run, "integrated.paper")
+    bare = replace(step, segments=(replace(step.segments[0], video=Trajectory.empty("video")),))
+    assert drawing(bare, 0) == () and table(bare, 0) == {} and extent(())[1] == 1.0
+
+
+class Panel:
+    def __init__(self, server: viser.ViserServer, run: CurrentRun) -> None:
+        self.asked: list[do.Command] = []
+        self.looked: list[tuple[Any, Any]] = []
+        session: Any = SimpleNamespace(state=State("double:40"), post=self.asked.append, run=run)
+        self.panel = IntegrationPanel(server.gui, session, lambda *place: self.looked.append(place))
+        self.state = replace(reduce(State("double:40"), run.opened), displayed=run.history[43])
+
+
+def test_the_panel_offers_what_integrates_and_asks_for_steps(server: viser.ViserServer, run: CurrentRun) -> None:
+    made = Panel(server, run)
+    panel = made.panel
+    panel.show(made.state)
+    assert panel._method.options == ("off", "Integrated", "Integrated (paper)") and not panel._buttons.visible
+    panel._method.value = "Integrated (paper)"
+    assert made.asked == [do.ShowIntegration("integrated.paper")]
+    panel.show(replace(made.state, integration=Integration("integrated.paper", 2)))
+    assert "3 of 5: Scaled" in panel._text.content and "fitted at exposure" in panel._text.content
+    panel._buttons.value = NEXT
+    panel._buttons.value = PREVIOUS
+    panel._buttons.value = LOOK
+    assert made.asked[1:] == [do.StepIntegration(1), do.StepIntegration(-1)] and len(made.looked) == 1
+    panel._method.value = "off"
+    assert made.asked[-1] == do.ShowIntegration("")
+
+
+def test_before_the_first_fit_the_panel_says_so(server: viser.ViserServer, run: CurrentRun) -> None:
+    made = Panel(server, run)
+    made.panel.show(replace(made.state, displayed=run.history[2], integration=Integration("integrated")))
+    assert "Nothing is fitted up to this exposure" in made.panel._text.content
+
+
+def test_the_scene_draws_a_stage_once_and_takes_it_away(server: viser.ViserServer, run: CurrentRun) -> None:
+    spy, step = Spy(server.scene), fit_of(run, "integrated.paper")
+    scene = IntegrationScene(spy)  # type: ignore[arg-type]
+    scene.show(step, 1)
+    scene.show(step, 1)
+    assert set(spy.sent) == {f"/integration/{name}" for name in names(step, 1)} and set(spy.sent.values()) == {1}
+    scene.show(step, 2)
+    assert "/integration/bracket" not in spy.handles and "/integration/ends" in spy.handles
+    scene.show(None, 0)
+    assert not spy.handles
