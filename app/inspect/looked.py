@@ -59,7 +59,8 @@ class Looked:
     @cached_property
     def pictured(self) -> Frame:
         """The camera whose picture is shown."""
-        return next((name for name in self.cameras if name == self.camera), self.cameras[0])
+        wanted = [name for name in self.cameras if name == self.camera]
+        return (*wanted, *self.cameras, "video")[0]
 
     @cached_property
     def index(self) -> int | None:

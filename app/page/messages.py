@@ -72,7 +72,7 @@ def message_of(state: State) -> dict[str, Any]:
         "compiling": state.compiling,
         "methods": [_method(method, state) for method in state.methods],
         "plotted": state.plotted,
-        "hidden": hidden_paths(state.methods, state.hidden),
+        "hidden": hidden_paths(state.methods, state.hidden, state.colour_by),
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
         else None,

@@ -6,7 +6,7 @@ layout would take back time, camera and tabs. The views keep their ids for that.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
 
@@ -18,9 +18,11 @@ from ispom.geometry import Array
 from ispom.methods import method
 from ispom.types import Trajectory
 
+from ..inspect.colouring import SCALES, Colouring
 from ..run.events import Opened
 from ..run.model.drawn_size import drawn_truth
 from . import entities
+from .coloured import path_of
 from .layers import IMAGE_LAYERS
 from .plots import NO_ERROR, why_no_error
 
@@ -39,7 +41,7 @@ MARGIN = 0.4
 
 def blueprint(opened: Opened, hidden: Collection[str] = ()) -> rrb.Blueprint:
     """3-D at the left, images at the right, plots and text below. `hidden` names layers and methods."""
-    rig, kept = opened.sequence.rig, _hidden_entities(opened.methods, hidden)
+    rig, kept = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
     images = [
         _image(opened, name, title, kept[f"/{name}"])
         for name, title in (("video", "video, tracks"), ("left", "left image, tracks and disparity"))
@@ -61,11 +63,12 @@ def blueprint(opened: Opened, hidden: Collection[str] = ()) -> rrb.Blueprint:
     )
 
 
-def hidden_paths(methods: Iterable[str], hidden: Collection[str]) -> list[str]:
-    """Paths in the layout whose `EntityBehavior.visible` is false when these layers and methods are hidden."""
+def hidden_paths(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state") -> list[str]:
+    """Paths in the layout whose `EntityBehavior.visible` is false when these layers and methods are hidden, and tracks
+    are coloured so."""
     return [
         f"/view/{_view_id(origin)}/ViewContents/overrides/{path}/visualizers"
-        for origin, paths in _hidden_entities(methods, hidden).items()
+        for origin, paths in _hidden_entities(methods, hidden, colour_by).items()
         for path in paths
     ]
 
@@ -84,7 +87,7 @@ def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = (
     stream.send_blueprint(blueprint(opened, hidden), make_active=True, make_default=True)
 
 
-def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[str, list[str]]:
+def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring) -> dict[str, list[str]]:
     """By the origin of each view: which of its entities are hidden."""
     methods = tuple(methods)
     gone = [m for m in methods if m in hidden]
@@ -98,12 +101,19 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str]) -> dict[st
         "clouds": [f"world/{m}/cloud" for m in methods],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
-    images = {name: [f"{name}/{layer}" for layer in IMAGE_LAYERS if layer in hidden] for name in ("video", "left")}
+    images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in ("video", "left")}
     return (
         {"/world": world + [f"world/{m}" for m in gone]}
         | {f"/{name}": paths for name, paths in images.items()}
         | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in gone + others] for kind in PLOTS}
     )
+
+
+def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring) -> Iterator[str]:
+    """Layers, and all but one way to colour the tracks."""
+    by_state = {"tracks", "legend"} if colour_by != "state" else set()
+    yield from (f"{camera}/{layer}" for layer in (*IMAGE_LAYERS, "legend") if layer in by_state.union(hidden))
+    yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
 
 
 def _world(opened: Opened, hidden: list[str]) -> rrb.View:

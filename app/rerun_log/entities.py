@@ -143,19 +143,25 @@ def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
     """Beside or below the image: how many tracks have which status, in its colour."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
     present = [s for s in TrackStatus if counts[s]]
-    size, places = np.array([camera.width, camera.height]), np.arange(len(present))
-    if _legend_below(camera):
-        row, column = np.divmod(places, LEGEND_COLUMNS)
-        at = np.stack([(column + 0.5) / LEGEND_COLUMNS, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
-    else:
-        at = np.stack([np.full(len(present), 1 + LEGEND_WIDTH / 2), 0.03 + 0.13 * places], 1)
     return rr.Points2D(
-        at * size * shown_scale(camera.width, camera.height),
+        legend_places(len(present), camera),
         class_ids=[int(s) for s in present],
         labels=[f"{counts[s]} {_SHORT.get(s, s.name.lower())}" for s in present],
         radii=-4.0,
         show_labels=True,
     )
+
+
+def legend_places(count: int, camera: Camera, row_height: float = 0.13) -> Array:
+    """(count, 2) in Rerun's coordinates: rows of LEGEND_COLUMNS below a wide image, or else a column beside it, whose
+    rows are so far apart, in heights of the image."""
+    size, places = np.array([camera.width, camera.height]), np.arange(count)
+    if _legend_below(camera):
+        row, column = np.divmod(places, LEGEND_COLUMNS)
+        at = np.stack([(column + 0.5) / LEGEND_COLUMNS, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
+    else:
+        at = np.stack([np.full(count, 1 + LEGEND_WIDTH / 2), 0.03 + row_height * places], 1)
+    return at * size * shown_scale(camera.width, camera.height)
 
 
 def shown_size(camera: Camera) -> Array:

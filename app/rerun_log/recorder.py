@@ -11,6 +11,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /video, /left                            image, tracks, trails, legend; left also disparity
+    /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
     /decisions, /log, /log/bookmarks         text
 
@@ -26,11 +27,13 @@ import rerun as rr
 from ispom.geometry import Similarity
 from ispom.types import Step, StereoPair, Tracks
 
+from ..inspect.sightings import Seen
 from ..run.events import Bookmark, Event, Finished, Opened, Stepped
 from ..run.history.record import with_parts
 from ..run.model.drawn_size import unit_in_metres
 from . import entities
 from .batch import Batch, Entry
+from .coloured import ColouredTracks
 from .plots import Plots
 from .world import World
 
@@ -43,6 +46,7 @@ class Recorder:
         self.recording_id = opened.recording_id
         self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
         self._world, self._plots = World(opened, self.first_ns), Plots(opened)
+        self._coloured = ColouredTracks(opened.sequence.rig)
         self._recent: dict[str, list[Tracks]] = {}
         self._last: dict[str, Step] = {}
         self._now = (0, 0)
@@ -50,6 +54,7 @@ class Recorder:
     def opening(self) -> Batch:
         """What holds for the whole run (all static)."""
         images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left")]
+        images += self._coloured.opening()
         return Batch(0, 0, (*self._world.opening(), *images, *self._plots.opening()))
 
     def batch(self, event: Event | Bookmark) -> Batch:
@@ -74,16 +79,21 @@ class Recorder:
     def _images(self, event: Stepped) -> Iterator[Entry]:
         exposure = event.exposure
         name, image = ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
+        step = next((s for s in with_parts(event.steps) if name in s.tracks), None)
+        seen = None if step is None else Seen(event.index, step, name, step.tracks[name])
+        if seen is not None:
+            self._coloured.learn(seen)
         if not image.size:  # given up on the way here: see run/feed.py
             return
         yield Entry(f"{name}/image", entities.jpeg(image))
-        tracks = next((s.tracks[name] for s in with_parts(event.steps) if name in s.tracks), None)
-        if tracks is None:
+        if seen is None:
             return
+        tracks = seen.tracks
         camera = self.opened.sequence.rig.camera(name)
         recent = self._recent[name] = [*self._recent.get(name, []), tracks][-entities.TRAIL_LENGTH - 1 :]
         shown = entities.thinned(tracks, camera)
         yield Entry(f"{name}/tracks", entities.points(shown, camera))
+        yield from self._coloured.entries(seen, shown)
         yield Entry(f"{name}/trails", entities.trails([*recent[:-1], shown], camera))
         yield Entry(f"{name}/legend", entities.legend(tracks, camera))
         if name == "left":

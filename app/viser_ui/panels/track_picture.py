@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ispom.errors import UnreadableImage
+from ispom.errors import InputError
 from ispom.types import Image, Sequence, StereoPair, Tracks, TrackStatus
 
 from ... import colours
@@ -35,7 +35,7 @@ def image_of(sequence: Sequence, index: int) -> Image | None:
     """The video image or the left one of an exposure; None where it cannot be read again."""
     try:
         exposure = sequence[index]
-    except UnreadableImage:
+    except InputError:
         return None
     image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
     return image if image.size else None

@@ -81,6 +81,7 @@ def test_a_key_frame_is_selected_in_the_matrix(page: Page):
 def test_colours_and_camera_are_the_states(page: Page):
     choose(page, "state", "age")
     page.until("state.colour_by === 'age'", "the colouring")
+    page.until("state.hidden.some((path) => path.includes('video/tracks/'))", "the layout of Rerun")
     page.controls.get_by_text("age [exposures of the camera]").wait_for()
     page.controls.get_by_role("button", name="left image", exact=True).click()
     page.until("state.camera === 'left'", "the camera")

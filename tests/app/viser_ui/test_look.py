@@ -23,8 +23,8 @@ from ispom_app.viser_ui.panels.track import CHIP_PX, MOST_KEPT, TrackChips, cut,
 from ispom_app.viser_ui.panels.track_picture import track_picture
 from ispom_app.viser_ui.panels.tracks import lifetimes_chart, tracks_table
 
-from ispom.errors import UnreadableImage
-from ispom.types import Tracks
+from ispom.errors import InputError, UnreadableImage
+from ispom.types import Rig, Tracks
 from tests import doubles
 from tests.alone import METHODS
 
@@ -92,6 +92,18 @@ def test_an_image_that_cannot_be_read_again_is_said_to_be(run: CurrentRun):
     shown = looked(run, "track:monocular:5", sequence=sequence)
     assert "no image that can be read" in track_picture(shown)
     assert "Track 5" in track_report(shown, TrackChips())
+
+
+def test_a_recording_alone_has_neither_images_nor_tracks(run: CurrentRun):
+    def load(i: int) -> Any:
+        raise InputError("nothing is there")
+
+    sequence = replace(run.opened.sequence, rig=Rig(), load=load)
+    bare = [replace(record, steps=()) for record in run.history]
+    shown = Looked(sequence, bare, run.series, run.known_at, bare[9], parsed("track:stereo:5"), "", "age")
+    for panel in (track_picture, tracks_table, lifetimes_chart, key_frames_report, residuals_report):
+        assert panel(shown)
+    assert "not among" in track_report(shown, TrackChips())
 
 
 def test_a_track_has_chips_point_and_residuals(run: CurrentRun):
