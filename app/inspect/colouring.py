@@ -54,9 +54,9 @@ COLOURINGS: tuple[Colouring, ...] = ("state", *SCALES)
 
 
 def palette() -> list[colours.Rgb]:
-    """Of the bins, dark to bright (cividis: Nuñez et al. 2018, the same to colour-blind people), and the unknown."""
+    """Of the bins, dark to bright (viridis, which colour-blind people can order as well), and of the unknown."""
     levels = np.linspace(40, 255, BINS).astype(np.uint8)[:, None]
-    bgr = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_CIVIDIS))[:, 0]
+    bgr = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS))[:, 0]
     return [*((int(r), int(g), int(b)) for b, g, r in bgr), UNKNOWN]
 
 

@@ -59,8 +59,8 @@ class Looked:
     @cached_property
     def pictured(self) -> Frame:
         """The camera whose picture is shown."""
-        wanted = [name for name in self.cameras if name == self.camera]
-        return (*wanted, *self.cameras, "video")[0]
+        wanted = self.camera or (self.cameras[0] if self.cameras else "video")
+        return "left" if wanted == "left" and "left" in self.cameras else "video"
 
     @cached_property
     def index(self) -> int | None:

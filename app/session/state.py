@@ -132,7 +132,7 @@ class State:
     """Sources that were opened, newest first."""
     compiling: str = ""
     """What is compiled in the background, and for how long still; empty while nothing is."""
-    hidden: frozenset[str] = frozenset()
+    hidden: frozenset[str] = frozenset({"geometry"})
     """Layers and methods that are not drawn."""
     selected: str = ""
     """What is looked at closely, as app/inspect/selection.py writes it: `track:monocular:181`; empty for nothing."""

@@ -63,11 +63,11 @@ class LookTab:
 
     def refresh(self, state: State) -> None:
         """Draws what the state shows, where that has changed and it is time."""
-        looked_at = (state.run, state.displayed, state.selected, state.camera, state.colour_by, state.look)
-        if looked_at == self._drawn or (state.playing and time.monotonic() < self._due_s):
+        values = (state.run, state.displayed, state.selected, state.camera, state.colour_by, state.look)
+        if values == self._drawn or (state.playing and time.monotonic() < self._due_s):
             return
-        self._drawn = looked_at
-        looked = self._looked(state)
+        self._drawn = values
+        looked = looked_at(self._session, state)
         texts = (EMPTY, "") if looked is None else (track_picture(looked), self._report(state.look, looked))
         for handle, text in zip((self._picture, self._text), texts, strict=True):
             if handle.content != text:
@@ -80,20 +80,22 @@ class LookTab:
         drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "key frames": key_frames_report}
         return drawn.get(look, residuals_report)(looked)
 
-    def _looked(self, state: State) -> Looked | None:
-        run = self._session.run
-        if run is None or state.displayed is None or state.displayed.index >= len(run.history):
-            return None
-        return Looked(
-            run.opened.sequence,
-            run.history,
-            run.series,
-            run.known_at,
-            state.displayed,
-            parsed(state.selected),
-            state.camera,
-            state.colour_by,
-        )
+
+def looked_at(session: Session, state: State) -> Looked | None:
+    """What the closer look is drawn from; None before the first exposure."""
+    run = session.run
+    if run is None or state.displayed is None or state.displayed.index >= len(run.history):
+        return None
+    return Looked(
+        run.opened.sequence,
+        run.history,
+        run.series,
+        run.known_at,
+        state.displayed,
+        parsed(state.selected),
+        state.camera,
+        state.colour_by,
+    )
 
 
 def _key(names: dict[str, str], value: str) -> str:

@@ -6,6 +6,7 @@ import logging
 import time
 from threading import Event, Thread
 
+import numpy as np
 import rich
 import viser
 
@@ -16,7 +17,9 @@ from ..rerun_log.blueprint import looking_at
 from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
-from .look import NAME, LookTab
+from ..session.state import State
+from .look import NAME, LookTab, looked_at
+from .look_scene import LookScene, clicked
 from .panels.bookmarks import BookmarksPanel
 from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
@@ -55,6 +58,8 @@ PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
 SCENE_S = 0.25
 """The scene is costlier than the panels, and Rerun shows the same beside it."""
+CLOSELY_S = 1.0
+"""Between two drawings of what is looked at closely, while it plays."""
 
 
 class Screen:
@@ -71,6 +76,8 @@ class Screen:
         self.panels = self._panels(self.server.gui)
         self.server.scene.world_axes.visible = False
         self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)), session.branch)
+        self._closely, self._closely_shown, self._closely_due_s = LookScene(self.server.scene), (), 0.0
+        self.server.scene.on_click()(self._clicked)
         self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
         self._fault = ""
         self._looked_at: Sequence | None = None
@@ -168,6 +175,7 @@ class Screen:
         if state.run != self._run and opened is not None:
             self._run = state.run
             self._scene.start(opened)
+            self._closely, self._closely_shown = LookScene(self.server.scene), ()
             if opened.sequence is not self._looked_at:  # of another branch, the person's view stays
                 self._looked_at = opened.sequence
                 self._look_at(drawn_truth(opened.truth, opened.methods))
@@ -183,3 +191,22 @@ class Screen:
             self._scene.show_flicker(state.flicker, state.index, state.hidden)
             stage = state.integration.stage if state.integration is not None else 0
             self._scene.show_integration(self._steps.fit if state.integration is not None else None, stage)
+        self._show_closely(state)
+
+    def _show_closely(self, state: State) -> None:
+        """The selected track, triple and pair in the scene: while the run plays once a second, for they take long."""
+        shown = (state.run, state.displayed, state.selected, "geometry" in state.hidden)
+        if shown == self._closely_shown or (state.playing and time.monotonic() < self._closely_due_s):
+            return
+        self._closely_shown, self._closely_due_s = shown, time.monotonic() + CLOSELY_S
+        wanted = state.selected or "geometry" not in state.hidden
+        self._closely.show(looked_at(self._session, state) if wanted else None, "geometry" not in state.hidden)
+
+    def _clicked(self, event: viser.SceneClickEvent) -> None:
+        """Selects the track whose point was clicked."""
+        looked = looked_at(self._session, self._session.state)
+        if looked is not None:
+            ray = np.array(event.ray_origin), np.array(event.ray_direction)
+            found = clicked(looked, looked.known_at(looked.record.index), *ray)
+            if found is not None:
+                self._session.post(do.Select(str(found)))

@@ -17,6 +17,7 @@ from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import Computed, State, changed, reduce
 from ispom_app.viser_ui import look as looks
 from ispom_app.viser_ui.look import EMPTY, LookTab
+from ispom_app.viser_ui.look_scene import LookScene, clicked
 from ispom_app.viser_ui.panels.key_frames import key_frames_report
 from ispom_app.viser_ui.panels.residuals import residuals_report
 from ispom_app.viser_ui.panels.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
@@ -24,6 +25,7 @@ from ispom_app.viser_ui.panels.track_picture import track_picture
 from ispom_app.viser_ui.panels.tracks import lifetimes_chart, tracks_table
 
 from ispom.errors import InputError, UnreadableImage
+from ispom.geometry import Pose, Similarity
 from ispom.types import Rig, Tracks
 from tests import doubles
 from tests.alone import METHODS
@@ -187,3 +189,25 @@ def test_it_is_drawn_when_something_changed_and_at_most_once_a_second_while_play
     assert tab._picture.content == first
     tab.refresh(replace(state, displayed=run.history[20], playing=False))
     assert tab._picture.content != first
+
+
+def test_the_scene_shows_the_selected_track_and_the_layer_only_where_wanted(server: viser.ViserServer, run: CurrentRun):
+    scene = LookScene(server.scene)
+    scene.show(looked(run, "track:stereo:5", "left"), False)
+    assert scene._drawn == {"/look/track/points", "/look/track/spread"}
+    scene.show(looked(run), True)
+    assert {f"/look/{of}/cameras" for of in ("triple", "pair")} <= scene._drawn
+    assert not any("track" in name for name in scene._drawn)
+    scene.show(None, False)
+    assert not scene._drawn
+
+
+def test_a_click_in_the_scene_is_taken_into_the_world_of_each_method(run: CurrentRun):
+    shown = looked(run)
+    placed = Similarity(2.5, Pose.from_rotvec(np.array([0.1, -0.3, 0.2]), np.array([4.0, 1.0, -2.0])))
+    shown = replace(shown, record=replace(shown.record, placements={"monocular": placed}))
+    model = shown.known_at(shown.index)
+    points = model.methods["monocular"].points.landmarks()
+    eye = np.array([0.0, -60.0, 0.0])
+    for number, xyz in zip(points.ids[:5].tolist(), points.xyz_in_world[:5], strict=True):
+        assert clicked(shown, model, eye, placed.apply(xyz) - eye) == parsed(f"track:monocular:{number}")
