@@ -29,6 +29,8 @@ class Rays:
     """In the world of a method."""
 
     method: str
+    indices: tuple[int, ...]
+    """The exposures that they are of."""
     centres: Array
     """(C, 3) of the cameras, in their order."""
     points: Array
@@ -39,6 +41,16 @@ class Rays:
         """(B, 2, 3) from each camera to each later one: T12, T13 and T23 of a triple, the baseline of a pair."""
         first, second = np.triu_indices(len(self.centres), 1)
         return np.stack([self.centres[first], self.centres[second]], 1)
+
+    @property
+    def lengths(self) -> Array:
+        """(B,) of `between`."""
+        return np.linalg.norm(self.between[:, 1] - self.between[:, 0], axis=1)
+
+    def parallax_deg(self) -> Array:
+        """(P,) under which each point sees the first and the last camera."""
+        first, last = (self.points - self.centres[i] for i in (0, -1))
+        return np.degrees(np.arctan2(np.linalg.norm(np.cross(first, last), axis=1), (first * last).sum(1)))
 
     @property
     def to_points(self) -> Array:
@@ -60,7 +72,7 @@ def triple(looked: Looked, model: RunModel) -> Rays | None:
     known = [pose for pose in poses if pose is not None]
     if len(known) < 3:
         return None
-    return Rays(method, np.stack([pose.translation for pose in known]), _points(seen))
+    return Rays(method, tuple(keys), np.stack([pose.translation for pose in known]), _points(seen))
 
 
 def pair(looked: Looked) -> Rays | None:
@@ -75,14 +87,14 @@ def pair(looked: Looked) -> Rays | None:
     xyz = points_from_disparity(rig.camera("left"), rig.baseline_m, tracks.uv[kept], tracks.disparity_px[kept])
     right = world_from_left.apply(np.array([rig.baseline_m, 0.0, 0.0]))
     centres = np.stack([world_from_left.translation, right])
-    return Rays(seen.step.method, centres, world_from_left.apply(xyz))
+    return Rays(seen.step.method, (seen.index,), centres, world_from_left.apply(xyz))
 
 
 def track_rays(life: TrackLife, xyz_in_world: Array) -> Rays:
     """From the cameras that saw the track to its point."""
-    poses = [s.world_from_camera for s in life.seen if s.world_from_camera is not None]
-    centres = np.stack([pose.translation for pose in poses]) if poses else np.zeros((0, 3))
-    return Rays(life.method, centres, xyz_in_world[None])
+    views = [(s.index, s.world_from_camera.translation) for s in life.seen if s.world_from_camera is not None]
+    centres = np.array([centre for _, centre in views]).reshape(-1, 3)
+    return Rays(life.method, tuple(index for index, _ in views), centres, xyz_in_world[None])
 
 
 def nearest_to_ray(

@@ -12,6 +12,5 @@ LAYERS = {
     "tracks": "tracks on images",
     "trails": "trails of tracks",
     "disparity": "disparity",
-    "geometry": "current triple and pair (3-D scene at the left)",
 }
 IMAGE_LAYERS = ("tracks", "trails", "disparity")

@@ -22,7 +22,7 @@ from .flicker import Flicker
 from .integration import Integration
 
 MAX_NOTICES = 5
-Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals"]
+Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals", "geometry"]
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class State:
     """Sources that were opened, newest first."""
     compiling: str = ""
     """What is compiled in the background, and for how long still; empty while nothing is."""
-    hidden: frozenset[str] = frozenset({"geometry"})
+    hidden: frozenset[str] = frozenset()
     """Layers and methods that are not drawn."""
     selected: str = ""
     """What is looked at closely, as app/inspect/selection.py writes it: `track:monocular:181`; empty for nothing."""

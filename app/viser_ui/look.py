@@ -15,6 +15,7 @@ from ..inspect.looked import Looked
 from ..inspect.selection import parsed
 from ..session import commands as do
 from ..session.state import Look, State
+from .panels.geometry import geometry_report
 from .panels.key_frames import key_frames_report
 from .panels.residuals import residuals_report
 from .panels.track import TrackChips, track_report
@@ -78,7 +79,8 @@ class LookTab:
         if look == "track":
             return track_report(looked, self._chips)
         drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "key frames": key_frames_report}
-        return drawn.get(look, residuals_report)(looked)
+        drawn |= {"residuals": residuals_report, "geometry": geometry_report}
+        return drawn[look](looked)
 
 
 def looked_at(session: Session, state: State) -> Looked | None:

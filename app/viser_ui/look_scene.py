@@ -1,5 +1,5 @@
 """What is looked at closely, in viser's scene: the selected track's rays and where its point may be; the current triple
-(Figs 3 and 4) and the current pair (Figs 5 and 6), where that layer is switched on."""
+(Figs 3 and 4) and the current pair (Figs 5 and 6), while the panel of their numbers is open."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class LookScene:
         self._api = api
         self._drawn: set[str] = set()
 
-    def show(self, looked: Looked | None, layer: bool) -> None:
-        """`layer`: whether triple and pair are wanted."""
+    def show(self, looked: Looked | None, geometry: bool) -> None:
+        """`geometry`: whether triple and pair are wanted."""
         wanted: dict[str, tuple[Rays, colours.Rgb]] = {}
         if looked is not None:
-            wanted = _of_layer(looked) if layer else {}
+            wanted = _of_cameras(looked) if geometry else {}
             if looked.life is not None and looked.point is not None:
                 wanted["track"] = track_rays(looked.life, looked.point.xyz_in_world), SELECTED
         nodes: set[str] = set()
@@ -100,6 +100,6 @@ def _in_worlds(
     return found
 
 
-def _of_layer(looked: Looked) -> dict[str, tuple[Rays, colours.Rgb]]:
+def _of_cameras(looked: Looked) -> dict[str, tuple[Rays, colours.Rgb]]:
     found = {"triple": triple(looked, looked.known_at(looked.record.index)), "pair": pair(looked)}
     return {name: (rays, colours.of(rays.method)) for name, rays in found.items() if rays is not None}

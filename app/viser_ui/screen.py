@@ -195,12 +195,13 @@ class Screen:
 
     def _show_closely(self, state: State) -> None:
         """The selected track, triple and pair in the scene: while the run plays once a second, for they take long."""
-        shown = (state.run, state.displayed, state.selected, "geometry" in state.hidden)
+        geometry = state.look == "geometry"
+        shown = (state.run, state.displayed, state.selected, geometry)
         if shown == self._closely_shown or (state.playing and time.monotonic() < self._closely_due_s):
             return
         self._closely_shown, self._closely_due_s = shown, time.monotonic() + CLOSELY_S
-        wanted = state.selected or "geometry" not in state.hidden
-        self._closely.show(looked_at(self._session, state) if wanted else None, "geometry" not in state.hidden)
+        looked = looked_at(self._session, state) if state.selected or geometry else None
+        self._closely.show(looked, geometry)
 
     def _clicked(self, event: viser.SceneClickEvent) -> None:
         """Selects the track whose point was clicked."""

@@ -25,9 +25,7 @@ class ViewPanel:
         self._asked: set[frozenset[str]] = set()
         """What was asked for here, and is not shown yet."""
         self._boxes = {method: gui.add_checkbox(colours.label(method), True) for method in names()}
-        self._boxes |= {
-            name: gui.add_checkbox(label, name not in session.state.hidden) for name, label in LAYERS.items()
-        }
+        self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: self._clicked())
         gui.add_html(legend())

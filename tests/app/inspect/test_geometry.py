@@ -38,6 +38,10 @@ def test_the_triple_is_the_last_three_key_frames_and_what_all_of_them_saw():
     np.testing.assert_allclose(found.centres, [pose(i).translation for i in (3, 6, 9)])
     np.testing.assert_array_equal(found.between[:, 0], found.centres[[0, 0, 1]])
     np.testing.assert_array_equal(found.between[:, 1], found.centres[[1, 2, 2]])
+    assert found.indices == (3, 6, 9)
+    first, last = (found.points[0] - found.centres[i] for i in (0, 2))
+    angle = np.degrees(np.arccos(first @ last / np.linalg.norm(first) / np.linalg.norm(last)))
+    assert np.isclose(found.parallax_deg()[0], angle)
     assert 0 < len(found.points) <= MOST_POINTS and found.to_points.shape == (3 * len(found.points), 2, 3)
     assert {tuple(p) for p in found.points.tolist()} <= {tuple(p) for p in POINTS.tolist()}
 

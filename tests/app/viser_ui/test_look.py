@@ -18,6 +18,7 @@ from ispom_app.session.state import Computed, State, changed, reduce
 from ispom_app.viser_ui import look as looks
 from ispom_app.viser_ui.look import EMPTY, LookTab
 from ispom_app.viser_ui.look_scene import LookScene, clicked
+from ispom_app.viser_ui.panels.geometry import geometry_report
 from ispom_app.viser_ui.panels.key_frames import key_frames_report
 from ispom_app.viser_ui.panels.residuals import residuals_report
 from ispom_app.viser_ui.panels.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
@@ -103,7 +104,7 @@ def test_a_recording_alone_has_neither_images_nor_tracks(run: CurrentRun):
     sequence = replace(run.opened.sequence, rig=Rig(), load=load)
     bare = [replace(record, steps=()) for record in run.history]
     shown = Looked(sequence, bare, run.series, run.known_at, bare[9], parsed("track:stereo:5"), "", "age")
-    for panel in (track_picture, tracks_table, lifetimes_chart, key_frames_report, residuals_report):
+    for panel in (track_picture, tracks_table, lifetimes_chart, key_frames_report, residuals_report, geometry_report):
         assert panel(shown)
     assert "not among" in track_report(shown, TrackChips())
 
@@ -144,6 +145,8 @@ def test_rows_lines_and_cells_can_be_selected(run: CurrentRun):
     text = key_frames_report(shown)
     assert 'data-select="key_frame:monocular:' in text and "Key frame 0" in text and "30 shared tracks" in text
     assert "95 % below" in residuals_report(shown)
+    text = geometry_report(shown)
+    assert "T13" in text and "baseline" in text and "400 mm" in text
 
 
 def test_without_tracks_each_panel_says_so():

@@ -115,7 +115,7 @@ def test_hiding_a_layer_asks_for_it(gui, session):
     panel.show(STATE)
     assert panel._boxes["monocular"].disabled and not panel._boxes["stereo"].disabled
     panel._boxes["clouds"].value = False
-    assert session.asked == [do.Hide(frozenset({"clouds", "geometry"}))]
+    assert session.asked == [do.Hide(frozenset({"clouds"}))]
     assert "Stereo" in legend() and "truth" in legend()
 
 
