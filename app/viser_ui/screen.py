@@ -180,8 +180,8 @@ class Screen:
                 self._looked_at = opened.sequence
                 self._look_at(drawn_truth(opened.truth, opened.methods))
         drawn = tuple(branch.number for branch in state.branches if not branch.hidden)
-        looked_at = (state.flicker and (state.flicker.a, state.flicker.b), state.integration)
-        shown = (state.displayed, state.computed, state.hidden, drawn, looked_at)
+        beside = (state.flicker and (state.flicker.a, state.flicker.b), state.integration)
+        shown = (state.displayed, state.computed, state.hidden, drawn, beside)
         if state.displayed is not None and shown != self._scene_shown:
             self._scene_shown = shown
             alone = state.flicker is not None
