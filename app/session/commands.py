@@ -274,6 +274,7 @@ class Plot:
     """Draw a quantity, METHOD.KEY, over time; the one that is drawn already is closed."""
 
     name: str
+    """Empty: none is drawn."""
 
 
 Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed

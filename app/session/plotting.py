@@ -9,11 +9,11 @@ from .state import State
 
 
 def plotted(state: State, run: CurrentRun | None, name: str) -> str:
-    """What is drawn after it was asked for: this quantity, or nothing where it is drawn already.
+    """What is drawn after it was asked for: this quantity, or nothing where it is drawn already or has no name.
 
     InputError for a name that the run on the screen has no numbers of.
     """
-    if name == state.plotted:
+    if name in ("", state.plotted):
         return ""
     quantity = run.series.quantities.get(name) if run is not None else None
     if quantity is None or quantity.kind == "text":

@@ -1,12 +1,13 @@
 // The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that
-// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at, exposure.
+// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at, what is plotted, exposure.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
-const DEFAULTS = { branch: "0", hidden: "", select: "" }; // what need not be written
+const DEFAULTS = { branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
 const STEPS = [
   step("run", (state) => state.address.run, (run) => ({ do: "open_named", run })),
   step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
   step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
   step("select", (state) => state.selected, (what) => ({ do: "select", what })),
+  step("plot", (state) => state.plotted, (name) => ({ do: "plot", name })),
   step("at", (state) => state.index, (at) => ({ do: "seek", index: Number(at) })),
 ];
 

@@ -168,3 +168,11 @@ def test_a_wide_text_stays_in_its_line_at_1280_pixels(page: Page) -> None:
     page.tab.evaluate("document.querySelector('#plot .help').textContent = 'what it is '.repeat(60)")
     button = page.tab.locator("#plot button").bounding_box()
     assert button["x"] + button["width"] <= 1280 and button["height"] < 26
+
+
+@in_chromium
+def test_the_address_names_the_plot_and_reopens_it(page: Page) -> None:
+    page.send("{do: 'plot', name: ''}")
+    page.until("state.plotted === '' && !location.hash.includes('plot')", "no plot")
+    page.tab.evaluate("location.hash += '&plot=monocular.alive'")
+    page.until("state.plotted === 'monocular.alive' && location.hash.includes('plot=monocular.alive')", "the plot")

@@ -27,9 +27,11 @@ def test_what_cannot_be_plotted_is_said_and_changes_nothing(tmp_path: Path) -> N
     session = started(tmp_path, autoplay=False)
     session.post(do.Plot("monocular.inliers"))
     wait_for(lambda: session.state.plotted, "the plot")
-    for count, name in enumerate(("monocular.status", "nonsense", ""), 1):
+    for count, name in enumerate(("monocular.status", "nonsense"), 1):
         session.post(do.Plot(name))
         wait_for(lambda count=count: session.state.notice_count == count, "the notice")
         assert "is nothing that this run could plot" in session.state.notices[-1].text
     assert session.state.plotted == "monocular.inliers"
+    session.post(do.Plot(""))
+    wait_for(lambda: session.state.plotted == "", "none")
     session.close(5)
