@@ -59,9 +59,14 @@ def measured(decision: Decision) -> str:
 
 
 def margin(decision: Decision) -> str:
-    """By how much it passed, with its sign and unit: `+0.7 deg`, `−1.3 deg` where it did not."""
+    """By how much it passed, with its sign and unit: `margin +0.7 deg`, `margin −1.3 deg` where it did not.
+
+    Where the outcome is another one than the comparison's, as of a size with either sign, it says that instead.
+    """
+    if decision.margin and (decision.margin > 0) != decision.passed:
+        return "not by this alone"
     unit, sign = f" {decision.unit}" if decision.unit else "", "−" if decision.margin < 0 else "+"
-    return f"{sign}{number(abs(decision.margin))}{unit}"
+    return f"margin {sign}{number(abs(decision.margin))}{unit}"
 
 
 def named(decision: Decision) -> str:

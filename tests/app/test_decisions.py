@@ -67,5 +67,11 @@ def test_a_check_of_another_package_is_a_sentence_as_well():
 
 
 def test_a_margin_has_its_sign_and_unit():
-    assert margin(PARALLAX.of(1.2, 2.5)) == "−1.3 deg" and margin(PARALLAX.of(3, 2.5)) == "+0.5 deg"
-    assert margin(Decision("cost", 2, 5, True, relation="<=")) == "+3"
+    assert margin(PARALLAX.of(1.2, 2.5)) == "margin −1.3 deg" and margin(PARALLAX.of(3, 2.5)) == "margin +0.5 deg"
+    assert margin(Decision("cost", 2, 5, True, relation="<=")) == "margin +3"
+
+
+def test_a_margin_never_contradicts_the_outcome():
+    offset = Decision("disparity offset", -0.3, 0.1, True, "px", ">", kind="finding")
+    assert margin(offset) == "not by this alone" and margin(PARALLAX.of(3, 2.5, passed=False)) == "not by this alone"
+    assert margin(Decision("interval", 1, 1, True)) == "margin +0"

@@ -28,7 +28,7 @@ def test_a_check_is_a_sentence_with_key_numbers_and_signed_margin():
     (card,) = cards(record(step("monocular", checks.PARALLAX.of(1.2, 2.5))))
     ((row,),) = (group.checks for group in card.groups)
     assert row.sentence == "No reason for a key frame: moved 1.2 of 2.5 degrees."
-    assert (row.quantity, row.compared, row.margin) == ("monocular.parallax", "1.2 ≥ 2.5 deg", "−1.3 deg")
+    assert (row.quantity, row.compared, row.margin) == ("monocular.parallax", "1.2 ≥ 2.5 deg", "margin −1.3 deg")
     assert row.mark == "○" and "trigger: did not fire" in row.hint
 
 
