@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 NONE: tuple[str, ...] = ("-",)
-TURN, OFF = "A / B", "Off"
+TURN, OFF = "A / B", "Stop"
 PLAYING_S = 0.5
 """Between two pictures while it plays: each is read from the source, and sent twice."""
 
