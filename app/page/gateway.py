@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable, Hashable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,9 @@ from aiohttp import web
 
 from ..rerun_log.live import LiveStream
 from ..session.session import Session
+from ..session.sources.known import run_name
 from ..viser_ui.portless import CLIENT, PortlessViser
+from . import numbers
 from .access import Access
 from .connections import Connections
 from .files import SECURITY, VISER_SECURITY, recordings, send_file, send_one_of
@@ -66,6 +69,7 @@ class Gateway:
                 web.get(f"{base}web/{{name}}", self._page_file),
                 web.get(f"{base}rerun/{{name}}", self._viewer_file),
                 web.get(f"{base}recordings/{{name:.+}}", self._recording),
+                web.get(f"{base}numbers/{{what}}", self._numbers),
                 web.get(f"{base}viser", self._viser),
                 web.get(f"{base}viser/", self._viser),
             ]
@@ -135,6 +139,21 @@ class Gateway:
         folder = self._to.recordings
         names = await asyncio.to_thread(lambda: list(recordings(folder)))
         return await send_one_of(request, folder, names, SECURITY | {"Content-Disposition": "attachment"})
+
+    async def _numbers(self, request: web.Request) -> web.StreamResponse:
+        """What is known of the exposure shown, or of all so far, as a file."""
+        session, what = self._to.session, request.match_info["what"]
+        state, run = session.state, session.run
+        if run is None or state.index < 0 or what not in ("exposure", "run"):
+            raise web.HTTPNotFound
+        if what == "exposure":
+            text = await asyncio.to_thread(numbers.of_exposure, run.series, state.index)
+        else:
+            text = await asyncio.to_thread(numbers.over_time, run.series, len(run.series))
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", run_name(state.source))
+        name = f"{plain}-{state.index}.csv" if what == "exposure" else f"{plain}.csv"
+        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+        return web.Response(text=text, content_type="text/csv", headers=SECURITY | headers)
 
     # Sockets
 

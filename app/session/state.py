@@ -51,6 +51,8 @@ class RecordedFile:
 
     name: str
     size_bytes: int
+    about: str = ""
+    """Of a run's own: what it was on, and how long."""
 
 
 @dataclass(frozen=True)

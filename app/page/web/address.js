@@ -1,6 +1,7 @@
 // The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that
-// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at, what is plotted, exposure.
+// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at and plotted, exposure.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
+const PATIENCE_MS = 3000; // for a part that the run does not have, such as an exposure beyond its end
 const DEFAULTS = { branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
 const STEPS = [
   step("run", (state) => state.address.run, (run) => ({ do: "open_named", run })),
@@ -48,12 +49,16 @@ export function makeAddress(send) {
     const next = STEPS.find(({ name, shown }) => wanted[name] !== undefined && String(shown(state)) !== wanted[name]);
     if (!next) wanted = null;
     else if (asked?.name !== next.name) {
-      asked = { name: next.name, notices };
+      asked = { name: next.name, notices, at: performance.now() };
       send(next.ask(wanted[next.name]));
-    } else if (state.notices.some(({ kind, number }) => kind === "error" && number > asked.notices)) wanted = null; // refused
+      setTimeout(() => shown && follow(shown), PATIENCE_MS);
+    } else if (refused(state, asked) || (performance.now() - asked.at >= PATIENCE_MS && idle(state))) wanted = null;
   };
-  return { follow };
+  return { follow, release: () => (wanted = null) }; // who goes on by hand has other wishes
 }
+
+const refused = (state, asked) => state.notices.some(({ kind, number }) => kind === "error" && number > asked.notices);
+const idle = (state) => state.target === null && !state.activity;
 
 // The parts of the address; null where it names nothing.
 function read() {

@@ -6,6 +6,7 @@ import { listen, setKeys } from "./keyboard.js";
 import { showNotices } from "./notices.js";
 import { makePlot } from "./plot.js";
 import { openViewer } from "./rerun.js";
+import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
 
@@ -54,6 +55,7 @@ function reconnect() {
 
 function command(message) {
   viewer.release();
+  address.release();
   send(message);
 }
 listen(window, command);
@@ -61,6 +63,7 @@ openControls(dark.matches, command, (tab) => paneBecame({ tab }));
 
 const address = makeAddress(send);
 const showPlot = makePlot(command);
+openSaving();
 const axis = makeAxis((index) => command({ do: "seek", index }));
 
 connect();

@@ -9,6 +9,8 @@ from pathlib import Path
 from ispom.errors import InputError
 from ispom.io.whole import part_of
 
+from ...run.folder.run_file import read_run_file
+from ...run.folder.run_folder import RECORDING
 from ..state import RecordedFile
 
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")
@@ -42,5 +44,17 @@ def list_recordings(folder: Path) -> tuple[RecordedFile, ...]:
         except OSError:
             continue
         if stat.S_ISREG(facts.st_mode) and not path.name.startswith("."):
-            found.append((facts.st_mtime, RecordedFile(path.relative_to(folder).as_posix(), facts.st_size)))
+            name = path.relative_to(folder).as_posix()
+            found.append((facts.st_mtime, RecordedFile(name, facts.st_size, _about(path))))
     return tuple(file for _, file in sorted(found, key=lambda item: -item[0]))
+
+
+def _about(path: Path) -> str:
+    """Of the run around a recording; empty where there is none that can be read."""
+    if path.name != RECORDING:
+        return ""
+    try:
+        run = read_run_file(path.parent)
+    except InputError:
+        return ""
+    return f"{run.sequence}, {sum(n for n in run.exposures.values() if isinstance(n, int))} exposures"

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from ispom.errors import InputError
 from ispom.sequences.address import is_address, is_device
 
-from ...run.folder.run_folder import RUN
+from ...run.folder.run_folder import RECORDING, RUN
 from ..state import State
 
 
@@ -16,6 +16,12 @@ def run_name(source: str) -> str:
     if source.startswith("sim:") or is_device(source) or is_address(source):
         return source
     return PurePath(source).name or source
+
+
+def reviewed(recording: str) -> str:
+    """What is opened for a recording of the list: the run around it, or the file itself."""
+    path = PurePath(recording)
+    return path.parent.as_posix() if path.name == RECORDING and path.parent.name else recording
 
 
 class Known:
@@ -27,8 +33,8 @@ class Known:
     def source(self, name: str, state: State) -> str:
         """The source of a name; InputError where nothing is known by it."""
         runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
-        recordings = [str(self._recordings / file.name) for file in state.recordings]
-        for source in (state.source, *state.recent, *runs, *recordings):
+        recorded = [str(self._recordings / reviewed(file.name)) for file in state.recordings]
+        for source in (state.source, *state.recent, *runs, *recorded):
             if run_name(source) == name:
                 return source
         raise InputError(f"there is no run called {name[:60]!r} here: open its source, or correct the address")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from ...session import commands as do
+from ...session.sources.known import reviewed, run_name
 from ...session.state import State
 from ...texts import size
 from ..markup import render
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 START, STOP = "Record", "Stop recording"
+NONE: tuple[str, ...] = ("none yet",)
 VIEWER = ".".join(version("rerun-sdk").split(".")[:2])
 
 
@@ -32,6 +34,9 @@ class RecordPanel:
         )
         self._repair.on_click(lambda _: session.post(do.RepairRecordings()))
         self._text = gui.add_html(_text(session.state))
+        self._choice = gui.add_dropdown("to review", NONE, visible=False, hint="Runs and recordings of the list above.")
+        self._review = gui.add_button("Open for review", icon=viser.Icon.FOLDER_OPEN, visible=False)
+        self._review.on_click(lambda _: session.post(do.OpenNamed(run_name(self._choice.value))))
 
     def _clicked(self, _: object) -> None:
         recording = self._session.state.recording
@@ -42,6 +47,11 @@ class RecordPanel:
         if self._button.label != label:
             self._button.label = label
             self._name.disabled = state.recording is not None
+        names = tuple(dict.fromkeys(reviewed(file.name) for file in state.recordings)) or NONE
+        if names != tuple(self._choice.options):
+            self._choice.options = names
+            self._choice.value = names[0]
+            self._choice.visible = self._review.visible = names != NONE
         if self._repair.visible != bool(state.unfinished):
             self._repair.visible = bool(state.unfinished)
         if (text := _text(state)) != self._text.content:
@@ -56,5 +66,5 @@ def _text(state: State) -> str:
         doing = "Closing" if recording.closing else "Recording"
         done = f"{recording.written} of {state.computed} exposures"
         text = f"{doing} {recording.name}: {done}, {size(recording.size_bytes)}"
-    files = [{"name": f.name, "size": size(f.size_bytes)} for f in state.recordings]
+    files = [{"name": f.name, "size": size(f.size_bytes), "about": f.about} for f in state.recordings]
     return render("recordings.html", text=text, files=files, unfinished=state.unfinished)

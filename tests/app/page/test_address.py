@@ -43,11 +43,13 @@ def test_the_address_follows_the_page(page: Page) -> None:
     page.until("state.address.hidden.length === 0 && !location.hash.includes('hidden')", "the layer")
 
 
-def test_the_address_names_what_is_looked_at_closely(page: Page) -> None:
+def test_the_address_names_what_is_looked_at_closely_and_plotted(page: Page) -> None:
     page.tab.evaluate("location.hash = '#run=double:40&at=22&select=key_frame:stereo:1'")
     page.until("state.index === 22 && state.selected === 'key_frame:stereo:1'", "what the address names")
+    page.tab.evaluate("location.hash = '#run=double:40&at=23&plot=stereo.inliers'")
+    page.until("state.index === 23 && state.selected === '' && state.plotted === 'stereo.inliers'", "the plot")
     page.tab.evaluate("location.hash = '#run=double:40&at=21'")
-    page.until("state.index === 21 && state.selected === ''", "nothing")
+    page.until("state.index === 21 && state.plotted === ''", "nothing")
 
 
 def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, browser, app: App) -> None:  # noqa: F811
@@ -80,6 +82,12 @@ def test_an_unknown_run_is_told_and_never_a_path(page: Page) -> None:
         page.until(f"(state.notices.at(-1)?.number ?? 0) > {count}", "the notice")
         assert "there is no run called" in page.state["notices"][-1]["text"]
         page.until("location.hash === '#run=double:40&at=9'", "the address of what is shown")
+
+
+def test_an_exposure_beyond_the_end_is_the_last_one(page: Page) -> None:
+    go(page, 9)
+    page.tab.evaluate("location.hash = '#run=double:40&at=9999'")
+    page.until("state.index === 43 && location.hash === '#run=double:40&at=43'", "the last one")
 
 
 def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:

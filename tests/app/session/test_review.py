@@ -12,6 +12,8 @@ from ispom_app.options import SourceOptions
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
+from ispom_app.session.sources.known import reviewed, run_name
+from ispom_app.viser_ui.screen import Screen
 
 from ispom.sequences import open_sequence
 from tests import doubles
@@ -167,3 +169,25 @@ def test_an_address_opens_known_runs_by_name_and_nothing_else(session: Session, 
     session.post(do.OpenNamed("below"))
     wait_for(lambda: session.state.run > before and session.state.phase == "ready", "the run below the recordings")
     assert session.state.total == 21
+
+
+def test_the_list_says_what_a_run_was_on_and_opens_it_by_name(session: Session, run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "listed")
+    again = opened(tmp_path, run)
+    (file,) = again.state.recordings
+    assert (file.name, file.about) == ("listed/run.rrd", f"{again.state.name}, 21 exposures")
+    before = again.state.run
+    again.post(do.OpenNamed(run_name(reviewed(file.name))))
+    wait_for(lambda: again.state.run > before and again.state.phase == "ready", "the run")
+    assert again.state.source == str(tmp_path / "listed")
+    again.close(5)
+
+
+def test_every_panel_shows_it(session: Session) -> None:
+    screen = Screen(session)
+    screen.show_tabs(frozenset({"Look"}))
+    for exposure in (20, 7, 0):
+        session.post(do.Seek(exposure))
+        wait_for(lambda exposure=exposure: session.state.index == exposure, "the exposure")
+        screen.paint()
+    screen.server.stop()
