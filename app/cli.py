@@ -173,6 +173,7 @@ def _execute(
             allowed_hosts=command.allow_host,
             base=command.base,
             open_browser=command.browser,
+            onlookers=command.read_only,
         ),
     )
 

@@ -130,6 +130,8 @@ class Serve(Options):
     """Memory for the exposures of a run that can be stepped back to [MB]. Older ones are kept on disk."""
     root: Path | None = None
     """Folder to which the page's sources are restricted, links followed; without it, any path can be opened there."""
+    read_only: bool = False
+    """Print a second address, for onlookers: whoever opens that one sees everything and can change nothing."""
     allow_devices: bool = False
     """Let the page open cameras of this machine (camera:0)."""
     allow_network: bool = False

@@ -32,7 +32,7 @@ class Ticket:
 
     def take(self, given: str) -> bool:
         """Whether it is the ticket; it is used up then."""
-        if not self.text or not hmac.compare_digest(given.encode(errors="replace"), self.text.encode()):
+        if not self.text or not _same_text(given, self.text):
             return False
         self.text = ""
         return True
@@ -50,6 +50,8 @@ class Access:
     """Path that all addresses begin with, as a proxy in front asks for; ends with a slash."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
     ticket: Ticket = field(default_factory=Ticket, repr=False)
+    onlookers: str | None = field(default=None, repr=False)
+    """The token of people who may look and nothing else; None where there are none."""
 
     def check(self, request: web.Request, cookie: str) -> None:
         """An HTTPException for whom there is nothing here."""
@@ -70,8 +72,16 @@ class Access:
             raise web.HTTPUnauthorized(text=_NO_TOKEN, headers={"Cache-Control": "no-store"})
 
     def knows(self, token: str) -> bool:
-        """Whether it is the token; takes as long for any wrong one."""
-        return hmac.compare_digest(token.encode(errors="replace"), self.token.encode())
+        """Whether it is a token; takes as long for any wrong one."""
+        return self.may_drive(token) | (self.onlookers is not None and _same_text(token, self.onlookers))
+
+    def may_drive(self, token: str) -> bool:
+        """Whether who has it may give commands."""
+        return _same_text(token, self.token)
+
+    def kept(self, given: str) -> str:
+        """What the browser that was let in with this token (or with the ticket) keeps."""
+        return self.onlookers if self.onlookers is not None and _same_text(given, self.onlookers) else self.token
 
     def _own(self, name: str) -> bool:
         """Nobody can make a numeric address point elsewhere, but a name (DNS rebinding)."""
@@ -102,6 +112,10 @@ def checked_host(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9._-]{1,253}", name):
         raise InputError(f"--allow-host {name} is not a host name: give it without scheme, port and path")
     return name.lower()
+
+
+def _same_text(a: str, b: str) -> bool:
+    return hmac.compare_digest(a.encode(errors="replace"), b.encode())
 
 
 def _place(netloc: str) -> Place | None:

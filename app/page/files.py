@@ -40,9 +40,13 @@ async def send_one_of(
     return await send_file(request, path, headers)
 
 
-async def send_file(request: web.Request, path: Path, headers: dict[str, str]) -> web.StreamResponse:
+async def send_file(
+    request: web.Request, path: Path, headers: dict[str, str], cookies: Iterable[str] = ()
+) -> web.StreamResponse:
     """The file, as fast as the reader takes it; a reader that takes too long is cut off."""
     response = web.FileResponse(path, headers={"Cache-Control": "no-cache"} | headers)
+    for cookie in cookies:
+        response.headers.add("Set-Cookie", cookie)
     try:
         async with asyncio.timeout(SEND_S):
             await response.prepare(request)

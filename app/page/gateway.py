@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable, Hashable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from .access import Access
 from .connections import Connections
 from .files import SECURITY, VISER_SECURITY, recordings, send_file, send_one_of
 from .messages import Pane
+from .people import People, Person
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
 from .tape_reader import TapeReader
@@ -81,6 +83,7 @@ class Gateway:
         """Hears of what happens in other threads, as long as the server runs."""
         self._assets = self._unpacking()
         self._states, self._grown = Wakeup(), Wakeup()
+        self._people = People(self._states.ring)
         self._to.session.changes.add(self._states.ring)
         self._to.live.grown.add(self._grown.ring)
         yield
@@ -115,13 +118,23 @@ class Gateway:
         raise web.HTTPFound(self._access.base + (f"?{request.query_string}" if request.query_string else ""))
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
-        """Our page; a browser that came with the token keeps it."""
-        kept = {}
-        if "token" in request.query:
-            kept["Set-Cookie"] = (
-                f"{self._cookie}={self._access.token}; HttpOnly; SameSite=Strict; Path={self._access.base}"
-            )
-        return await send_file(request, PAGE / "index.html", SECURITY | kept)
+        """Our page; a browser that came with a token keeps it, and a name by which its pages are one person's."""
+        kept, rest = {}, f"; HttpOnly; SameSite=Strict; Path={self._access.base}"
+        if given := request.query.get("token", ""):
+            kept[self._cookie] = self._access.kept(given)
+        if not request.cookies.get(self._person_cookie):
+            kept[self._person_cookie] = secrets.token_urlsafe(9)
+        cookies = (f"{name}={value}{rest}" for name, value in kept.items())
+        return await send_file(request, PAGE / "index.html", SECURITY, cookies)
+
+    @property
+    def _person_cookie(self) -> str:
+        return f"{self._cookie}-person"
+
+    def _person(self, request: web.Request) -> Person:
+        given = request.cookies.get(self._cookie, ""), request.query.get("token", "")
+        may_drive = any(self._access.may_drive(token) for token in given)
+        return Person(request.cookies.get(self._person_cookie, "")[:32], may_drive)
 
     async def _page_file(self, request: web.Request) -> web.StreamResponse:
         return await send_one_of(request, PAGE, PAGE_FILES, SECURITY)
@@ -159,7 +172,8 @@ class Gateway:
 
     async def _talk(self, request: web.Request) -> web.StreamResponse:
         socket = await opened(request, COMMAND_BYTES)
-        return await self._until_closed(socket, Talk(self._to.session, self._states, self._see).serve(socket))
+        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request))
+        return await self._until_closed(socket, talk.serve(socket))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         run, item = request.query.get("run", ""), request.query.get("next", "0")
@@ -176,7 +190,9 @@ class Gateway:
             return await send_file(request, CLIENT, VISER_SECURITY)
         offered = request.headers.get("Sec-WebSocket-Protocol", "").split(",")
         socket = await opened(request, VISER_BYTES, tuple(p.strip() for p in offered if p.strip())[:1])
-        return await self._until_closed(socket, serve_viser(socket, self._to.viser))
+        person = self._person(request)
+        served = serve_viser(socket, self._to.viser, lambda message: self._people.passes(person, message))
+        return await self._until_closed(socket, served)
 
     async def _until_closed(self, socket: web.WebSocketResponse, served: Awaitable[None]) -> web.StreamResponse:
         self._sockets.add(socket)

@@ -42,6 +42,14 @@ class Pane:
     """Which of the panel's tabs is open."""
 
 
+@dataclass(frozen=True)
+class Wheel:
+    """Who drives from now on."""
+
+    to: int | None = None
+    """The number of a person; None for the one who asks."""
+
+
 def message_of(state: State) -> dict[str, Any]:
     """What the status bar shows, and what the Rerun viewer is to show."""
     recording = state.recording
@@ -105,7 +113,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
     }
 
 
-def command_of(text: str) -> do.Command | Pane | None:
+def command_of(text: str) -> do.Command | Pane | Wheel | None:
     """What a page's message says; None for anything that is not understood."""
     try:
         message = json.loads(text)
@@ -124,6 +132,10 @@ def command_of(text: str) -> do.Command | Pane | None:
                 return do.Hide(frozenset(map(str, message["names"])) & {*LAYERS, *names()})
             case "pane":
                 return Pane(bool(message["wide"]), str(message.get("tab", "")))
+            case "take_over":
+                return Wheel()
+            case "hand_over":
+                return Wheel(int(message["to"]))
             case "select":
                 return do.Select(str(message["what"]))
             case "pick":

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 import os
+import secrets
 import signal
 import socket
 import sys
@@ -41,11 +42,14 @@ class Serving:
     """Names of a proxy in front."""
     base: str = "/"
     open_browser: bool = True
+    onlookers: bool = False
+    """Whether there is an address for people who may only look."""
 
     def access(self) -> Access:
         trusted = frozenset(checked_host(name) for name in self.allowed_hosts)
         own = {self.host.lower(), socket.gethostname().lower()}
-        return Access(frozenset(own) | trusted, trusted, checked_base(self.base))
+        token = secrets.token_urlsafe(24) if self.onlookers else None
+        return Access(frozenset(own) | trusted, trusted, checked_base(self.base), onlookers=token)
 
     @property
     def lets_others_in(self) -> bool:
@@ -86,6 +90,8 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
         address = f"http://{_name(serving.host)}:{port}{access.base}?token="
         _print(f"ISPOM is at {address}{access.token}   (Ctrl-C ends it)")
+        if access.onlookers is not None:
+            _print(f"Onlookers see it, and change nothing, at {address}{access.onlookers}")
         if serving.lets_others_in:
             _print("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
             _print(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")

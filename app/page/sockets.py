@@ -14,7 +14,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from ..session.session import Session
 from ..viser_ui.portless import PortlessViser
 from .check_plot import plot_of
-from .messages import KEYS, Pane, command_of, message_of
+from .messages import KEYS, Pane, Wheel, command_of, message_of
+from .people import People, Person
 from .time_axis import AxisNews
 from .wakeup import Wakeup
 
@@ -39,12 +40,16 @@ async def opened(request: web.Request, most_bytes: int, protocols: tuple[str, ..
 class Talk:
     """States out, commands in."""
 
-    def __init__(self, session: Session, news: Wakeup, see: Callable[[Talk, Pane], None]) -> None:
-        """`see` is told what of viser this page has in sight."""
+    def __init__(
+        self, session: Session, news: Wakeup, see: Callable[[Talk, Pane], None], people: People, person: Person
+    ) -> None:
+        """`see` is told what of viser this page of `person` has in sight."""
         self._session, self._news, self._see = session, news, see
+        self._people, self._person = people, person
 
     async def serve(self, socket: web.WebSocketResponse) -> None:
         """Until the page goes away."""
+        self._people.join(self._person)
         sending = asyncio.create_task(self._send(socket))
         second, count = 0, 0
         try:
@@ -57,21 +62,28 @@ class Talk:
         finally:
             sending.cancel()
             self._see(self, Pane(False))
+            self._people.leave(self._person)
 
     def _obey(self, heard: object) -> None:
         if isinstance(heard, Pane):
             self._see(self, heard)
-        elif heard is not None:
+        elif isinstance(heard, Wheel):
+            if heard.to is None:
+                self._people.take_over(self._person)
+            else:
+                self._people.hand_over(self._person, heard.to)
+        elif heard is not None and self._people.drives(self._person):
             self._session.post(heard)  # type: ignore[arg-type]
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, keys, axis = None, KEYS, AxisNews()
+        shown, keys, axis, people = None, KEYS, AxisNews(), {}
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
-                if (state := self._session.state) is not shown or axis.behind:
-                    shown = state
-                    message = message_of(state) | {"keys": keys}
+                state, seen = self._session.state, self._people.seen_by(self._person)
+                if state is not shown or axis.behind or seen != people:
+                    shown, people = state, seen
+                    message = message_of(state) | {"keys": keys, "people": people}
                     run = self._session.run
                     plot = plot_of(state, run)
                     message |= {"axis": axis.since(state, run), "plot": None if plot is None else asdict(plot)}
@@ -82,13 +94,13 @@ class Talk:
                     await news.wait()
 
 
-async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser) -> None:
-    """A page's connection to viser, until one of the two ends it."""
+async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser, passes: Callable[[bytes], bool]) -> None:
+    """A page's connection to viser, until one of the two ends it; `passes` says which of its messages get there."""
     line = viser.connect(socket.ws_protocol or "", socket.send_bytes)
     closing = asyncio.create_task(_close_after(line.served, socket))
     try:
         async for message in socket:
-            if message.type is WSMsgType.BINARY:
+            if message.type is WSMsgType.BINARY and passes(message.data):
                 await line.put(message.data)
     finally:
         line.hang_up()

@@ -17,7 +17,8 @@ function step(name, shown, ask) {
   return { name, shown, ask };
 }
 
-export function makeAddress(send) {
+// `drives` says whether this page may change all that; one that follows another's may look at an exposure of its own.
+export function makeAddress(send, drives) {
   let wanted = read(); // what is still to be reached; null while the address follows the page
   let asked = null; // the step that was asked for, and the notices that there were then
   let writtenAt = 0;
@@ -39,20 +40,26 @@ export function makeAddress(send) {
   const follow = (state) => {
     shown = state;
     if (state.phase === "opening" || state.index < 0) return;
-    if (wanted) reach(state);
-    if (wanted) return;
+    if (wanted && !reached(state)) return;
     clearTimeout(due);
     due = setTimeout(() => write(state), Math.max(0, writtenAt + WRITE_MS - performance.now()));
   };
-  const reach = (state) => {
+  // Whether there is nothing more to ask for; where there is, it is asked for, which may come back here at once.
+  const reached = (state) => {
     const notices = state.notices.at(-1)?.number ?? 0;
-    const next = STEPS.find(({ name, shown }) => wanted[name] !== undefined && String(shown(state)) !== wanted[name]);
-    if (!next) wanted = null;
-    else if (asked?.name !== next.name) {
+    const steps = drives() ? STEPS : STEPS.filter(({ name }) => name === "at");
+    const next = steps.find(({ name, shown }) => wanted[name] !== undefined && String(shown(state)) !== wanted[name]);
+    const waited = asked && performance.now() - asked.at >= PATIENCE_MS;
+    if (!next || (asked?.name === next.name && (refused(state, asked) || (waited && idle(state))))) {
+      wanted = null;
+      return true;
+    }
+    if (asked?.name !== next.name) {
       asked = { name: next.name, notices, at: performance.now() };
-      send(next.ask(wanted[next.name]));
       setTimeout(() => shown && follow(shown), PATIENCE_MS);
-    } else if (refused(state, asked) || (performance.now() - asked.at >= PATIENCE_MS && idle(state))) wanted = null;
+      send(next.ask(wanted[next.name]));
+    }
+    return false;
   };
   return { follow, release: () => (wanted = null) }; // who goes on by hand has other wishes
 }

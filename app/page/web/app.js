@@ -3,7 +3,8 @@ import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
 import { openControls } from "./controls.js";
 import { listen, setKeys } from "./keyboard.js";
-import { showNotices } from "./notices.js";
+import { showNotice, showNotices } from "./notices.js";
+import { makePeople } from "./people.js";
 import { makePlot } from "./plot.js";
 import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
@@ -19,7 +20,8 @@ let socket;
 let state = null;
 const pane = { wide: false, tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
-const viewer = openViewer(dark.matches, (index) => send({ do: "seek", index }), showViewer);
+const people = makePeople(send, (text) => showNotice({ text, kind: "info" }), () => show(state));
+const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), showViewer);
 
 function paneBecame(change) {
   if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;
@@ -34,17 +36,25 @@ function connect() {
     state = JSON.parse(data);
     if (state.keys) setKeys(state.keys);
     window.ispom = { state, viewer, send, axis: axis.data };
-    showState(state);
-    axis.show(state);
-    showPlot(state.plot);
+    show(state);
     showNotices(state.notices);
-    viewer.follow(state);
-    address.follow(state);
   };
   socket.onclose = () => {
     showOffline();
     setTimeout(reconnect, 1000);
   };
+}
+
+// The session's state, at the exposure that this page looks at.
+function show(state) {
+  const shown = people.shown(state, axis.data.times);
+  window.ispom.shown = shown;
+  showState(shown);
+  axis.show(shown);
+  showPlot(shown.plot);
+  viewer.follow(shown);
+  address.follow(shown);
+  controls.follow(!people.drives());
 }
 
 // A failed WebSocket is an error in the console, a failed fetch as well: so few tries, and only while someone looks.
@@ -56,12 +66,12 @@ function reconnect() {
 function command(message) {
   viewer.release();
   address.release();
-  send(message);
+  people.command(message);
 }
 listen(window, command);
-openControls(dark.matches, command, (tab) => paneBecame({ tab }));
+const controls = openControls(dark.matches, command, (tab) => paneBecame({ tab }));
 
-const address = makeAddress(send);
+const address = makeAddress(people.command, people.drives);
 const showPlot = makePlot(command);
 openSaving();
 const axis = makeAxis((index) => command({ do: "seek", index }));

@@ -9,10 +9,10 @@ let newest = null; // number of the last notice that this page has heard of
 export function showNotices(notices) {
   const before = newest ?? Infinity;
   newest = notices.at(-1)?.number ?? newest ?? 0;
-  for (const notice of notices) if (notice.number > before) show(notice);
+  for (const notice of notices) if (notice.number > before) showNotice(notice);
 }
 
-function show({ text, kind }) {
+export function showNotice({ text, kind }) {
   const item = document.createElement("div");
   item.className = `notice ${kind}`;
   item.setAttribute("role", kind === "error" ? "alert" : "status");

@@ -52,14 +52,20 @@ def test_the_address_names_what_is_looked_at_closely_and_plotted(page: Page) -> 
     page.until("state.index === 21 && state.plotted === ''", "nothing")
 
 
-def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, browser, app: App) -> None:  # noqa: F811
+def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, app: App) -> None:  # noqa: F811
+    go(page, 30)
+    page.tab.goto(f"{app.url}#run=double:40&at=7&hidden=clouds,truth")
+    page.until("state.index === 7 && String(state.address.hidden) === 'clouds,truth'", "what the address names")
+    page.tab.evaluate("location.hash = '#run=double:40&at=12'")
+    page.until("state.index === 12 && state.address.hidden.length === 0", "the address that was typed")
+    page.until("location.hash === '#run=double:40&at=12'", "the address to stay")
+
+
+def test_one_who_does_not_drive_opens_it_at_its_exposure(page: Page, browser, app: App) -> None:  # noqa: F811
     go(page, 30)
     other = Page(browser, f"{app.url}#run=double:40&at=7&hidden=clouds,truth", viewer=FAKE)
-    other.until("state.index === 7 && String(state.address.hidden) === 'clouds,truth'", "what the address names")
-    page.until("state.index === 7", "the same on all pages")
-    other.tab.evaluate("location.hash = '#run=double:40&at=12'")
-    other.until("state.index === 12 && state.address.hidden.length === 0", "the address that was typed")
-    other.until("location.hash === '#run=double:40&at=12'", "the address to stay")
+    other.until("window.ispom.shown.index === 7 && state.index === 30", "the exposure, on that page alone")
+    other.until("location.hash === '#run=double:40&at=7'", "the address to say what is shown")
     assert not other.faults
     other.tab.close()
 

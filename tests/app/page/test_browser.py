@@ -205,6 +205,7 @@ def test_a_second_browser_shows_the_same(page: Page, browser, app: App):
     page.until("state.index === 17", "the seek")
     other = Page(browser, app.url, viewer="")
     other.until("state.index === 17 && state.computed === 44", "the same state")
+    other.send("{do: 'take_over'}")
     other.send("{do: 'seek', index: 5}")
     page.until("state.index === 5", "the other's seek")
     assert not other.faults
