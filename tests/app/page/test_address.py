@@ -54,7 +54,9 @@ def test_the_address_names_what_is_looked_at_closely_and_plotted(page: Page) -> 
 
 def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, app: App) -> None:  # noqa: F811
     go(page, 30)
+    assert not page.faults
     page.tab.goto(f"{app.url}#run=double:40&at=7&hidden=clouds,truth")
+    page.faults.clear()  # requests that leaving the page broke off
     page.until("state.index === 7 && String(state.address.hidden) === 'clouds,truth'", "what the address names")
     page.tab.evaluate("location.hash = '#run=double:40&at=12'")
     page.until("state.index === 12 && state.address.hidden.length === 0", "the address that was typed")
