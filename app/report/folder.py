@@ -22,7 +22,7 @@ from ispom.types import Rig, Trajectory
 
 from ..run.folder.run_file import read_run_file
 from ..run.folder.run_folder import DECISIONS, MARKER, STEPS
-from .steps import DecisionRow, Steps, read_decisions, read_steps
+from .steps import DecisionRow, Steps, read_steps
 
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
 
@@ -47,6 +47,7 @@ class Run:
     steps: Mapping[str, Steps]
     """steps.csv by method; empty where the folder has none."""
     decisions: tuple[DecisionRow, ...]
+    """decisions.csv, in its order."""
     sha256: Mapping[str, str]
     """By file name."""
 
@@ -73,6 +74,7 @@ def read_run(path: Path, label: str) -> Run:
     metrics, length = _metrics(path / "metrics.json")
     frame = found.frame
     truth = read_tum(path / "truth.tum", frame) if exists(path / "truth.tum") else None
+    steps, decisions = read_steps(path) if exists(path / STEPS) and exists(path / DECISIONS) else ({}, ())
     return Run(
         path,
         label,
@@ -82,8 +84,8 @@ def read_run(path: Path, label: str) -> Run:
         read_rig(path / "rig.yaml"),
         {method: read_tum(path / f"{method}.tum", frame) for method in metrics},
         truth if truth is not None and len(truth) else None,
-        read_steps(path / STEPS) if exists(path / STEPS) else {},
-        read_decisions(path / DECISIONS) if exists(path / DECISIONS) else (),
+        steps,
+        decisions,
         {name: _sha256(path / name) for name in names_in(path) if name.endswith(HASHED)},
     )
 

@@ -63,12 +63,14 @@ def _records(path: Path, file: TextIOWrapper, columns: tuple[str, ...]) -> Itera
     reader = csv.DictReader(file, strict=True)
     try:
         if tuple(reader.fieldnames or ()) != columns:
-            raise InputError(f"{path} was not written by this version: run again")
+            raise InputError(f"{path} line 1 does not name the columns that this version writes: run again")
         for row in reader:
             if None in row or None in row.values():
                 raise InputError(f"{path} line {reader.line_num} has not {len(columns)} columns: run again")
             yield reader.line_num, row
-    except (csv.Error, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text file: run again") from None
+    except csv.Error as error:
         raise InputError(f"{path} line {reader.line_num + 1} is no CSV ({error}): run again") from None
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
+from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.types import Check, by_key
 
-KEY_FRAME, TRIPLE, LOCATED = "New key frame?", "Triple of key frames solved?", "Pair located?"
+TRIPLE, LOCATED = "Triple of key frames solved?", "Pair located?"
 UNIT, CLOSED = "Unit kept?", "Segment follows the video?"
 
 MONOCULAR_STAGES = {
@@ -25,24 +26,6 @@ INTEGRATED_STAGES = {
 }
 """By their names in Step.seconds, in order."""
 
-PARALLAX = Check(
-    "parallax",
-    "parallax since the last key frame",
-    "trigger",
-    KEY_FRAME,
-    unit="deg",
-    passes="Key frame: moved {value} degrees, {threshold} are enough.",
-    fails="No reason for a key frame: moved {value} of {threshold} degrees.",
-)
-POINTS_LEFT = Check(
-    "points_left",
-    "share of the last key frame's points left",
-    "trigger",
-    KEY_FRAME,
-    "<",
-    passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No reason for a key frame: {value:.0%} of the last one's points left; it takes less than {threshold:.0%}.",
-)
 EPIPOLAR_SHARE = Check(
     "epipolar_share",
     "share of points on their epipolar lines",

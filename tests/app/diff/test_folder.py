@@ -47,7 +47,7 @@ def test_the_folder_gives_what_was_in_memory(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "before", "after", "said"),
     [
-        (STEPS, "exposure,time_ns", "exposure,time", "was not written by this version"),
+        (STEPS, "exposure,time_ns", "exposure,time", "line 1 does not name the columns"),
         (STEPS, ",tracking,", ",tracking,,", "has not"),
         (STEPS, "\n3,", "\n-3,", "exposure is '-3'"),
         (STEPS, "\n5,", "\nfive,", "exposure is 'five'"),
@@ -76,7 +76,7 @@ def test_a_missing_file_is_told(folder: Path, name: str) -> None:
 def test_a_file_that_is_no_text_is_told(folder: Path) -> None:
     with (folder / STEPS).open("ab") as file:
         file.write(b"\xff\xfe\n")
-    with pytest.raises(InputError, match="is no CSV"), run_rows(folder) as found:
+    with pytest.raises(InputError, match="not a text file"), run_rows(folder) as found:
         list(found)
 
 

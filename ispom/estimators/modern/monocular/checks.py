@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
+from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.types import Check, by_key
 
-LOCATED, KEY_FRAME, FIRST_MAP = "Frame located?", "New key frame?", "First map?"
+LOCATED, FIRST_MAP = "Frame located?", "First map?"
 UNIT, CALIBRATED = "Unit kept?", "Is the calibration right?"
 
 STAGES = {
@@ -34,24 +35,6 @@ TURN_ONLY = Check(
     "deg",
     passes="The camera turned on the spot: besides the turn, points moved {value} degrees (less than {threshold}).",
     fails="More than a turn: besides it, points moved {value} degrees ({threshold} or more).",
-)
-PARALLAX = Check(
-    "parallax",
-    "parallax since the last key frame",
-    "trigger",
-    KEY_FRAME,
-    unit="deg",
-    passes="Key frame: moved {value} degrees, {threshold} are enough.",
-    fails="No reason for a key frame: moved {value} of {threshold} degrees.",
-)
-POINTS_LEFT = Check(
-    "points_left",
-    "share of the last key frame's points left",
-    "trigger",
-    KEY_FRAME,
-    "<",
-    passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No reason for a key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
 )
 VIEW_ANGLE = Check(
     "view_angle",
