@@ -11,6 +11,7 @@ from ispom_app.rerun_log import blueprint
 from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.run.events import Opened, Stepped
 from ispom_app.run.history.record import ExposureRecord
+from ispom_app.session.state import State
 from ispom_app.viser_ui.panels.why import report
 
 from ispom.geometry import Pose, Similarity
@@ -51,7 +52,9 @@ def test_it_is_drawn_while_there_is_one_and_said_in_the_panel():
         event = Stepped(index, sequence[index], (given,), {"stereo": Similarity()}, {})
         entries = {entry.path: entry.value for entry in recorder.batch(event).entries if hasattr(entry, "value")}
         logged.append(entries.get("world/stereo/uncertainty"))
-        assert ("95 % confidence" in report(ExposureRecord.of(event, None), 1)) == (index == 0)
+        assert (
+            "95 % confidence" in report(State("", methods=("stereo",), displayed=ExposureRecord.of(event, None)))
+        ) == (index == 0)
     assert isinstance(logged[0], rr.Ellipsoids3D) and isinstance(logged[1], rr.Clear) and logged[2] is None
 
 
@@ -72,7 +75,8 @@ def test_how_far_the_unit_may_have_drifted_is_plotted_and_said_in_the_panel():
     series, band = [e.value for e in first if e.path == "plots/scale/monocular/drift"]
     assert isinstance(series, rr.SeriesLines) and isinstance(band, rr.Scalars)
     assert [e.static for e in second if e.path == "plots/scale/monocular/drift"] == [False]
-    text = report(ExposureRecord.of(Stepped(0, sequence[0], (step,), placed, {}), None), 1)
+    record = ExposureRecord.of(Stepped(0, sequence[0], (step,), placed, {}), None)
+    text = report(State("", methods=("monocular",), displayed=record))
     assert "± 1.5 % since the start (1 sigma)" in text and "1.002 scale" in text
 
 

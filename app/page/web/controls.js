@@ -16,7 +16,7 @@ export function openControls(dark, command, tabOpened) {
     style.textContent = `:root:root { --mantine-color-dimmed: ${colour}; ${accents.join(" ")} }
       .mantine-Slider-markLabel { color: ${colour}; }
       [role=tab] { padding-inline: 7px !important; }
-      .following :is(button:not([role=tab]), input, textarea, .mantine-Slider-root) { pointer-events: none; opacity: 0.6; }
+      .following :is(button:not([role=tab]), input, textarea, .mantine-Slider-root) { pointer-events: none; }
       ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
     frame.contentDocument.head.append(style);
     listen(frame.contentWindow, command);
@@ -24,5 +24,5 @@ export function openControls(dark, command, tabOpened) {
     keepFocus(frame.contentDocument);
   });
   frame.src = `viser/${dark ? "?darkMode" : ""}`;
-  return { follow: (following) => frame.contentDocument?.documentElement.classList.toggle("following", following) };
+  return { follow: (following) => frame.contentDocument?.documentElement?.classList.toggle("following", following) };
 }

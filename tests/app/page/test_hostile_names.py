@@ -76,7 +76,7 @@ def test_no_name_becomes_markup_anywhere_on_the_page(browser, app: App):  # noqa
     for tab, wanted in (("Record", f"{FRAME}.rrd"), ("Methods", None), ("View", None), ("Why", None)):
         page.controls.get_by_role("tab", name=tab).click()
         if wanted:
-            page.controls.get_by_text(wanted, exact=True).wait_for()
+            page.controls.get_by_text(wanted, exact=True).first.wait_for()
         assert not page.controls.locator(MADE).count(), tab
     assert not page.tab.locator(f":is({MADE}):not(#controls)").count()
     assert page.tab.evaluate("window.hit") is None
