@@ -166,7 +166,8 @@ def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page)
     page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the exposure shown")
     before = json.loads(page.tab.evaluate(VIEWER))
     page.controls.get_by_role("tab", name="View").click()
-    for hidden in (1, 0):
+    drawn = len(page.state["hidden"])  # colours of tracks that are not chosen
+    for hidden in (drawn + 1, drawn):
         page.controls.get_by_text("true path", exact=True).click()
         page.until(f"state.hidden.length === {hidden} && window.ispom.viewer.hidden.size === {hidden}", "the layer")
         page.tab.wait_for_timeout(500)  # the viewer watches itself every 250 ms

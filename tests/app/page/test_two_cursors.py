@@ -99,9 +99,11 @@ def test_earlier_runs_leave_the_viewer(cursors: Cursors):
 
 def test_hiding_a_layer_changes_that_and_nothing_else(cursors: Cursors):
     cursors.controls.get_by_role("tab", name="View").click()
+    told = "window.fake.asked.filter(([kind]) => kind === 14).length"
+    before, hidden = cursors.tab.evaluate(told), len(cursors.state["hidden"])
     cursors.controls.get_by_text("true path", exact=True).click()
-    cursors.until("state.hidden.length === 1", "the layer to be hidden")
-    cursors.until("window.fake.asked.some(([kind]) => kind === 14)", "the viewer to be told")
+    cursors.until(f"state.hidden.length === {hidden + 1}", "the layer to be hidden")
+    cursors.until(f"{told} === {before + 1}", "the viewer to be told")
     _, message = cursors.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
     assert re.search(r'overrides/world/truth/visualizers":{"EntityBehavior":{"visible":\[false\]}}}', message)
     asked = cursors.tab.evaluate("window.fake.asked.filter(([kind]) => kind === 14).length")
