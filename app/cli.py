@@ -136,13 +136,15 @@ def _execute(
     from .run.playback import truth_from_start
     from .session.session import Session
     from .session.sources.folders import Folders
+    from .session.sources.opening import stored_at
     from .session.sources.recent import RecentSources
 
     opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
     if beside:
         if is_device(source) or is_address(source):
             raise InputError("--beside needs a recording, and this source is live: record it first, and open that")
-        sequence = opener(source)
+        stored = stored_at(source, opener, builder)
+        sequence = opener(source) if stored is None else stored.playback.sequence
         for number, each in enumerate(beside):  # a mistake is told before anything is shown
             beside_run(number, each, sequence, truth_from_start(sequence))
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))

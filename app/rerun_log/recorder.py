@@ -14,6 +14,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
     /decisions, /log, /log/bookmarks         text
+    /start                                   the first exposure's time [ns] (static)
 
 Timelines: `exposure` (its index) and `time` (since the first exposure).
 """
@@ -37,6 +38,9 @@ from .coloured import ColouredTracks
 from .plots import Plots
 from .world import World
 
+START, START_NS = "start", "time_ns"
+"""Where a recording has the time of the first exposure."""
+
 
 class Recorder:
     """Turns the events of one run into batches. It holds the model of the run, and no images."""
@@ -55,7 +59,8 @@ class Recorder:
         """What holds for the whole run (all static)."""
         images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left")]
         images += self._coloured.opening()
-        return Batch(0, 0, (*self._world.opening(), *images, *self._plots.opening()))
+        start = Entry(START, rr.AnyValues(**{START_NS: self.first_ns}), static=True)
+        return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
 
     def batch(self, event: Event | Bookmark) -> Batch:
         """What this event adds. Each event once, in their order; bookmarks after those that they mark."""

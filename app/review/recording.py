@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
+from ispom.geometry import Pose
 from ispom.methods import Config, names
-from ispom.types import Kind, Rig, Sequence
+from ispom.types import Kind, Rig, Sequence, Trajectory
 
+from ..rerun_log.recorder import START, START_NS
 from ..rerun_log.rrd import require_readable
 from ..rerun_log.streams import APPLICATION
 from ..run.history.quantities import STEP_QUANTITIES, Value
@@ -23,6 +26,9 @@ from .stored import Stored, nobody
 
 EACH = "/decisions"
 """The entity that every exposure has."""
+TRUE_RIG = "/world/truth/rig"
+LATEST_NS = 2**62
+"""In the year 2116."""
 PLOTTED = {
     "plots/error/{}": "error_m",
     "plots/scale/{}/transferred": "scale",
@@ -48,7 +54,7 @@ def read_recording(path: Path) -> Stored:
 
     kinds: tuple[Kind, ...] = tuple("stereo" if i in stereo else "video" for i in range(len(times_ns)))
     notes = (f"{unavailable}; of its quantities, those in its plots are known",)
-    sequence = Sequence(path.stem, Rig(), times_ns, kinds, load, None, notes)
+    sequence = Sequence(path.stem, Rig(), times_ns, kinds, load, _truth(path, times_ns), notes)
     methods = tuple(name for name in names() if any(name in row for row in said.values()))
     return Stored(
         path,
@@ -78,9 +84,9 @@ def identity(path: Path) -> str:
 
 
 def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], Said]:
-    """Time of each exposure since the first (N,) [ns], those that are stereo pairs, and what was plotted."""
+    """Time of each exposure (N,) [ns], those that are stereo pairs, and what was plotted."""
     times = dict(_rows(path, EACH, "time"))
-    first = min(times.values(), default=0)
+    first = min(times.values(), default=0) - _start_ns(path)
     if min(times, default=0) < 0 or max(times, default=0) >= MOST:
         raise InputError(f"{path} has exposures that are not as `ispom run` counts them: give another recording")
     times_ns = np.zeros(max(times, default=-1) + 1, np.int64)
@@ -94,6 +100,29 @@ def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], Said]:
                 if value is not None and len(value):
                     said.setdefault(index, {}).setdefault(name, dict(NOT_SAID))[key] = float(value[0])
     return times_ns, stereo, said
+
+
+def _start_ns(path: Path) -> int:
+    """The first exposure's time; 0 where it is not said."""
+    try:
+        for chunk in RrdReader(path).stream().filter(content=f"/{START}").to_chunks():
+            batch = chunk.to_record_batch()
+            if START_NS in batch.schema.names and (said := batch.column(START_NS).to_pylist()[0]):
+                return int(np.clip(said[0], 0, LATEST_NS))
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}): give another recording") from None
+    return 0
+
+
+def _truth(path: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
+    """shared_world_from_rig, where it was drawn: in single precision."""
+    turned = dict(_rows(path, TRUE_RIG, "Transform3D:mat3x3"))
+    poses: list[tuple[int, Pose]] = []
+    for index, moved in _rows(path, TRUE_RIG, "Transform3D:translation"):
+        if 0 <= index < len(times_ns) and moved is not None and turned.get(index) is not None:
+            columns = np.array(turned[index][0], float).reshape(3, 3)
+            poses.append((int(times_ns[index]), Pose(columns.T, np.array(moved[0], float))))
+    return Trajectory.of(poses) if poses else None
 
 
 def _rows(path: Path, entity: str, column: str = "exposure") -> Iterator[tuple[int, Any]]:

@@ -16,6 +16,7 @@ from ispom_app.session import session
 
 from ispom.errors import InputError
 from ispom.methods import Config
+from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -160,6 +161,26 @@ def test_a_trajectory_that_does_not_fit_is_one_sentence_before_anything_is_serve
     assert main(["app", str(make_drive(tmp_path)), "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
     told = capsys.readouterr().err
     assert why in told and told.count("\n") == 1 and not served
+
+
+def test_a_trajectory_is_beside_a_finished_run_or_its_recording(served: list, tmp_path: Path) -> None:
+    drive = make_drive(tmp_path)
+    assert main(["run", str(drive), "--methods", "stereo", "--out", str(tmp_path / "run")], helpers.build) == 0
+    alone = tmp_path / "alone.rrd"
+    alone.write_bytes((tmp_path / "run" / "run.rrd").read_bytes())
+    beside = ["--beside", f"orb={tmp_path / 'run' / 'truth.tum'}"]
+    for source in (tmp_path / "run", tmp_path / "run" / "run.rrd", alone):
+        assert main(["app", str(source), *beside], helpers.build) == 0
+    assert [[given.name for given in options["beside"]] for _, _, options, _ in served] == [["orb"]] * 3
+
+
+def test_poses_of_a_camera_that_a_recording_does_not_tell_of_are_refused(
+    served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = make_drive(tmp_path, right=False)
+    beside = ["--beside", f"orb:right={tmp_path / 'poses' / '07.txt'}"]
+    assert main(["app", str(drive), *beside]) == 2
+    assert "nothing is known of a right camera" in capsys.readouterr().err and not served
 
 
 def test_nothing_can_be_beside_a_live_source(served: list, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

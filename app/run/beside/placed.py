@@ -107,6 +107,11 @@ def beside_run(number: int, given: Given, sequence: Sequence, truth: Trajectory 
     """Beside a run over this sequence, whose `truth` is shared_world_from_rig. InputError without common times."""
     if sequence.grow is not None:
         raise InputError(f"{FLAG} {given.name}: {sequence.name} is live: record it first, and open the recording")
+    if given.frame != "rig" and getattr(sequence.rig, given.frame) is None:
+        raise InputError(
+            f"{FLAG} {given.name}:{given.frame}: nothing is known of a {given.frame} camera in {sequence.name}: "
+            "give poses of the rig"
+        )
     trajectory, path = _timed(given, sequence), given.file.path
     trajectory = replace(trajectory, frame=given.frame)
     found = Beside(given, number, sequence.times_ns, trajectory, None)

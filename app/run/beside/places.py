@@ -22,7 +22,8 @@ NEEDS_UNIT: dict[Alignment, Alignment] = {"se3": "sim3"}
 
 class Places:
     """By name. Aligned once to the ground truth where that is drawn; else to the poses of the first metric method (or,
-    without one, of the first method) so far, anew whenever there are twice as many."""
+    without one, of the first method) so far, anew whenever there are twice as many. With neither truth nor methods they
+    have no place."""
 
     def __init__(self, opened: Opened) -> None:
         self._opened = opened
@@ -37,7 +38,7 @@ class Places:
         beside = self._opened.beside
         if self._fixed:
             self._found = self._found or {b.name: b.of_truth for b in beside if b.of_truth is not None}
-        elif beside and (doublings := self._count(model).bit_length()) != self._doublings:
+        elif beside and self._method and (doublings := self._count(model).bit_length()) != self._doublings:
             self._doublings = doublings
             known = doublings > 0
             self._found = self._aligned(self._reference(model, placements, 2 ** (doublings - 1))) if known else {}

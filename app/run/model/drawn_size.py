@@ -33,8 +33,9 @@ class DrawnSize:
 
 
 def drawn_truth(truth: Trajectory | None, methods: Iterable[str]) -> Trajectory | None:
-    """The true path where it can be drawn beside the estimates: a single camera's own unit is no metre."""
-    return truth if any(registered(method).unit == "metric" for method in methods) else None
+    """The true path where it can be drawn beside the estimates, if any: a single camera's own unit is no metre."""
+    units = {registered(method).unit for method in methods}
+    return truth if not units or "metric" in units else None
 
 
 def unit_in_metres(method: str, placed_scale: float) -> float | None:

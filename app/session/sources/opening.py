@@ -15,6 +15,7 @@ from ispom.types import Sequence
 from ...options import SourceOptions
 from ...review.folder import read_stored
 from ...review.recording import read_recording
+from ...review.stored import Stored
 from ...run.beside.given import Given
 from ...run.beside.placed import Beside, beside_run
 from ...run.folder.run_folder import RECORDING, RUN
@@ -44,16 +45,11 @@ class SourceOpener:
 
         InputError where it cannot be read, or lies where nobody at the page may look.
         """
-        if source.startswith("sim:") or is_device(source) or is_address(source):
-            return None
         policy = ANY_SOURCE if source == self.named else SourcePolicy(self.folders.root)
-        policy.check(source)
         with bounded(policy.places):
-            path = expanded(source)
-            folder = path.parent if path.name == RECORDING else path
-            if path.name == RUN or not (exists(folder / RUN) or path.suffix == ".rrd"):
+            found = stored_at(source, self.opener, self.builder, policy)
+            if found is None:
                 return None
-            found = read_stored(folder, self.opener, self.builder) if exists(folder / RUN) else read_recording(path)
             if self.given:
                 sequence, shown = beside_those(self.given, found.playback.sequence)
                 found = replace(found, playback=replace(found.playback, sequence=sequence, beside=shown))
@@ -89,6 +85,22 @@ class SourceOpener:
         if not methods:
             raise InputError("no method is selected: select at least one")
         return Playback(before.sequence, in_order(methods), config, self.builder, beside=before.beside)
+
+
+def stored_at(
+    source: str, opener: Callable[..., Sequence], builder: Builder, policy: SourcePolicy = ANY_SOURCE
+) -> Stored | None:
+    """The run or the recording that is over, where the source is the path of one; else None. InputError where it cannot
+    be read, or `policy` forbids it."""
+    if source.startswith("sim:") or is_device(source) or is_address(source):
+        return None
+    policy.check(source)
+    with bounded(policy.places):
+        path = expanded(source)
+        folder = path.parent if path.name == RECORDING else path
+        if path.name == RUN or not (exists(folder / RUN) or path.suffix == ".rrd"):
+            return None
+        return read_stored(folder, opener, builder) if exists(folder / RUN) else read_recording(path)
 
 
 def beside_those(given: tuple[Given, ...], sequence: Sequence) -> tuple[Sequence, tuple[Beside, ...]]:

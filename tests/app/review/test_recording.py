@@ -10,6 +10,7 @@ import rerun as rr
 from ispom_app.cli import main
 from ispom_app.rerun_log.live import LiveStream
 from ispom_app.rerun_log.rrd import HEADER, messages
+from ispom_app.review.folder import read_stored
 from ispom_app.review.recording import read_recording
 from ispom_app.run.history.series import Series
 from ispom_app.session import commands as do
@@ -18,6 +19,7 @@ from ispom_app.viser_ui.screen import Screen
 from ispom.errors import InputError
 from tests import doubles
 from tests.app.helpers import started, wait_for
+from tests.app.run.beside.made import elsewhere, read, written
 from tests.sequences.kitti_folder import make_drive
 
 
@@ -29,6 +31,7 @@ def build(config, methods, rig):
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("recorded")
     drive = str(make_drive(place / "kitti", 14))
+    Path(drive, "times.txt").write_text("".join(f"{100 + i / 10:.6f}\n" for i in range(14)))
     assert main(["run", drive, "--stereo-every", "2", "--out", str(place / "run")], build) == 0
     return place / "run"
 
@@ -41,10 +44,7 @@ def recording(run: Path, tmp_path: Path) -> Path:
 
 
 def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, recording: Path) -> None:
-    from ispom_app.options import SourceOptions
-    from ispom_app.review.folder import read_stored
-
-    whole, alone = read_stored(run, lambda s, o: SourceOptions(**vars(o)).open(s), build), read_recording(recording)
+    whole, alone = read_stored(run, lambda s, o: o.open(s), build), read_recording(recording)
     assert alone.methods == whole.methods
     expected, found = Series(whole.methods), Series(alone.methods)
     for stored, series in ((whole, expected), (alone, found)):
@@ -59,7 +59,39 @@ def test_what_its_plots_hold_is_known_and_nothing_else_is_claimed(run: Path, rec
         assert np.isnan(found.values(f"{method}.status")).all()
     assert [r.kind for r in alone.records()] == [r.kind for r in whole.records()]
     times = np.array([r.time_ns for r in whole.records()])
-    assert (alone.playback.sequence.times_ns == times - times[0]).all()
+    assert (alone.playback.sequence.times_ns == times).all()
+
+
+def test_another_programs_trajectory_is_beside_a_recording_at_the_times_of_its_source(
+    recording: Path, run: Path, tmp_path: Path
+) -> None:
+    source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
+    orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
+    session = started(tmp_path / "recordings", str(recording), beside=(orb,))
+    wait_for(lambda: session.state.index >= 0, "the recording")
+    (beside,) = session.state.beside
+    assert beside.of_truth is not None and "(14 poses)" in beside.of_truth.alignment
+    assert np.nanmax(beside.errors_m) < 1e-5
+    screen = Screen(session)
+    screen.paint()
+    drawn = set(screen.server.scene._handle_from_node_name)
+    assert {"/truth/line", "/beside/orb/path/0"} <= drawn
+    screen.server.stop()
+    session.close(5)
+
+
+def test_without_truth_in_a_recording_the_page_says_so_and_goes_on(tmp_path: Path) -> None:
+    drive = make_drive(tmp_path / "kitti", 14, poses=False)
+    assert main(["run", str(drive), "--out", str(tmp_path / "run")], build) == 0
+    alone = (tmp_path / "run" / "run.rrd").rename(tmp_path / "alone.rrd")
+    orb = read(written(tmp_path / "orb.tum", elsewhere(doubles.sequence(14))))
+    session = started(tmp_path / "recordings", str(alone), beside=(orb,))
+    wait_for(lambda: session.state.index >= 0, "the recording")
+    screen = Screen(session)
+    screen.paint()
+    assert session.state.beside[0].of_truth is None and not session.state.notices[1:]
+    screen.server.stop()
+    session.close(5)
 
 
 def test_the_page_shows_it_and_its_bytes_go_to_the_viewer(recording: Path, tmp_path: Path) -> None:
