@@ -31,16 +31,20 @@ def rig() -> Rig:
     return Rig(camera, pair.left, pair.right, beside, pair.rig_from_left, pair.rig_from_right)
 
 
+def world_from_rig(frame: int) -> Pose:
+    """At one of the LAP places of the round trip."""
+    angle = 2 * np.pi * frame / LAP
+    place = RADIUS_M * np.array([1 - np.cos(angle), 0.0, np.sin(angle)])
+    return Pose.from_rotvec(np.array([0.0, angle, 0.0]), place)
+
+
 @cache
 def image(name: Frame, frame: int) -> Image:
     """What a camera sees at one of the LAP places of a round trip."""
     rng = np.random.default_rng(0)
     xyz = rng.uniform((-14, -5, -14), (14, 5, 14), (BALLS, 3))
     grey = rng.integers(60, 255, BALLS)
-    angle = 2 * np.pi * frame / LAP
-    place = RADIUS_M * np.array([1 - np.cos(angle), 0.0, np.sin(angle)])
-    world_from_rig = Pose.from_rotvec(np.array([0.0, angle, 0.0]), place)
-    camera, near = rig().camera(name), (world_from_rig @ rig().rig_from(name)).inverse().apply(xyz)
+    camera, near = rig().camera(name), (world_from_rig(frame) @ rig().rig_from(name)).inverse().apply(xyz)
     drawn = np.full((camera.height, camera.width), 20, np.uint8)
     ahead = np.flatnonzero((near[:, 2] > 1) & (np.abs(near[:, :2]) < near[:, 2:]).all(axis=1))
     uv = camera.project(near)

@@ -7,31 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from ispom.ensemble import build
-from ispom.io.rig import rig_text
-from ispom.io.tum import tum_text
 from ispom.methods import Config
 from ispom.sequences import open_sequence
-from ispom.types import Sequence, StereoPair, Trajectory, VideoFrame
-from tests.sequences.own_folders import write_images, write_video
-
-
-def simulated_on_disk(source: Sequence, folder: Path) -> Path:
-    """The simulated sequence as a video file, two folders of images and a sequence.yaml."""
-    exposures = [source[i] for i in range(len(source))]
-    frames = [e.image for e in exposures if isinstance(e, VideoFrame)]
-    stereo = [e for e in exposures if isinstance(e, StereoPair)]
-    assert source.truth is not None
-    write_video(folder / "video.avi", frames, 30)
-    write_images(folder / "left", [pair.left for pair in stereo])
-    write_images(folder / "right", [pair.right for pair in stereo])
-    (folder / "stereo.txt").write_text("".join(f"{pair.time_ns / 1e9:.9f}\n" for pair in stereo))
-    (folder / "rig.yaml").write_text(rig_text(source.rig))
-    (folder / "truth.tum").write_text(tum_text(source.truth))
-    (folder / "sequence.yaml").write_text(
-        "video: video.avi\nleft: {source: left, times: stereo.txt}\nright: {source: right, times: stereo.txt}\n"
-        "truth: truth.tum\n"
-    )
-    return folder
+from ispom.types import Sequence, Trajectory
+from tests.sequences.own_folders import write_sequence
 
 
 def flown(sequence: Sequence) -> dict[str, Trajectory]:
@@ -44,7 +23,7 @@ def flown(sequence: Sequence) -> dict[str, Trajectory]:
 
 def test_the_simulation_through_files_gives_what_it_gives_itself(flight: Sequence, tmp_path: Path) -> None:
     source = flight.truncated(34)  # 1 s
-    copy = open_sequence(str(simulated_on_disk(source, tmp_path)))
+    copy = open_sequence(str(write_sequence(tmp_path, source)))
     assert copy.kinds == source.kinds and copy.times_ns.tolist() == source.times_ns.tolist()
     assert copy.truth is not None and source.truth is not None and len(copy.truth) == len(copy)
     np.testing.assert_allclose(copy.truth.translations, source.truth.translations[: len(copy)], atol=1e-8)

@@ -11,7 +11,9 @@ import numpy as np
 
 from ispom.geometry import Pose
 from ispom.io.rig import rig_text
-from ispom.types import Camera, Image, Rig
+from ispom.io.tum import tum_text
+from ispom.types import Camera, Image, Rig, StereoPair, VideoFrame
+from ispom.types import Sequence as Recorded
 from tests.sequences.folders import HEIGHT, WIDTH, images
 
 CAMERA = "width: 96\nheight: 64\nfx: 80\nfy: 80\ncx: 47.5\ncy: 31.5\ndistortion: [-0.05, 0.01, 0, 0]\nrate_hz: 20\n"
@@ -88,6 +90,24 @@ def make_described(root: Path, frames: int = 6, video: bool = True) -> Path:
         text = "\n".join(line for line in SEQUENCE.splitlines() if not line.startswith("video"))
     (root / "sequence.yaml").write_text(text)
     return root
+
+
+def write_sequence(folder: Path, source: Recorded) -> Path:
+    """A sequence of three cameras, with ground truth, as a video file, two folders of images and a sequence.yaml."""
+    exposures = [source[i] for i in range(len(source))]
+    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    assert source.truth is not None
+    write_video(folder / "video.avi", [e.image for e in exposures if isinstance(e, VideoFrame)], 30)
+    write_images(folder / "left", [pair.left for pair in pairs])
+    write_images(folder / "right", [pair.right for pair in pairs])
+    (folder / "stereo.txt").write_text("".join(f"{pair.time_ns / 1e9:.9f}\n" for pair in pairs))
+    (folder / "rig.yaml").write_text(rig_text(source.rig))
+    (folder / "truth.tum").write_text(tum_text(source.truth))
+    (folder / "sequence.yaml").write_text(
+        "video: video.avi\nleft: {source: left, times: stereo.txt}\nright: {source: right, times: stereo.txt}\n"
+        "truth: truth.tum\n"
+    )
+    return folder
 
 
 OWN: dict[str, Callable[[Path], Path]] = {

@@ -1,4 +1,6 @@
-"""A fork: with unchanged settings the same to the bit, from any exposure on; with others, those from there on."""
+"""A fork runs with its own methods and settings from its exposure on, and leaves the run that it came from alone.
+
+That nothing differs where nothing was changed is in tests/app/test_forked.py."""
 
 from __future__ import annotations
 
@@ -15,9 +17,9 @@ from ispom.errors import InputError
 from ispom.geometry import Similarity
 from ispom.methods import Config
 from ispom.sequences.formats.simulated import open_simulated
-from ispom.types import Exposure, Sequence, Status, Step, StereoPair, TrackStatus, VideoFrame
+from ispom.types import Exposure, Sequence, Step, StereoPair, TrackStatus, VideoFrame
 from tests import doubles
-from tests.alone import ALL, METHODS
+from tests.alone import METHODS
 from tests.app import helpers
 from tests.same import assert_same
 
@@ -67,26 +69,6 @@ def played(run: Playback) -> tuple[list[Said], list[Snapshot]]:
         snapshots.append(run.snapshot)
         events.append(said(run.step()))
     return events, snapshots
-
-
-def worth_forking(events: list[Said], method: str) -> list[int]:
-    """A key frame, the exposure after it, the first lost one, the last lost one, and one after it if there is."""
-    own = [(i, step) for i, steps, *_ in events for step in steps if step.method == method]
-    keys = [i for i, step in own if step.key_frame]
-    lost = [i for i, step in own if step.status == Status.LOST]
-    assert keys and lost
-    return [keys[len(keys) // 2], keys[len(keys) // 2] + 1, lost[0], lost[-1], min(lost[-1] + 2, len(events) - 1)]
-
-
-@pytest.mark.parametrize("method", ALL)
-def test_with_unchanged_settings_it_is_the_same_to_the_bit(flight: Sequence, method: str) -> None:
-    run = Playback(flight, (method,))
-    events, snapshots = played(run)
-    for at in worth_forking(events, method):
-        fork = run.forked(at, (method,), Config(), snapshots[max(0, at - 3)])
-        rest, _ = played(fork)
-        assert_same(rest, events[max(0, at - 3) :])
-        assert_same(fork.finish(), run.finish())
 
 
 def test_a_run_forked_from_does_not_change(flight: Sequence) -> None:

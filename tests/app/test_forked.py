@@ -1,0 +1,84 @@
+"""A fork with nothing changed writes what its parent wrote, at each kind of exposure, for every method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ispom_app.bench.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
+from ispom_app.cli import main
+
+from ispom.methods import method as registered
+from ispom.methods import with_asked
+from ispom.types import Exposure, StereoPair, Trajectory, VideoFrame
+from tests.alone import ALL
+from tests.app.forked import differing, files_in, files_of, fork_by_command, fork_in, played, rows, worth_forking
+from tests.sequences.own_folders import write_sequence
+
+EXPOSURES = 55
+DARK = range(20, 29)
+"""Video frames without light: every method is lost there."""
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three small cameras on a round trip, with a dark stretch."""
+    scenario: Scenario = next(s for s in SCENARIOS if len(s.kinds) == 2)
+    bright = scenario.sequence(EXPOSURES)
+
+    def load(i: int) -> Exposure:
+        found = bright[i]
+        if found.time_ns // FRAME_NS not in DARK:
+            return found
+        if isinstance(found, VideoFrame):
+            return replace(found, image=np.zeros_like(found.image))
+        return StereoPair(found.time_ns, np.zeros_like(found.left), np.zeros_like(found.right))
+
+    times = np.unique(bright.times_ns).tolist()
+    truth = Trajectory.of([(t, world_from_rig(t // FRAME_NS)) for t in times])
+    return write_sequence(tmp_path_factory.mktemp("flight"), replace(bright, load=load, truth=truth))
+
+
+@pytest.fixture(scope="module")
+def parent(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[list[str], Path]]:
+    """The arguments of a method's run, and its folder."""
+
+    def run(method: str) -> tuple[list[str], Path]:
+        asked, out = with_asked((method,)), tmp_path_factory.mktemp(method) / "run"
+        few = [f"--{name}.max-tracks=80" for name in asked if hasattr(registered(name).config(), "max_tracks")]
+        arguments = [str(flight), "--methods", *asked, *few]
+        assert main(["run", *arguments, "--out", str(out), "--no-recording"]) == 0
+        return arguments, out
+
+    return run
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_with_nothing_changed_all_files_are_the_parents(
+    method: str, parent: Callable[[str], tuple[list[str], Path]], tmp_path: Path
+) -> None:
+    (arguments, run), asked = parent(method), with_asked((method,))
+    expected, places = files_in(run, asked), worth_forking(run, method)
+    assert len(places) >= 5 and any(row["status"] == "lost" for row in rows(run) if row["method"] == method)
+    with played(arguments, asked, tmp_path / "session") as session:
+        assert session.run is not None
+        assert not differing(files_of(session.run, asked, tmp_path / "page"), expected)
+        for at in places:
+            assert not differing(files_of(fork_in(session, at), asked, tmp_path / f"page-{at}"), expected), at
+            assert not differing(files_in(fork_by_command(run, at, tmp_path / f"fork-{at}"), asked), expected), at
+
+
+def test_another_setting_is_seen_in_the_files(parent: Callable[[str], tuple[list[str], Path]], tmp_path: Path) -> None:
+    _, run = parent("stereo.paper")
+    options = ["--at", "20", "--stereo.paper.max-points", "100", "--out", str(tmp_path / "fork"), "--no-recording"]
+    assert main(["fork", str(run), *options]) == 0
+    found, expected = (files_in(folder, ("stereo.paper",)) for folder in (tmp_path / "fork", run))
+    assert set(differing(found, expected)) == set(expected)
+    assert [row for row in found["steps.csv"] if int(row["exposure"]) < 20] == [  # type: ignore[arg-type]
+        row
+        for row in expected["steps.csv"]
+        if int(row["exposure"]) < 20  # type: ignore[arg-type]
+    ]
