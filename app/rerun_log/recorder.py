@@ -59,7 +59,7 @@ class Recorder:
         """What holds for the whole run (all static)."""
         images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left")]
         images += self._coloured.opening()
-        start = Entry(START, rr.AnyValues(**{START_NS: self.first_ns}), static=True)
+        start = Entry(START, rr.AnyValues(time_ns=self.first_ns), static=True)
         return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
 
     def batch(self, event: Event | Bookmark) -> Batch:

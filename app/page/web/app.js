@@ -57,6 +57,11 @@ function show(state) {
   controls.follow(!people.drives());
 }
 
+function fileName() {
+  const { address, index } = window.ispom.shown;
+  return `${address.run.replace(/[^A-Za-z0-9._-]+/g, "-")}-${index}`;
+}
+
 // A failed WebSocket is an error in the console, a failed fetch as well: so few tries, and only while someone looks.
 function reconnect() {
   if (document.visibilityState === "visible") connect();
@@ -73,7 +78,7 @@ const controls = openControls(dark.matches, command, (tab) => paneBecame({ tab }
 
 const address = makeAddress(people.command, people.drives);
 const showPlot = makePlot(command);
-openSaving();
+openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
 const axis = makeAxis((index) => command({ do: "seek", index }));
 
 connect();

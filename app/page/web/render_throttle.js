@@ -18,6 +18,7 @@ let behind = 0; // frames until all that came is taken in
 let late = false; // whether the viewer misses exposures that there are
 let waiting = null;
 const hungry = []; // who waits until the viewer can take more
+let looking = []; // who wants to see a frame
 
 window.requestAnimationFrame = (callback) => {
   const now = performance.now();
@@ -31,6 +32,7 @@ window.requestAnimationFrame = (callback) => {
       took = performance.now() - asked;
       behind = Math.max(0, behind - 1);
       callback(now);
+      looking = looking.filter((look) => !look());
       if (behind < MANY) for (const done of hungry.splice(0)) done();
     });
   };
@@ -50,6 +52,12 @@ export function wake(hand = false) {
   if (!waiting || !(sleeps || hand)) return;
   clearTimeout(waiting.timer);
   waiting.go();
+}
+
+// Calls `look` right after each frame, the only time at which its picture can be read, until it says that it saw enough.
+export function afterFrames(look) {
+  looking.push(look);
+  wake(true);
 }
 
 // Whether the viewer still has to take in exposures: it does so as it draws.

@@ -2,7 +2,7 @@
 // layers and the exposure that the page shows, and watched: what it has drawn, and whether it still lives.
 import { feedLive } from "./live.js";
 import { makeCursor } from "./rerun_cursor.js";
-import { beBehind, wake } from "./render_throttle.js";
+import { afterFrames, beBehind, wake } from "./render_throttle.js";
 import { closeRecordings, stateOf, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
@@ -10,6 +10,7 @@ const APPLICATION = "ispom";
 const LATE = 20; // exposures behind, from which on a viewer that comes late first catches up ...
 const FAR = 100; // ... and one that fell behind
 const MEMORY = "250MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
+const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
 // `seek` is told where a hand went on Rerun's side, `drawn` how many of the exposures up to the one shown are not drawn yet.
@@ -37,6 +38,7 @@ export function openViewer(dark, seek, drawn) {
     if (viewer.handle) watch(viewer);
   };
   viewer.release = () => viewer.cursor.release();
+  viewer.picture = () => pictureOf(viewer, canvas);
   return viewer;
 }
 
@@ -80,6 +82,23 @@ function say(text, ended = false) {
   at("loading").textContent = text;
   at("loaded").hidden ||= ended;
   at("restart").hidden = !ended;
+}
+
+// A copy of what the viewer shows; null where it shows nothing, or draws nothing for too long.
+async function pictureOf({ handle, state, cursor }, canvas) {
+  if (!handle || handle.has_panicked() || !at("cover").hidden) return null;
+  return new Promise((done) => {
+    setTimeout(done, PICTURE_MS, null);
+    afterFrames(() => {
+      const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+      const ink = copy.getContext("2d", { willReadFrequently: true });
+      ink.drawImage(canvas, 0, 0);
+      const drawn = ink.getImageData(copy.width >> 1, 0, 1, copy.height).data.some((value) => value); // a frame may be empty
+      if (drawn) done(copy);
+      return drawn;
+    });
+    cursor.again(state.index); // something to draw
+  });
 }
 
 // Brings the viewer to what the page shows, wherever it is: its own shortcuts and menus may have moved it.

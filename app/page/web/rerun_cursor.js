@@ -19,6 +19,11 @@ export function makeCursor(canvas, seek, control) {
     show: (recording, index) => show(cursor, recording, index),
     heard: (event) => heard(cursor, event),
     release: () => release(cursor),
+    again: (index) => {
+      cursor.sent = null;
+      cursor.wanted = index;
+      push(cursor);
+    },
   });
 }
 

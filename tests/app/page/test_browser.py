@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import cv2
+import numpy as np
 import pytest
 from aiohttp import ClientSession
 
@@ -159,6 +161,22 @@ VIEWER = """async () => {
   const { stateOf } = await import(new URL("web/viewer_control.js", document.baseURI));
   return JSON.stringify(stateOf(window.ispom.viewer.handle.viewer_state()));
 }"""
+
+
+def test_the_saved_picture_is_what_is_on_the_screen(page: Page):
+    assert apart(page) < 0.02, "both viewers and the panels are in it"
+
+
+def apart(page: Page) -> float:
+    """Saves a picture of the page; the share of its pixels that are not as on the screen."""
+    screen = cv2.imdecode(np.frombuffer(page.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    page.tab.get_by_role("button", name="save this view").click()
+    with page.tab.expect_download() as download:
+        page.tab.get_by_text("Picture of the page").click()
+    assert download.value.suggested_filename == f"double-40-{page.state['index']}.png"
+    saved = cv2.imread(str(download.value.path()))
+    assert saved is not None and screen is not None and saved.shape == screen.shape
+    return float((cv2.absdiff(saved, screen).max(axis=2) > 48).mean())
 
 
 def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, app, browser  # noqa: F401 - fixtures
+from tests.app.page.test_browser import CHROMIUM, PATIENCE_MS, App, Page, apart, app, browser  # noqa: F401 - fixtures
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -77,6 +77,17 @@ def test_apply_stays_in_sight_below_open_settings(page: Page):
     page.controls.locator("label:visible", has_text="max tracks").first.wait_for()
     box = page.controls.get_by_role("button", name="Apply and restart").bounding_box()
     assert box["y"] + box["height"] <= 720
+
+
+def test_a_picture_without_the_viewer_has_all_the_rest_and_says_so(browser, app: App):  # noqa: F811
+    page = Page(browser, app.url, viewer=FAKE)
+    page.until("state.ended && window.ispom.viewer.handle", "the end")
+    page.tab.evaluate("window.fake.panicked = true")
+    page.tab.locator("#restart").wait_for()
+    assert apart(page) < 0.02
+    page.tab.locator(".notice").get_by_text("its place in the picture is empty").wait_for()
+    assert not page.faults
+    page.tab.close()
 
 
 def test_the_splitter_never_cuts_the_controls(page: Page):
