@@ -6,23 +6,17 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
-from platformdirs import user_config_path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
-from ispom.methods import faults, in_order
-from ispom.sequences.address import is_address, is_device
+from ispom.methods import faults
 
 from .bench.options import Bench
 from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
 from .run.playback import Builder
-
-if TYPE_CHECKING:
-    from .rerun_log.live import LiveStream
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
@@ -39,8 +33,6 @@ Command = (
 )
 MISUSE, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 """Exit codes; those after signals as shells give them."""
-LEAST_HISTORY_MB = 20
-"""Some hundred exposures."""
 
 
 def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> int:
@@ -126,58 +118,9 @@ def _execute(
         from .bench.command import bench
 
         return bench(command)
-    source = command.source if isinstance(command, App) else "sim:city"
-    if command.history_mb < LEAST_HISTORY_MB:
-        raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
-    from .page.server import Serving, serve
-    from .run import warmup
-    from .run.beside.given import given
-    from .run.beside.placed import beside_run
-    from .run.playback import truth_from_start
-    from .session.session import Session
-    from .session.sources.folders import Folders
-    from .session.sources.opening import stored_at
-    from .session.sources.recent import RecentSources
+    from .page.command import open_page
 
-    opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
-    if beside:
-        if is_device(source) or is_address(source):
-            raise InputError("--beside needs a recording, and this source is live: record it first, and open that")
-        stored = stored_at(source, opener, builder)
-        sequence = opener(source) if stored is None else stored.playback.sequence
-        for number, each in enumerate(beside):  # a mistake is told before anything is shown
-            beside_run(number, each, sequence, truth_from_start(sequence))
-    variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
-
-    def session(live: LiveStream) -> Session:
-        return Session(
-            opener,
-            source,
-            Path("recordings"),
-            methods=in_order(command.methods) or None,
-            variant=variant,
-            config=command.config,
-            live=live,
-            compiling=warmup.start,
-            builder=builder,
-            history_bytes=1_000_000 * command.history_mb,
-            source_options=command.of_source,
-            folders=Folders(None if command.root is None else command.root.expanduser()),
-            recent=RecentSources(user_config_path("ispom") / "recent.json"),
-            beside=beside,
-        )
-
-    return serve(
-        session,
-        Serving(
-            host=command.host,
-            port=command.port,
-            allowed_hosts=command.allow_host,
-            base=command.base,
-            open_browser=command.browser,
-            onlookers=command.read_only,
-        ),
-    )
+    return open_page(command, builder)
 
 
 if __name__ == "__main__":
