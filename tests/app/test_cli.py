@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from ispom_app.cli import main
-from ispom_app.page import server
-from ispom_app.session import session
+from ispom_app.page import command
+from ispom_app.page.server import Serving
 
 from ispom.errors import InputError
 from ispom.methods import Config
@@ -25,12 +25,12 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """What the session is made of, and how it is served."""
     calls: list[tuple[Any, ...]] = []
 
-    def serve(make_session: Any, serving: server.Serving) -> int:
+    def serve(make_session: Any, serving: Serving) -> int:
         calls.append((*make_session(None), serving))
         return 0
 
-    monkeypatch.setattr(server, "serve", serve)
-    monkeypatch.setattr(session, "Session", lambda opener, source, folder, **options: (opener, source, options))
+    monkeypatch.setattr(command, "serve", serve)
+    monkeypatch.setattr(command, "Session", lambda opener, source, folder, **options: (opener, source, options))
     return calls
 
 
@@ -38,7 +38,7 @@ def test_the_demo_is_the_city_on_this_machine_only(served: list[tuple[Any, ...]]
     assert main(["demo", "--no-browser"]) == 0
     ((_, source, options, serving),) = served
     assert source == "sim:city" and options["methods"] is None
-    assert serving == server.Serving(open_browser=False) and not serving.lets_others_in
+    assert serving == Serving(open_browser=False) and not serving.lets_others_in
 
 
 def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
@@ -47,7 +47,7 @@ def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) ->
     arguments += ["--stereo-every", "3", "--methods", "stereo", "monocular"]
     assert main(["app", drive, *arguments, "--stereo.paper.matching", "klt"]) == 0
     ((opener, source, options, serving),) = served
-    assert source == drive and serving == server.Serving(
+    assert source == drive and serving == Serving(
         host="0.0.0.0", port=9000, allowed_hosts=("lab.example",), base="/ispom/"
     )
     assert options["methods"] == ("monocular", "stereo") and options["config"].of("stereo.paper").matching == "klt"
@@ -62,7 +62,7 @@ def test_a_mistake_of_the_app_is_told_in_one_sentence(
     def serve(*_: Any, **__: Any) -> int:
         raise InputError("ports 1 to 20 are all taken: give another --port")
 
-    monkeypatch.setattr(server, "serve", serve)
+    monkeypatch.setattr(command, "serve", serve)
     assert main(["demo"]) == 2
     assert capsys.readouterr().err == "ispom: ports 1 to 20 are all taken: give another --port\n"
 
