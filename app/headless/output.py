@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 from ispom.io.maps import map_bytes
 from ispom.io.rig import rig_text
 from ispom.io.tum import tum_text
+from ispom.io.whole import replace_whole
 from ispom.sequences.address import without_secrets
 
 from ..run.events import Finished
 from ..run.folder.results import Results, in_frame, metrics_text
 from ..run.folder.run_file import run_file
-from ..run.folder.run_folder import LANDMARKS, METRICS, RIG, RUN, TRUTH, trajectory_file
+from ..run.folder.run_folder import LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH, trajectory_file
 from ..run.folder.statistics import RunStatistics
+from ..run.folder.thumbnail import thumbnail
 from ..run.model.map_memory import MapCollectors
 from .job import Job
 
@@ -54,3 +57,6 @@ def write_results(job: Job, finished: Finished, statistics: RunStatistics, maps:
     results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)
     job.folder.write(METRICS, metrics_text(results, job.methods, statistics))
     job.folder.write(LANDMARKS, map_bytes(maps.scenes(finished.trajectories, job.methods, sequence.rig)))
+    if picture := thumbnail(sequence, playback.position):
+        with suppress(OSError):  # the run is whole without
+            replace_whole(job.folder.path / THUMBNAIL, picture)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from aiohttp import web
 
+from ..run.folder.run_folder import THUMBNAIL
+
 SEND_S = 1800.0
 """For a reader to take a file: 43 MB at 24 kB/s."""
 SECURITY = {
@@ -57,5 +59,9 @@ async def send_file(
 
 
 def recordings(folder: Path) -> Iterable[str]:
-    """The finished recordings in the folder and below it, as addresses name them."""
-    return (path.relative_to(folder).as_posix() for path in folder.glob("**/*.rrd") if not path.name.startswith("."))
+    """The finished recordings in the folder and below it, and the pictures of runs and recordings, as addresses name
+    them."""
+    for path in folder.rglob("*"):
+        of_recording = path.suffix == ".jpg" and path.with_suffix(".rrd").exists()
+        if not path.name.startswith(".") and (path.suffix == ".rrd" or path.name == THUMBNAIL or of_recording):
+            yield path.relative_to(folder).as_posix()

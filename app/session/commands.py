@@ -139,6 +139,15 @@ class RemoveBookmark:
 
 
 @dataclass(frozen=True)
+class PutNote:
+    """Keep a note with one of the runs and recordings of the list; an empty one removes it."""
+
+    name: str
+    """As the list has it."""
+    note: str
+
+
+@dataclass(frozen=True)
 class FlickerBetween:
     """Draw one of two sides at a time, the first of them now."""
 
@@ -298,6 +307,7 @@ Command = (
     | Record
     | StopRecording
     | RepairRecordings
+    | PutNote
     | Hide
     | Notify
     | Shutdown

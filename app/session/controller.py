@@ -12,6 +12,7 @@ from ..options import SourceOptions
 from . import break_points, flicker, integration, moves, selecting
 from . import commands as do
 from .bookmarks.desk import BookmarkDesk
+from .bookmarks.notes import notes_of, put
 from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -139,6 +140,8 @@ class Controller:
                 self._record(name)
             case do.StopRecording():
                 self._stop_recording()
+            case do.PutNote(name, note):
+                self._note(name, note)
             case do.RepairRecordings():
                 self._repairs.start()
             case do.Hide(names):
@@ -280,6 +283,12 @@ class Controller:
             self._store.emit(NoticeAdded(problem))
         if ended or problems is not None:
             self._list_recordings()
+
+    def _note(self, name: str, note: str) -> None:
+        if name not in [kept.name for kept in self._store.state.recordings]:
+            raise InputError(f"there is no run or recording {name[:60]!r} in the list: choose one of it")
+        put(notes_of(self._recordings.folder / name), note=note)
+        self._list_recordings()
 
     def _list_recordings(self) -> None:
         self._store.set(recordings=list_recordings(self._recordings.folder), unfinished=self._repairs.found())

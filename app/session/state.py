@@ -46,13 +46,22 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class RecordedFile:
-    """A finished recording in the recordings folder."""
+class Kept:
+    """A finished run, or a recording alone, in the recordings folder."""
 
     name: str
+    """The run's folder or the recording, in the recordings folder: opened for review."""
     size_bytes: int
-    about: str = ""
-    """Of a run's own: what it was on, and how long."""
+    recording: str = ""
+    """Its .rrd, in the recordings folder; empty for a run without one."""
+    picture: str = ""
+    """A small one, in the recordings folder; empty for none."""
+    source: str = ""
+    """Of the images, as a person knows it; empty where nothing says."""
+    exposures: int = 0
+    duration_s: float = 0.0
+    note: str = ""
+    """A person's own."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +134,7 @@ class State:
     """Whether every exposure was computed."""
     activity: Activity | None = None
     recording: Recording | None = None
-    recordings: tuple[RecordedFile, ...] = ()
+    recordings: tuple[Kept, ...] = ()
     unfinished: tuple[str, ...] = ()
     """Recordings that a stopped app left unfinished; none that is being written."""
     source_options: SourceOptions = field(default_factory=SourceOptions)

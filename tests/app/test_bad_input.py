@@ -269,7 +269,7 @@ def test_disk_full_while_writing(
     logs = {"steps.csv", "decisions.csv"}
     assert {p.name for p in out.iterdir()} == logs | {
         *("run.yaml", "rig.yaml", "truth.tum", "monocular.tum", "stereo.tum", "poses.csv", "metrics.json"),
-        *("landmarks.npz", MARKER),
+        *("landmarks.npz", "thumbnail.jpg", MARKER),
     }
     assert len(read_tum(out / "stereo.tum")) == 6 and "No space" in (out / MARKER).read_text()
 

@@ -34,6 +34,7 @@ FILES = {
     "truth.tum",
     *(f"{m}.tum" for m in METHODS),
     "metrics.json",
+    "thumbnail.jpg",
     "landmarks.npz",
     "steps.csv",
     "decisions.csv",
@@ -60,7 +61,7 @@ def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.C
     assert names(out) == FILES | {"run.rrd"}
     told = yaml.safe_load((out / "run.yaml").read_text())
     assert told["source"] == drive and told["config"]["monocular"]["max_tracks"] == 400
-    assert told["exposures"] == {"video": 6, "stereo": 3} and "numpy" in told["versions"]
+    assert (told["exposures"], told["duration_s"]) == ({"video": 6, "stereo": 3}, 0.5) and "numpy" in told["versions"]
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(0.5)
     assert len(read_tum(out / "stereo.tum")) == 3 and len(read_tum(out / "monocular.tum")) == 6
     assert "emulation" in capsys.readouterr().out and "emulation" in told["notes"][0]

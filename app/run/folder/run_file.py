@@ -43,6 +43,8 @@ class RunFile:
     notes: list[str] = field(default_factory=list)
     exposures: Mapping[str, int] = field(default_factory=dict)
     """Given, by kind: video, stereo."""
+    duration_s: float = 0.0
+    """From the first of these exposures to the last."""
     images_sha256: str | None = None
     """Of all images that the estimators saw; None where the run did not come to its end."""
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -94,6 +96,7 @@ def run_file(
     placements: Iterable[Mapping[str, Any]] = (),
 ) -> RunFile:
     """Of a run on this machine, with these versions."""
+    times_ns = sequence.times_ns
     return RunFile(
         source,
         sequence.name,
@@ -101,6 +104,7 @@ def run_file(
         dict(config),
         list(sequence.notes),
         {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
+        round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0,
         images_sha256,
         {"python": platform.python_version(), **_versions()},
         platform.platform(),
@@ -158,9 +162,11 @@ def read_run_file(folder: Path) -> RunFile:
     if not isinstance(placements, list) or not all(isinstance(entry, dict) for entry in placements):
         raise InputError(f"{path} has no placements as `ispom run` writes them: restore the file, or run again")
     exposures, images, machine = found.get("exposures"), found.get("images_sha256"), found.get("platform")
+    duration_s = found.get("duration_s")
     return RunFile(
         **{name: found[name] for name in _NEEDED},
         exposures=exposures if isinstance(exposures, dict) else {},
+        duration_s=float(duration_s) if isinstance(duration_s, int | float) else 0.0,
         images_sha256=images if isinstance(images, str) else None,
         platform=machine if isinstance(machine, str) else "",
         forked=forked,

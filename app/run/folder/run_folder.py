@@ -19,7 +19,8 @@ MARKER = "INCOMPLETE"
 """The file that says that a run is not complete, and in its first line why."""
 RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
 NOTES = "notes.yaml"
-"""Bookmarks of a person, who looked at the run."""
+"""A note, and bookmarks, of a person who looked at the run."""
+THUMBNAIL = "thumbnail.jpg"
 LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
 
 
@@ -142,7 +143,8 @@ def _require_free(path: Path) -> list[Path]:
         if (path / RUN).exists():
             raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
         raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
-    own = {MARKER, RUN, RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, *map(trajectory_file, names())}
+    own = {MARKER, RUN, RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, THUMBNAIL}
+    own |= set(map(trajectory_file, names()))
     foreign = [e for e in present if (e.name not in own and not e.name.startswith(PART)) or not e.is_file()]
     if foreign:
         raise InputError(

@@ -9,7 +9,7 @@ from ispom.errors import InputError
 from ...run.events import Bookmark
 from ..current_run import CurrentRun
 from ..store import Store
-from .notes import MOST, notes_path, read_notes, tidy, write_notes
+from .notes import MOST, notes_path, put, read_notes, tidy
 
 
 class BookmarkDesk:
@@ -59,4 +59,4 @@ class BookmarkDesk:
         bookmarks = tuple(marks[i] for i in sorted(marks))
         self._store.set(bookmarks=bookmarks)
         if self._path is not None:
-            write_notes(self._path, bookmarks)
+            put(self._path, bookmarks=bookmarks)

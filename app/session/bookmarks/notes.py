@@ -1,12 +1,14 @@
-"""Bookmarks as a file: notes.yaml in a run's folder, or one for each source beside the recordings."""
+"""A person's notes as a file, a note and bookmarks: notes.yaml in a run's folder, NAME.notes.yaml beside a recording,
+or one for each source beside all recordings."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import asdict
 from hashlib import blake2b
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -27,28 +29,39 @@ def notes_path(stored: Path | None, recordings: Path, source: str) -> Path:
     """Where the bookmarks are: in the folder of a stored run, beside a recording, or of a `source` beside all
     recordings."""
     if stored is not None:
-        return stored / NOTES if stored.suffix != ".rrd" else stored.with_suffix(f".{NOTES}")
+        return notes_of(stored)
     plain = re.sub(r"[^\w]+", "-", source).strip("-")[-40:]
     return recordings / "notes" / f"{plain}-{blake2b(source.encode(), digest_size=4).hexdigest()}.yaml"
 
 
-def written(bookmarks: Iterable[Bookmark]) -> str:
-    """The file's content."""
-    entries = [asdict(bookmark) for bookmark in bookmarks]
-    return yaml.safe_dump({"bookmarks": entries}, sort_keys=False, allow_unicode=True)
+def notes_of(stored: Path) -> Path:
+    """Where the notes on a run's folder, or on a recording, are."""
+    return stored / NOTES if stored.suffix != ".rrd" else stored.with_suffix(f".{NOTES}")
 
 
-def write_notes(path: Path, bookmarks: tuple[Bookmark, ...]) -> None:
-    """Without bookmarks there is no file. InputError where the disk does not take it."""
+def put(
+    path: Path,
+    *,
+    note: str | None = None,
+    about: Mapping[str, Any] | None = None,
+    bookmarks: tuple[Bookmark, ...] | None = None,
+) -> None:
+    """Changes these parts of a file, None leaving them; with nothing in it there is no file. `about` is what a
+    recording is of: source, exposures, duration_s.
+
+    InputError where the file is not as written, or the disk does not take it.
+    """
+    entries = None if bookmarks is None else [asdict(bookmark) for bookmark in bookmarks]
+    new = {"note": None if note is None else tidy(note), "about": about, "bookmarks": entries}
+    kept = read_mapping(path) if exists(path) else {}
+    kept |= {name: value for name, value in new.items() if value is not None}
     try:
-        if bookmarks:
-            replace_whole(path, written(bookmarks))
+        if any(kept.values()):
+            replace_whole(path, yaml.safe_dump(kept, sort_keys=False, allow_unicode=True))
         else:
             path.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(
-            f"{path} cannot be written ({error.strerror}): the bookmark lasts until the app ends"
-        ) from None
+        raise InputError(f"{path} cannot be written ({error.strerror}): free some space, and note it again") from None
 
 
 def read_notes(path: Path, sequence: Sequence) -> tuple[Bookmark, ...]:
@@ -58,7 +71,7 @@ def read_notes(path: Path, sequence: Sequence) -> tuple[Bookmark, ...]:
     """
     if not exists(path):
         return ()
-    entries = read_mapping(path).get("bookmarks")
+    entries = read_mapping(path).get("bookmarks", [])
     if not isinstance(entries, list) or len(entries) > MOST:
         raise InputError(f"{path} has no bookmarks as the app writes them: correct or remove it")
     found = (_placed(_bookmark(path, entry), sequence) for entry in entries)

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import re
 import stat
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from ispom.errors import InputError
+from ispom.io.mapping import read_mapping
 from ispom.io.whole import part_of
 
-from ...run.folder.run_file import read_run_file
-from ...run.folder.run_folder import RECORDING
-from ..state import RecordedFile
+from ...run.folder.run_file import RunFile, read_run_file
+from ...run.folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL
+from ..bookmarks.notes import notes_of, tidy
+from ..state import Kept
+from .companions import picture_of
 
+MOST_READ = 500
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")
 
 
@@ -34,27 +42,76 @@ def recording_path(folder: Path, name: str, sequence: str) -> Path:
     return path
 
 
-def list_recordings(folder: Path) -> tuple[RecordedFile, ...]:
-    """The finished recordings, newest first. What cannot be looked at, such as a link that leads nowhere, and what is
-    still being written is not among them."""
-    found: list[tuple[float, RecordedFile]] = []
-    for path in folder.glob("**/*.rrd") if folder.is_dir() else ():
-        try:
-            facts = path.stat()
-        except OSError:
+def list_recordings(folder: Path) -> tuple[Kept, ...]:
+    """The finished runs and recordings, newest first. What cannot be looked at, such as a link that leads nowhere, and
+    what is still being written is not among them."""
+    found: list[tuple[float, Kept]] = []
+    if not folder.is_dir():
+        return ()
+    files = {path for path in folder.rglob("*") if path.suffix == ".rrd" or path.name == RUN}
+    for path in sorted(files):
+        run = path.parent if path.name == RUN or (path.name == RECORDING and path.parent / RUN in files) else None
+        if path.name.startswith(".") or (run is not None and path.name == RECORDING):
             continue
-        if stat.S_ISREG(facts.st_mode) and not path.name.startswith("."):
-            name = path.relative_to(folder).as_posix()
-            found.append((facts.st_mtime, RecordedFile(name, facts.st_size, _about(path))))
-    return tuple(file for _, file in sorted(found, key=lambda item: -item[0]))
+        with suppress(OSError):
+            facts = path.stat()
+            if stat.S_ISREG(facts.st_mode) and (run is None or _ended(run)):
+                found.append((facts.st_mtime, _recording(folder, path) if run is None else _run(folder, run)))
+    return tuple(kept for _, kept in sorted(found, key=lambda item: -item[0]))
 
 
-def _about(path: Path) -> str:
-    """Of the run around a recording; empty where there is none that can be read."""
-    if path.name != RECORDING:
-        return ""
+def _ended(run: Path) -> bool:
+    """Whether it came to its end, or has a finished recording of how far it came."""
+    return (run / RECORDING).exists() or not (run / MARKER).exists()
+
+
+def _run(folder: Path, path: Path) -> Kept:
+    recording, picture = path / RECORDING, path / THUMBNAIL
+    kept = Kept(
+        _name(folder, path),
+        sum(file.stat().st_size for file in path.iterdir() if file.is_file()),
+        _name(folder, recording) if recording.exists() else "",
+        _name(folder, picture) if picture.exists() else "",
+        note=_notes(notes_of(path)).get("note", ""),
+    )
     try:
-        run = read_run_file(path.parent)
+        run = _described(path, (path / RUN).stat().st_mtime_ns)
     except InputError:
-        return ""
-    return f"{run.sequence}, {sum(n for n in run.exposures.values() if isinstance(n, int))} exposures"
+        return kept
+    exposures = sum(n for n in run.exposures.values() if isinstance(n, int))
+    return replace(kept, source=run.sequence, exposures=exposures, duration_s=run.duration_s)
+
+
+@lru_cache(MOST_READ)
+def _described(path: Path, _changed_ns: int) -> RunFile:
+    """The whole file is checked, which takes a while: once for each change of it."""
+    return read_run_file(path)
+
+
+def _recording(folder: Path, path: Path) -> Kept:
+    picture, found = picture_of(path), _notes(notes_of(path))
+    about = found["about"] if isinstance(found.get("about"), dict) else {}
+    source, exposures, duration_s = (about.get(name) for name in ("source", "exposures", "duration_s"))
+    return Kept(
+        _name(folder, path),
+        path.stat().st_size,
+        _name(folder, path),
+        _name(folder, picture) if picture.exists() else "",
+        source if isinstance(source, str) else "",
+        exposures if isinstance(exposures, int) else 0,
+        float(duration_s) if isinstance(duration_s, int | float) else 0.0,
+        found.get("note", ""),
+    )
+
+
+def _name(folder: Path, path: Path) -> str:
+    return path.relative_to(folder).as_posix()
+
+
+def _notes(path: Path) -> dict[str, Any]:
+    """What a file of notes says; nothing where it is missing or damaged."""
+    try:
+        found = read_mapping(path) if path.exists() else {}
+    except InputError:
+        return {}
+    return found | {"note": tidy(str(found.get("note", "")))}

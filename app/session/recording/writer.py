@@ -13,6 +13,7 @@ from ...run.events import Bookmark, Finished, Opened, Stepped
 from ...run.history.feed import Feed
 from ...run.history.history import History
 from ..state import Recording
+from .companions import write_companions
 
 log = logging.getLogger(__name__)
 
@@ -26,6 +27,7 @@ class RecordingWriter:
         self.path = path
         self.failure: str | None = None
         """Why the recording is not whole, one sentence; None while all is well."""
+        self._opened = opened
         self._file = FileRecording(path, opened)
         self._feed = Feed(opened, history, rereads=True)
         self._bookmarks: tuple[Bookmark, ...] = ()
@@ -74,3 +76,5 @@ class RecordingWriter:
             self.failure = f"internal fault, please report it: {type(fault).__name__}: {fault}"
         self._file.close()
         self.failure = self.failure or self._file.failure
+        if self.path.exists():
+            write_companions(self.path, self._opened, self._feed.position, self._bookmarks)

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from ispom.errors import InputError
 from ispom.sequences.address import is_address, is_device
 
-from ...run.folder.run_folder import RECORDING, RUN
+from ...run.folder.run_folder import RUN
 from ..state import State
 
 
@@ -16,12 +16,6 @@ def run_name(source: str) -> str:
     if source.startswith("sim:") or is_device(source) or is_address(source):
         return source
     return PurePath(source).name or source
-
-
-def reviewed(recording: str) -> str:
-    """What is opened for a recording of the list: the run around it, or the file itself."""
-    path = PurePath(recording)
-    return path.parent.as_posix() if path.name == RECORDING and path.parent.name else recording
 
 
 class Known:
@@ -33,7 +27,7 @@ class Known:
     def source(self, name: str, state: State) -> str:
         """The source of a name; InputError where nothing is known by it."""
         runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
-        recorded = [str(self._recordings / reviewed(file.name)) for file in state.recordings]
+        recorded = [str(self._recordings / kept.name) for kept in state.recordings]
         for source in (state.source, *state.recent, *runs, *recorded):
             if run_name(source) == name:
                 return source

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import viser
 
 from ...session import commands as do
-from ...session.sources.known import reviewed, run_name
-from ...session.state import State
+from ...session.bookmarks.notes import NOTE_LENGTH
+from ...session.sources.known import run_name
+from ...session.state import Kept, State
 from ...texts import size
 from ..markup import render
 
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
 START, STOP = "Record", "Stop recording"
 NONE: tuple[str, ...] = ("none yet",)
+REVIEW = "Shows it in this page as it was; nothing is computed. The run that is shown now is left."
 VIEWER = ".".join(version("rerun-sdk").split(".")[:2])
 
 
@@ -34,9 +37,15 @@ class RecordPanel:
         )
         self._repair.on_click(lambda _: session.post(do.RepairRecordings()))
         self._text = gui.add_html(_text(session.state))
-        self._choice = gui.add_dropdown("to review", NONE, visible=False, hint="Runs and recordings of the list above.")
-        self._review = gui.add_button("Open for review", icon=viser.Icon.FOLDER_OPEN, visible=False)
-        self._review.on_click(lambda _: session.post(do.OpenNamed(run_name(self._choice.value))))
+        self._kept: tuple[Kept, ...] = ()
+        with gui.add_folder("Review", visible=False) as self._folder:
+            self._choice = gui.add_dropdown("run", NONE, hint="Of the runs and recordings of the list above.")
+            self._choice.on_update(lambda _: self._fill())
+            review = gui.add_button("Open for review", icon=viser.Icon.FOLDER_OPEN, hint=REVIEW)
+            review.on_click(lambda _: session.post(do.OpenNamed(run_name(self._choice.value))))
+            self._note = gui.add_text("its note", "", hint=f"Kept with the run or recording; {NOTE_LENGTH} characters.")
+            keep = gui.add_button("Keep note", icon=viser.Icon.PENCIL, hint="Writes it; an empty note is removed.")
+            keep.on_click(lambda _: session.post(do.PutNote(self._choice.value, self._note.value)))
 
     def _clicked(self, _: object) -> None:
         recording = self._session.state.recording
@@ -47,15 +56,25 @@ class RecordPanel:
         if self._button.label != label:
             self._button.label = label
             self._name.disabled = state.recording is not None
-        names = tuple(dict.fromkeys(reviewed(file.name) for file in state.recordings)) or NONE
-        if names != tuple(self._choice.options):
-            self._choice.options = names
-            self._choice.value = names[0]
-            self._choice.visible = self._review.visible = names != NONE
+        self._offer(state.recordings)
         if self._repair.visible != bool(state.unfinished):
             self._repair.visible = bool(state.unfinished)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
+
+    def _offer(self, kept: tuple[Kept, ...]) -> None:
+        if kept == self._kept:
+            return
+        self._kept, before = kept, self._choice.value
+        names = tuple(each.name for each in kept) or NONE
+        self._choice.options = names
+        self._choice.value = before if before in names else names[0]
+        self._folder.visible = bool(kept)
+        self._fill()
+
+    def _fill(self) -> None:
+        """The note, as the chosen one has it."""
+        self._note.value = next((each.note for each in self._kept if each.name == self._choice.value), "")
 
 
 def _text(state: State) -> str:
@@ -66,5 +85,11 @@ def _text(state: State) -> str:
         doing = "Closing" if recording.closing else "Recording"
         done = f"{recording.written} of {state.computed} exposures"
         text = f"{doing} {recording.name}: {done}, {size(recording.size_bytes)}"
-    files = [{"name": f.name, "size": size(f.size_bytes), "about": f.about} for f in state.recordings]
+    files = [asdict(kept) | {"size": size(kept.size_bytes), "about": _about(kept)} for kept in state.recordings]
     return render("recordings.html", text=text, files=files, unfinished=state.unfinished)
+
+
+def _about(kept: Kept) -> str:
+    """What it is of, and how long."""
+    length = f"{kept.exposures} exposures" if kept.exposures else ""
+    return ", ".join(filter(None, (kept.source, length, f"{kept.duration_s:.1f} s" if kept.duration_s else "")))

@@ -61,6 +61,18 @@ def test_everything_comes_through_one_port_under_any_base(tmp_path: Path, panels
     serving(tmp_path, check, viser=panels, base=base)
 
 
+def test_pictures_of_runs_and_recordings_are_served_and_no_other_images(tmp_path: Path):
+    (tmp_path / "a").mkdir()
+    for name in ("a/thumbnail.jpg", "mine.rrd", "mine.jpg", "holiday.jpg", "a/notes.yaml"):
+        (tmp_path / name).write_bytes(b"x")
+
+    async def check(at: Served) -> None:
+        names = ("a/thumbnail.jpg", "mine.jpg", "holiday.jpg", "a/notes.yaml")
+        assert [await at.status(f"/recordings/{name}") for name in names] == [200, 200, 404, 404]
+
+    serving(tmp_path, check)
+
+
 def test_viewer_files_that_could_not_be_unpacked_are_tried_again(tmp_path: Path):
     full = [True]
 

@@ -10,9 +10,11 @@ import pytest
 from ispom_app.cli import main
 from ispom_app.options import SourceOptions
 from ispom_app.session import commands as do
+from ispom_app.session.recording.listing import list_recordings
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
-from ispom_app.session.sources.known import reviewed, run_name
+from ispom_app.session.sources.known import run_name
+from ispom_app.session.state import Kept
 from ispom_app.viser_ui.screen import Screen
 
 from ispom.sequences import open_sequence
@@ -174,13 +176,63 @@ def test_an_address_opens_known_runs_by_name_and_nothing_else(session: Session, 
 def test_the_list_says_what_a_run_was_on_and_opens_it_by_name(session: Session, run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "listed")
     again = opened(tmp_path, run)
-    (file,) = again.state.recordings
-    assert (file.name, file.about) == ("listed/run.rrd", f"{again.state.name}, 21 exposures")
+    (kept,) = again.state.recordings
+    assert (kept.name, kept.recording, kept.picture) == ("listed", "listed/run.rrd", "listed/thumbnail.jpg")
+    assert (kept.source, kept.exposures, kept.duration_s) == (again.state.name, 21, 1.3)
+    assert kept.size_bytes == sum(path.stat().st_size for path in (tmp_path / "listed").iterdir())
     before = again.state.run
-    again.post(do.OpenNamed(run_name(reviewed(file.name))))
+    again.post(do.OpenNamed(run_name(kept.name)))
     wait_for(lambda: again.state.run > before and again.state.phase == "ready", "the run")
     assert again.state.source == str(tmp_path / "listed")
     again.close(5)
+
+
+def test_a_note_is_kept_with_the_run_beside_its_bookmarks_and_is_removed(run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "noted")
+    session = opened(tmp_path, tmp_path / "noted")
+    session.post(do.PutBookmark("here"))
+    for note, kept in (("jumps\nat 9 ", "jumps at 9"), ("", "")):
+        session.post(do.PutNote("noted", note))
+        wait_for(lambda kept=kept: session.state.recordings[0].note == kept, "the note")
+    session.post(do.PutNote("noted", "jumps at 9"))
+    session.post(do.PutNote("../noted", "x"))
+    wait_for(lambda: any("'../noted' in the list" in n.text for n in session.state.notices), "the refusal")
+    session.close(5)
+    again = opened(tmp_path, tmp_path / "noted")
+    assert again.state.recordings[0].note == "jumps at 9"
+    wait_for(lambda: [b.note for b in again.state.bookmarks] == ["here"], "the bookmark")
+    again.close(5)
+
+
+def test_a_run_without_a_recording_is_listed_and_one_that_is_being_written_is_not(run: Path, tmp_path: Path) -> None:
+    for name in ("whole", "going"):
+        shutil.copytree(run, tmp_path / name)
+        (tmp_path / name / "run.rrd").unlink()
+    (tmp_path / "going" / "INCOMPLETE").write_text("The run has not ended.")
+    (kept,) = list_recordings(tmp_path)
+    assert (kept.name, kept.recording, kept.exposures) == ("whole", "", 21)
+
+
+def test_a_recording_of_the_page_has_its_picture_length_and_bookmarks_beside_it(run: Path, tmp_path: Path) -> None:
+    session = opened(tmp_path, run)
+    session.post(do.Seek(9))
+    session.post(do.Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state.branch == 1, "the fork")
+    session.post(do.Speed(None))
+    session.post(do.Record("mine"))
+    wait_for(lambda: session.state.ended, "the end")
+    session.post(do.PutBookmark("end"))
+    session.post(do.StopRecording())
+    wait_for(lambda: session.state.recordings, "the file")
+    (kept,) = session.state.recordings
+    assert kept == Kept(
+        "mine.rrd", (tmp_path / "mine.rrd").stat().st_size, "mine.rrd", "mine.jpg", session.state.name, 21, 1.3
+    )
+    session.post(do.PutNote("mine.rrd", "x"))
+    wait_for(lambda: session.state.recordings[0].note == "x", "the note")
+    session.post(do.OpenNamed("mine.rrd"))
+    wait_for(lambda: [b.note for b in session.state.bookmarks] == ["end"], "its bookmarks")
+    session.close(5)
 
 
 def test_every_panel_shows_it(session: Session) -> None:

@@ -12,7 +12,7 @@ import viser
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
-from ispom_app.session.state import RecordedFile, Recording, State
+from ispom_app.session.state import Kept, Recording, State
 from ispom_app.viser_ui.panels.record import RecordPanel
 from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel
 from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
@@ -87,7 +87,7 @@ def test_names_and_notes_of_a_source_are_never_markup(gui, session, changes):
 
 def test_names_of_recordings_are_never_markup(gui, session):
     panel = RecordPanel(gui, session)
-    panel.show(replace(STATE, recordings=(RecordedFile(f"{HOSTILE}.rrd", 1_200_000),)))
+    panel.show(replace(STATE, recordings=(Kept(f"{HOSTILE}.rrd", 1_200_000, HOSTILE, HOSTILE, HOSTILE, note=HOSTILE),)))
     assert "<iframe" not in panel._text.content and "1.2 MB" in panel._text.content
     panel.show(replace(STATE, recording=Recording(HOSTILE, 0, 0)))
     assert "<iframe" not in panel._text.content and panel._name.disabled

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ispom_app.run.events import Bookmark
 from ispom_app.session import commands as do
-from ispom_app.session.bookmarks.notes import notes_path, read_notes, write_notes
+from ispom_app.session.bookmarks.notes import notes_path, put, read_notes
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
@@ -19,16 +19,16 @@ from tests.app.helpers import started, wait_for
 def test_they_are_read_as_they_were_written(tmp_path: Path) -> None:
     sequence, path = doubles.sequence(20), tmp_path / "notes.yaml"
     marks = tuple(Bookmark(i, int(sequence.times_ns[i]), note) for i, note in ((2, ""), (7, "sprünge: 'x' #1 {a}")))
-    write_notes(path, marks)
+    put(path, bookmarks=marks)
     assert read_notes(path, sequence) == marks
-    write_notes(path, ())
+    put(path, bookmarks=())
     assert not path.exists() and read_notes(path, sequence) == ()
 
 
 def test_where_the_source_is_opened_otherwise_they_stay_at_their_times(tmp_path: Path) -> None:
     sequence, path = doubles.sequence(20), tmp_path / "notes.yaml"
     video = np.flatnonzero(np.array(sequence.kinds) == "video")
-    write_notes(path, tuple(Bookmark(i, int(sequence.times_ns[i])) for i in (0, int(video[9]), 21)))
+    put(path, bookmarks=tuple(Bookmark(i, int(sequence.times_ns[i])) for i in (0, int(video[9]), 21)))
     fewer = sequence.truncated(18)
     fewer = type(fewer)(fewer.name, fewer.rig, fewer.times_ns[video[:15]], ("video",) * 15, fewer.load)
     assert [b.exposure for b in read_notes(path, fewer)] == [0, 9], "the last one is beyond the end"
