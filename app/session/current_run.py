@@ -45,9 +45,9 @@ class CurrentRun:
         self.playback = playback
         self.opened: Opened = playback.opened
         self._memory_bytes = memory_bytes
-        self.history = History(int(EXPOSURES_SHARE * memory_bytes), past=past)
+        self.history, self.checkpoints = History(memory_bytes, past=past), checkpoints or Checkpoints(memory_bytes)
+        self.wake()
         self.series = series or Series(self.opened.methods)
-        self.checkpoints = checkpoints or Checkpoints(int(STATES_SHARE * memory_bytes))
         origin = self.checkpoints.nearest(playback.position)
         self._model = RunModel.start(self.opened.methods) if origin is None else origin.model.of(self.opened.methods)
         self.tally = Tally() if origin is None else origin.tally

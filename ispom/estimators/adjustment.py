@@ -1,4 +1,4 @@
-"""What every optimiser of this package says of an adjustment: its cost and its iterations."""
+"""What the optimisers of this package say of an adjustment: its cost, its iterations, and the window that it was of."""
 
 from __future__ import annotations
 
@@ -23,6 +23,24 @@ ITERATIONS = Check(
     "<=",
     passes="It took {value} iterations of at most {threshold}.",
     fails="It took {value} iterations, more than {threshold}: at first with a wider loss.",
+)
+BUNDLE_COST = Check(
+    "bundle_cost",
+    "bundle cost, after / before",
+    "finding",
+    ADJUSTED,
+    "<",
+    passes="Bundle adjustment left {value:.1%} of the cost.",
+    fails="Bundle adjustment did not lower the cost: {value:.1%} of that before.",
+)
+WINDOW = Check(
+    "window",
+    "key frames in the window",
+    "finding",
+    ADJUSTED,
+    "<=",
+    passes="The window holds {value} of at most {threshold} key frames: nothing leaves it.",
+    fails="The window had {value} key frames, of which it keeps {threshold}.",
 )
 
 

@@ -1,4 +1,4 @@
-"""The checks that monocular methods share: is this frame a key frame?"""
+"""The checks that several methods share: is this a key frame?"""
 
 from __future__ import annotations
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from ispom.ensemble import build, run
 from ispom.methods import BUILT_IN, Config
-from ispom.types import Check, Decision, Exposure, Sequence, Step, by_key
+from ispom.types import Check, Decision, Exposure, Sequence, Step, TrackStatus, by_key
 
 CHECKS = {method.name: method.checks for method in BUILT_IN}
 
@@ -84,6 +85,18 @@ def test_an_adjustment_tells_cost_iterations_outliers_and_what_left_the_window(m
         assert found["cost"].value <= found["cost"].threshold and found["iterations"].value >= 1
         assert 0 <= found["outliers"].value <= found["outliers"].threshold
         assert found["window"].passed == (not found["window"].consequence)
+
+
+@pytest.mark.parametrize(("method", "camera"), [("monocular.paper", "video"), ("stereo.paper", "left")])
+def test_the_papers_methods_tell_how_many_points_disagree(method: str, camera: str, steps: list[Step]) -> None:
+    dropped = (TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.RIGID)
+    told = 0
+    for step in steps:
+        found = next((d for d in step.decisions if step.method == method and d.key == "outliers"), None)
+        if found is not None:
+            assert found.value == np.isin(step.tracks[camera].status, dropped).sum() <= found.threshold
+            told += 1
+    assert told >= 5
 
 
 def test_the_first_map_tells_its_model_and_the_integrations_their_alignment(steps: list[Step]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
+from ispom.estimators.adjustment import BUNDLE_COST, COST, ITERATIONS
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.types import Check, by_key
 
@@ -68,15 +68,6 @@ SCALE_SPREAD = Check(
     passes="The depths of shared points give it with a spread of {value} %; beyond {threshold} % it is marked.",
     fails="The depths of shared points give it with a spread of {value} %, more than {threshold} %.",
 )
-BUNDLE_COST = Check(
-    "bundle_cost",
-    "bundle cost, after / before",
-    "finding",
-    ADJUSTED,
-    "<",
-    passes="Bundle adjustment left {value:.1%} of the cost.",
-    fails="Bundle adjustment did not lower the cost: {value:.1%} of that before.",
-)
 WAITING_FRAMES = Check(
     "waiting_frames",
     "frames since the last key frame",
@@ -85,6 +76,14 @@ WAITING_FRAMES = Check(
     "<=",
     passes="{value} frames wait for the next key frame, of at most {threshold}.",
     fails="{value} frames wait for the next key frame, more than {threshold}.",
+)
+OUTLIERS = Check(
+    "outliers",
+    "points dropped as outliers",
+    "finding",
+    "Which points disagree?",
+    "<=",
+    passes="Of {threshold} points {value} disagree with the pose, or lie off their epipolar lines, and are dropped.",
 )
 MONOCULAR = by_key(
     PARALLAX,
@@ -98,6 +97,7 @@ MONOCULAR = by_key(
     COST,
     ITERATIONS,
     WAITING_FRAMES,
+    OUTLIERS,
 )
 
 DEPTH_POINTS = Check(
@@ -124,7 +124,15 @@ RIGID_POINTS = Check(
     passes="Located: {value} points fit one rigid motion, {threshold} are needed.",
     fails="{value} points fit one rigid motion, {threshold} are needed.",
 )
-STEREO = by_key(DEPTH_POINTS, COMMON_POINTS, RIGID_POINTS)
+RIGID_OUTLIERS = Check(
+    "outliers",
+    "points that do not fit the rigid motion",
+    "finding",
+    "Which points disagree?",
+    "<=",
+    passes="Of {threshold} common points {value} do not fit the rigid motion, and start anew.",
+)
+STEREO = by_key(DEPTH_POINTS, COMMON_POINTS, RIGID_POINTS, RIGID_OUTLIERS)
 
 VIDEO_COVERAGE = Check(
     "video_coverage",

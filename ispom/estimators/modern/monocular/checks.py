@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
+from ispom.estimators.adjustment import ADJUSTED, BUNDLE_COST, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.types import Check, by_key
 
@@ -54,15 +54,6 @@ INTERVAL = Check(
     passes="Key frame: {value} s since the last one, {threshold} are enough with some parallax.",
     fails="No reason for a key frame: {value} s since the last one; {threshold} are needed, and some parallax.",
 )
-BUNDLE_COST = Check(
-    "bundle_cost",
-    "bundle cost, after / before",
-    "finding",
-    ADJUSTED,
-    "<",
-    passes="Bundle adjustment left {value:.1%} of the cost.",
-    fails="Bundle adjustment did not lower the cost: {value:.1%} of that before.",
-)
 OUTLIERS = Check(
     "outliers",
     "points dropped by the adjustment",
@@ -70,15 +61,6 @@ OUTLIERS = Check(
     ADJUSTED,
     "<=",
     passes="Of {threshold} points {value} disagree and are dropped.",
-)
-WINDOW = Check(
-    "window",
-    "key frames in the window",
-    "finding",
-    ADJUSTED,
-    "<=",
-    passes="The window holds {value} of at most {threshold} key frames: nothing leaves it.",
-    fails="The window had {value} key frames, of which it keeps {threshold}.",
 )
 STEP_SCALE = Check(
     "step_scale",

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
+from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS, WINDOW
+from ispom.estimators.key_frame_checks import KEY_FRAME, POINTS_LEFT
 from ispom.types import Check, by_key
 
-LOCATED, KEY_FRAME, CALIBRATED = "Pair located?", "New key frame?", "Is the calibration right?"
+LOCATED, CALIBRATED = "Pair located?", "Is the calibration right?"
 
 STAGES = {
     "track": "Follows the points into the left image, then into the right one, and locates the pair by both.",
@@ -65,15 +66,6 @@ DISPLACEMENT = Check(
     passes="Key frame: the points moved {value} px, {threshold} are enough.",
     fails="No reason for a key frame: the points moved {value} of {threshold} px.",
 )
-POINTS_LEFT = Check(
-    "points_left",
-    "share of the last key frame's points left",
-    "trigger",
-    KEY_FRAME,
-    "<",
-    passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No reason for a key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
-)
 ADJUSTED_ERROR = Check(
     "adjusted_error",
     "median error after adjustment",
@@ -91,15 +83,6 @@ OUTLIERS = Check(
     ADJUSTED,
     "<=",
     passes="Of {threshold} observations {value} are too far from their points, and are dropped.",
-)
-WINDOW = Check(
-    "window",
-    "key frames in the window",
-    "finding",
-    ADJUSTED,
-    "<=",
-    passes="The window holds {value} of at most {threshold} key frames: nothing leaves it.",
-    fails="The window had {value} key frames, of which it keeps {threshold}.",
 )
 OFFSET = Check(
     "disparity_offset",

@@ -97,7 +97,11 @@ class Monocular:
         if is_key:
             revision = self._key_frame(state, frame, tests)
         watch.lap("key frame")
-        followed = followed.without_outliers(located, revision, camera)
+        before, followed = followed, followed.without_outliers(located, revision, camera)
+        if located.resection is not None or revision.triple is not None:
+            revision = revision.telling(
+                checks.OUTLIERS.of(before.alive.sum() - followed.alive.sum(), before.alive.sum())
+            )
         fresh = corners_for(revision.window, grey, followed, exposure.time_ns, config.max_tracks)
         kept = config.bundle_key_frames if config.local_bundle else KEY_FRAMES
         after, settled = next_state(state, grey, followed, fresh, revision, camera, kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,3 +43,7 @@ class Revision:
     """The points that took part in the triple."""
     step_scale: float | None = None
     lost: bool = False
+
+    def telling(self, *decisions: Decision) -> Revision:
+        """The same, and these besides."""
+        return replace(self, decisions=(*self.decisions, *decisions))

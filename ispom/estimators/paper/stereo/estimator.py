@@ -99,7 +99,8 @@ class Stereo:
             afresh = state.lost_pairs + 1 > self.config.max_lost_pairs
             then = "start afresh from the last known pose" if afresh else "keep the last located pair as reference"
             fitting = replace(fitting, consequence=f"not located; {then}")
-        return fitting.passed, (points, checks.COMMON_POINTS.of(len(common), least), fitting)
+        outliers = () if motion is None else (checks.RIGID_OUTLIERS.of(len(common) - inliers, len(common)),)
+        return fitting.passed, (points, checks.COMMON_POINTS.of(len(common), least), fitting, *outliers)
 
     def _moved(self, state: StereoState, motion: RigidMotion | None) -> Pose:
         """world_from_rig after the motion."""
