@@ -10,6 +10,7 @@ import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
+import { makeTour } from "./tour.js";
 
 history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
 
@@ -55,6 +56,7 @@ function show(state) {
   viewer.follow(shown);
   address.follow(shown);
   controls.follow(!people.drives());
+  tour(shown);
 }
 
 function fileName() {
@@ -78,6 +80,7 @@ const controls = openControls(dark.matches, command, (tab) => paneBecame({ tab }
 
 const address = makeAddress(people.command, people.drives);
 const showPlot = makePlot(command);
+const tour = makeTour();
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
 const axis = makeAxis((index) => command({ do: "seek", index }));
 

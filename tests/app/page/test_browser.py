@@ -47,6 +47,8 @@ FLAGS = [
     "--disable-dev-shm-usage",
 ]
 PATIENCE_MS = 60_000
+NOT_NEW = "localStorage.setItem('ispom.tour', 'seen')"
+"""As in a browser that was here before."""
 TOTAL = 44
 
 
@@ -92,8 +94,9 @@ def browser() -> Iterator:
 class Page:
     """A page that was opened, with what its console said."""
 
-    def __init__(self, browser, url: str, *, viewer: str | None = None) -> None:
-        """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time."""
+    def __init__(self, browser, url: str, *, viewer: str | None = None, before: str = NOT_NEW) -> None:
+        """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time; `before` runs
+        before the page's own: without it the tour begins."""
         self.faults: list[str] = []
         self.requests: list[str] = []
         self.tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="dark")
@@ -101,6 +104,7 @@ class Page:
         self.tab.on("console", lambda m: self.faults.append(m.text) if m.type == "error" else None)
         self.tab.on("pageerror", lambda e: self.faults.append(str(e)))
         self.tab.on("request", lambda r: self.requests.append(r.url))
+        self.tab.add_init_script(before)
         if viewer is not None:
             script = {"body": viewer, "content_type": "text/javascript"}
             self.tab.route("**/rerun/re_viewer.js", lambda route: route.fulfill(**script))

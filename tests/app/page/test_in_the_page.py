@@ -121,7 +121,7 @@ def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
     for name in ("Why", "Methods", "View", "Record"):
         controls.get_by_role("tab", name=name).click()
         controls.locator("[role=tab][aria-selected=true]", has_text=name).wait_for()
-        for place in (tab.locator("#bar"), controls.locator("body")):
+        for place in (tab.locator("#bar"), tab.locator("#tour"), controls.locator("body")):
             found = place.evaluate(TEXTS)
             found = [each for each in found if not each[0].startswith("WebGL is running in software")]  # viser's
             assert found

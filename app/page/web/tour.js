@@ -1,0 +1,76 @@
+// A short tour on the first start: what the parts of the page are for. It begins by itself once in a browser, and never
+// where the browser could not remember that; later it is at the end of the list of the keys.
+const SEEN = "ispom.tour";
+const STEPS = [
+  ["bar", "Methods", "Each dot is a method that estimates the camera's path. The number beside it is its position error at the exposure shown; point at it for more."],
+  ["axis", "Time", "All exposures of the recording, with each method's key frames; red is lost. Click to go there. Space plays, ← and → step."],
+  ["left", "Why", "The tab Why tells what each method did at this exposure, and which check decided it. Click a line to plot it over time. Look shows single tracks."],
+  ["left", "Try something else", "Change a setting in the tab Methods and press Fork: the run goes on from here as a branch beside the old one. Break stops where a condition holds."],
+  ["viewer", "Views", "Rerun draws paths, images with their tracks, and plots, all at the exposure shown. Drag the border at its left to see a second 3-D scene."],
+  ["help", "Keys", "? lists all keys, and has this tour. ⤓ beside it saves a picture of the page, and its numbers."],
+];
+const GAP = 10;
+const at = (id) => document.getElementById(id);
+
+export function makeTour() {
+  const [card, frame] = [at("tour"), at("tour-frame")];
+  const buttons = { back: at("tour-back"), next: at("tour-next"), skip: at("tour-skip") };
+  let step = 0;
+  const end = () => {
+    card.close();
+    frame.hidden = true;
+  };
+  const show = (wanted) => {
+    if (wanted === STEPS.length) return end();
+    step = wanted;
+    const [target, title, text] = STEPS[step];
+    card.querySelector("b").textContent = title;
+    card.querySelector("p").textContent = text;
+    card.querySelector("span").textContent = `${step + 1} of ${STEPS.length}`;
+    buttons.back.disabled = step === 0;
+    buttons.next.textContent = step === STEPS.length - 1 ? "Done" : "Next";
+    frame.hidden = false;
+    if (!card.open) card.show();
+    place(card, frame, at(target).getBoundingClientRect());
+    buttons.next.focus();
+  };
+  buttons.back.addEventListener("click", () => show(step - 1));
+  buttons.next.addEventListener("click", () => show(step + 1));
+  buttons.skip.addEventListener("click", end);
+  card.addEventListener("keydown", ({ key }) => key === "Escape" && end());
+  addEventListener("resize", () => card.open && show(step));
+  at("tour-again").addEventListener("click", () => {
+    at("keys").close();
+    show(0);
+  });
+  let begun = false;
+  // With the first state that has something to show.
+  return (state) => {
+    if (begun || state.index < 0 || !state.people.may_drive) return;
+    begun = true;
+    if (firstTime()) show(0);
+  };
+}
+
+// Around the part that it is about, and the card below, in the middle, or else beside or in it: never on the controls.
+function place(card, frame, { left, top, right, bottom }) {
+  Object.assign(frame.style, { left: `${left}px`, top: `${top}px`, width: `${right - left}px`, height: `${bottom - top}px` });
+  const { offsetWidth: width, offsetHeight: height } = card;
+  const beside = right + GAP + width < innerWidth ? right + GAP : left - GAP - width;
+  const low = bottom + GAP + height < innerHeight;
+  const x = low ? (left + right - width) / 2 : beside > 0 ? beside : left + GAP;
+  const y = low ? bottom + GAP : top + GAP;
+  card.style.left = `${Math.max(GAP, Math.min(x, innerWidth - width - GAP))}px`;
+  card.style.top = `${Math.max(GAP, Math.min(y, innerHeight - height - GAP))}px`;
+}
+
+// Also notes that it is not any more.
+function firstTime() {
+  try {
+    const first = localStorage.getItem(SEEN) === null;
+    localStorage.setItem(SEEN, "seen");
+    return first;
+  } catch {
+    return false;
+  }
+}
