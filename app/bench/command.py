@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ from ispom.methods import names
 from ..outputs import require_own, write_file
 from .consistency import print_consistency
 from .options import Bench
+from .page.measure import ATTENDANCES, answered, attended, print_answered, print_attended
+from .page.served import Served
 from .plan import CASES, Case, found_below
 from .row import Row
 from .soak import MIN_EXPOSURES, print_soak, scenarios
@@ -34,6 +36,8 @@ ONE_THREAD = dict.fromkeys(
 """For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""
 JSON_HEAD = '"versions": {'
 """How the JSON begins: by this it is known as ours."""
+ATTENDED, MIN_PAGE = 120, 100
+"""Exposures of each run that is looked at, and the fewest of the long one."""
 PACKAGES = ("ispom", "numpy", "scipy", "opencv-python-headless", "numba")
 
 
@@ -47,12 +51,16 @@ def bench(options: Bench) -> int:
         raise InputError(f"--seeds is {options.seeds}, give a value from 2 to 1000")
     if not MIN_EXPOSURES <= options.soak_exposures <= 10_000_000:
         raise InputError(f"--soak-exposures is {options.soak_exposures}, give a value from {MIN_EXPOSURES} to 10000000")
+    if not MIN_PAGE <= options.page_exposures <= 100_000:
+        raise InputError(f"--page-exposures is {options.page_exposures}, give a value from {MIN_PAGE} to 100000")
     if options.json is not None:
         require_own(options.json, JSON_HEAD)
     console = Console(highlight=False, markup=False, soft_wrap=True)
     chosen, report = _chosen(options), _about(options)
     if options.consistency:
         report["consistency"] = _consistency(console, options)
+    elif options.page:
+        report["page"] = _page(console, options)
     elif options.soak:
         report["soak"] = _soak(console, options)
     else:
@@ -107,6 +115,30 @@ def _soak(console: Console, options: Bench) -> list[dict[str, Any]]:
     return found
 
 
+def _page(console: Console, options: Bench) -> dict[str, Any]:
+    kitti, simulated = (next(c for c in CASES if c.key == key) for key in ("kitti-06-two-rate", "sim-tiny"))
+    case = found_below(kitti, options.data) or simulated
+    served = Served(
+        source=case.source,
+        stereo_every=case.stereo_every,
+        video_scale=case.video_scale,
+        exposures=ATTENDED,
+        methods=options.methods,
+        headless=True,
+    )
+    console.print(f"{case.title}, to and fro")
+    rows = []
+    for attendance in ATTENDANCES:
+        with _progress(f"{ATTENDED} exposures, looked at by {attendance.name}"):
+            rows.append(attended(served, attendance))
+    print_attended(console, rows)
+    count = options.page_exposures
+    with _progress(f"{count} exposures, a branch, and moves in both"):
+        found = answered(replace(served, exposures=count, headless=False, branch_at=count * 4 // 5))
+    print_answered(console, found)
+    return {"source": case.key, "attended": rows, "answered": found}
+
+
 def _chosen(options: Bench) -> list[Case]:
     unknown = [key for key in options.sources if key not in {case.key for case in CASES}]
     if unknown:
@@ -158,6 +190,7 @@ def _about(options: Bench) -> dict[str, Any]:
         "blocks": [],
         "consistency": [],
         "soak": [],
+        "page": {},
         "skipped": [],
     }
 
