@@ -41,16 +41,24 @@ class Clock:
     rate_hz: float | None = None
     offset_s: float = 0.0
 
-    def times_ns(self, what: Path, count: int, otherwise_hz: float | None = None) -> tuple[NDArray[np.int64], str]:
+    def times_ns(
+        self,
+        what: Path,
+        count: int,
+        otherwise_hz: float | None = None,
+        otherwise_ns: NDArray[np.int64] | None = None,
+    ) -> tuple[NDArray[np.int64], str]:
         """(N,) [ns] of the `count` images of `what`, and a note about them ("" where they are as given).
 
-        Without times and rate, `otherwise_hz` counts, or else NOMINAL_HZ.
+        Without times and rate, `otherwise_ns` (N,) count, or `otherwise_hz`, or else NOMINAL_HZ.
         """
         if self.times is not None:
             found = increasing_times_ns(self.times, read_rows(self.times, 1))
             if len(found) != count:
                 raise InputError(f"{self.times} has {len(found)} times for {count} images: give one per image")
             return self._moved(found, what), ""
+        if self.rate_hz is None and otherwise_ns is not None:
+            return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
         note = "" if self.rate_hz or otherwise_hz else f"{what} has no times: {NOMINAL_HZ:g} images per second assumed"
         return self._moved(np.rint(np.arange(count) * 1e9 / rate_hz).astype(np.int64), what), note

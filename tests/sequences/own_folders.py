@@ -61,6 +61,20 @@ def write_video(path: Path, stream: Sequence[Image], rate_hz: float = 20, codec:
     return path
 
 
+def write_uneven_video(path: Path, stream: Sequence[Image], ticks: Sequence[int]) -> Path:
+    """A video file whose images follow at multiples (N,) of 50 ms, as phones write them when light changes."""
+    even = write_video(path.with_name(f"even{path.suffix}"), stream)
+    packets = cv2.VideoCapture(str(even), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    codec, (height, width) = cv2.VideoWriter.fourcc(*"MJPG"), stream[0].shape[:2]
+    options = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, codec, 20, (width, height), options)
+    for tick in ticks:
+        writer.set(cv2.VIDEOWRITER_PROP_PTS, tick)
+        writer.write(packets.read()[1])
+    writer.release()
+    return path
+
+
 def make_images(root: Path, frames: int = 6, beside: bool = False) -> Path:
     """A folder of images with camera.yaml in it, or beside it."""
     folder = write_images(root / "shots", images(frames, 0))

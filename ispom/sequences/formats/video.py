@@ -1,6 +1,7 @@
 """A video file (FFmpeg, through OpenCV) with its camera in `NAME.yaml` or `camera.yaml` beside it.
 
-Images follow at the file's own constant rate, unless the camera's file gives `rate_hz` or `times`.
+Each image has the time that the file gives it, be its rate constant or not, unless the camera's file gives `rate_hz` or
+`times`. A file's first image is at 0.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists, read_head
@@ -24,7 +26,8 @@ MAX_COUNT = 100_000_000
 """Of images that a header may claim."""
 MAX_SKIP = 40
 """Up to this many images ahead, reading on is quicker than a jump to the key frame before and decoding from there."""
-
+ROUNDED_NS = 2_500_000
+"""Times that are rounded to milliseconds make intervals of a constant rate differ by up to two."""
 HEADER_ERROR = 4
 """Headers of whole files may claim a few images too many; beyond that, the images are counted by decoding all."""
 
@@ -49,9 +52,13 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
 def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:
     """The images of a video file of this size (width, height)."""
     film = _Film(path, size)
-    times_ns, note = clock.times_ns(path, film.count, film.rate_hz)
+    times_ns, note = clock.times_ns(path, film.count, film.rate_hz, film.stamps_ns)
     if clock.times is None and clock.rate_hz is None and not note:
-        note = f"{path.name}: times follow from the file's own rate, {film.rate_hz:g} images per second"
+        if film.uneven:
+            shortest, longest = np.diff(times_ns).min() * 1e-6, np.diff(times_ns).max() * 1e-6
+            note = f"{path.name}: a variable rate, each image at its own time, {shortest:.0f} to {longest:.0f} ms apart"
+        else:
+            note = f"{path.name}: times follow from the file's own rate, {film.rate_hz:g} images per second"
     return Stream(times_ns, film.read, tuple(text for text in (note, film.note) if text))
 
 
@@ -59,6 +66,23 @@ def _is_container(head: bytes) -> bool:
     """By the first bytes: FFmpeg would take a list of addresses for a video, too, and open them."""
     mp4 = head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
     return mp4 or head.startswith(b"\x1aE\xdf\xa3") or (head.startswith(b"RIFF") and head[8:12] == b"AVI ")
+
+
+def _stamps_ns(path: Path) -> NDArray[np.int64]:
+    """(N,) presentation times [ns] of the packets in a video file, ascending from 0. Decodes nothing."""
+    with silenced():
+        packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+        stamps_ms = []
+        while packets.grab():
+            stamps_ms.append(packets.get(cv2.CAP_PROP_POS_MSEC))
+        packets.release()
+    stamps_ns = np.sort(np.rint(np.array(stamps_ms) * 1e6).astype(np.int64))
+    return stamps_ns - stamps_ns[:1]
+
+
+def _is_uneven(times_ns: NDArray[np.int64]) -> bool:
+    """Whether intervals differ by more than the milliseconds that some formats round times to."""
+    return len(times_ns) > 1 and int(np.ptp(np.diff(times_ns))) > ROUNDED_NS
 
 
 class _Film:
@@ -80,7 +104,14 @@ class _Film:
             raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
         rate_hz = get(cv2.CAP_PROP_FPS)
         self.rate_hz = rate_hz if np.isfinite(rate_hz) and MIN_HZ <= rate_hz <= MAX_HZ else None
-        self.count, self.note = self._counted(int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_COUNT)))
+        stamps_ns = _stamps_ns(path)
+        self.uneven = _is_uneven(stamps_ns)
+        claimed = int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_COUNT))
+        self.count, self.note = self._counted(len(stamps_ns) if self.uneven else claimed)
+        stamps_ns = stamps_ns[: self.count]
+        told = len(stamps_ns) == self.count and bool((np.diff(stamps_ns) > 0).all())
+        self.stamps_ns = stamps_ns if told and self.uneven else None
+        """(N,) [ns] of a variable rate; None where the rate tells the times."""
 
     def read(self, i: int) -> Image:
         """Image i (H, W, 3) RGB, read-only."""
@@ -120,7 +151,10 @@ class _Film:
 
     def _decoded(self, i: int) -> np.ndarray | None:
         """Image i in OpenCV's order of colours, None where there is none."""
-        if not self._next <= i <= self._next + MAX_SKIP:
+        if self.uneven:  # the decoder's jumps take its rate for constant
+            if i < self._next:
+                self._restart()
+        elif not self._next <= i <= self._next + MAX_SKIP:
             self._decoder.set(cv2.CAP_PROP_POS_FRAMES, i)
             self._next = i
             if round(self._decoder.get(cv2.CAP_PROP_POS_FRAMES)) != i:  # a container without an index

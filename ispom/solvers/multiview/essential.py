@@ -24,13 +24,15 @@ def relative_pose(x1: Array, x2: Array, threshold: float) -> RelativePose | None
 
     `threshold` is the inlier distance from the epipolar line in normalised units (pixels / focal length).
     None with fewer than 8 inliers or where no essential matrix is found. Deterministic.
-    Nister 2004 (five-point), Barath et al. 2020 (OpenCV's MAGSAC++).
+    Nister 2004 (five-point), Barath et al. 2020 (OpenCV's MAGSAC++, see `inlier_distances`).
     """
     if len(x1) < 8:
         return None
+    camera = np.diag([1 / threshold, 1 / threshold, 1.0])
     essential, mask = cv2.findEssentialMat(
-        x1, x2, np.eye(3), method=cv2.USAC_MAGSAC, prob=0.9999, threshold=threshold, maxIters=2000
-    )
+        inlier_distances(x1, threshold), inlier_distances(x2, threshold), camera,
+        method=cv2.USAC_MAGSAC, prob=0.9999, threshold=1.0, maxIters=2000,
+    )  # fmt: skip
     if essential is None or essential.shape != (3, 3):
         return None
     count, rotation, translation, front = cv2.recoverPose(
@@ -43,6 +45,15 @@ def relative_pose(x1: Array, x2: Array, threshold: float) -> RelativePose | None
         Pose(np.asarray(rotation, float), np.asarray(translation, float).ravel()), x1[inliers], x2[inliers], threshold
     )
     return RelativePose(pose, inliers)
+
+
+def inlier_distances(x: Array, threshold: float) -> Array:
+    """Normalised coordinates (N, 2) in units of the inlier distance, which OpenCV's MAGSAC++ is given them in.
+
+    It works with limits of its own that are made for pixels: of normalised coordinates, with a threshold of 0.001, it
+    loses most inliers of a homography, and some of an essential matrix.
+    """
+    return x / threshold
 
 
 def sampson_distance(second_from_first: Pose, x1: Array, x2: Array) -> Array:

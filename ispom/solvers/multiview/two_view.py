@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ispom.geometry import Array, Pose
-from ispom.solvers.multiview.essential import relative_pose
+from ispom.solvers.multiview.essential import inlier_distances, relative_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,10 +21,10 @@ class Hypotheses:
     """So many of the poses, the first ones, are the essential matrix's; the others are the homography's."""
 
 
-def hypotheses(x1: Array, x2: Array, threshold: float, planar_from: float = 0.7) -> Hypotheses:
-    """From normalised coordinates (N, 2) in two views; the homography's poses only from `planar_from` on.
+def hypotheses(x1: Array, x2: Array, threshold: float) -> Hypotheses:
+    """From normalised coordinates (N, 2) in two views.
 
-    Of its four decompositions (Malis & Vargas 2007) those stay that leave most points in front of the plane.
+    Of the homography's four decompositions (Malis & Vargas 2007) those stay that have most points before the plane.
     `threshold` is the inlier distance in normalised units. No pose with fewer than 8 points. Deterministic.
     """
     if len(x1) < 8:
@@ -32,13 +32,15 @@ def hypotheses(x1: Array, x2: Array, threshold: float, planar_from: float = 0.7)
     general = relative_pose(x1, x2, threshold)
     poses = [] if general is None else [general.second_from_first]
     essential = len(poses)
-    homography, mask = cv2.findHomography(x1, x2, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.999)
+    scaled1, scaled2 = inlier_distances(x1, threshold), inlier_distances(x2, threshold)
+    homography, mask = cv2.findHomography(scaled1, scaled2, cv2.USAC_MAGSAC, 1.0, maxIters=2000, confidence=0.999)
     if homography is None or mask is None:
-        return Hypotheses(tuple(poses), 0.0, len(poses))
+        return Hypotheses(tuple(poses), 0.0, essential)
     planar = mask.ravel() > 0
     share = float(planar.sum() / max(1, 0 if general is None else general.inliers.sum()))
-    if share >= planar_from and planar.sum() >= 8:
-        poses += _decomposed(np.asarray(homography, float), x1[planar])
+    if planar.sum() >= 8:
+        scale = np.diag([threshold, threshold, 1.0])
+        poses += _decomposed(scale @ np.asarray(homography, float) @ np.linalg.inv(scale), x1[planar])
     return Hypotheses(tuple(poses), min(share, 2.0), essential)
 
 

@@ -16,7 +16,15 @@ from ispom.sequences import open_sequence
 from ispom.types import VideoFrame
 from tests.sequences import own_folders
 from tests.sequences.folders import images
-from tests.sequences.own_folders import make_described, make_images, make_video, write_images, write_video
+from tests.sequences.own_folders import (
+    CAMERA,
+    make_described,
+    make_images,
+    make_video,
+    write_images,
+    write_uneven_video,
+    write_video,
+)
 
 
 def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
@@ -51,6 +59,22 @@ def test_a_jump_in_a_video_gives_the_image_that_reading_on_gives(name: str, code
         jumped, read = sequence[i], in_order[i]
         assert isinstance(jumped, VideoFrame) and isinstance(read, VideoFrame)
         np.testing.assert_array_equal(jumped.image, read.image)
+
+
+@pytest.mark.parametrize("name", ["a.mkv", "a.mov"])
+def test_a_video_of_a_variable_rate_keeps_each_images_own_time(name: str, tmp_path: Path) -> None:
+    ticks = [*range(20), *range(28, 60), *range(61, 79, 2)]  # eight images missing, then half the rate
+    stream = images(len(ticks), 0)
+    path = write_uneven_video(tmp_path / name, stream, ticks)
+    path.with_suffix(".yaml").write_text(CAMERA.replace("rate_hz: 20\n", ""))
+    sequence = open_sequence(str(path))
+    assert sequence.times_ns.tolist() == [50_000_000 * tick for tick in ticks]
+    assert "a variable rate" in sequence.notes[0] and "50 to 450 ms" in sequence.notes[0]
+    for i in (len(ticks) - 1, 3, 40, 21):
+        exposure = sequence[i]
+        assert isinstance(exposure, VideoFrame)
+        seen = exposure.image.astype(int).mean(2)
+        assert min(range(len(ticks)), key=lambda k: np.abs(seen - stream[k]).mean()) == i
 
 
 def test_a_cut_video_gives_what_can_be_decoded(tmp_path: Path) -> None:

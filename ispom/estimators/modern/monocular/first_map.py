@@ -25,9 +25,6 @@ from ispom.types import Decision
 
 MIN_SHARE = 0.3
 """Of the points in two views, those of the still scene: fewer make no map."""
-PLANAR = 0.2
-"""Share of its points on one plane from which a scene is tried as a plane, too: a plane in view that holds a fifth of
-the points gives poses that fit those well, and only the adjustment tells which is right."""
 MOSTLY_PLANAR = 0.7
 """Share of points that a plane explains, from which the report calls the scene planar; it steers nothing."""
 MIN_EXPLAINED = 0.5
@@ -61,7 +58,7 @@ def first_map(
     """The best of the hypotheses, if it is clearly the best over all frames since the reference."""
     reference = start.frames[0]
     ids = np.intersect1d(reference.ids, last.ids, assume_unique=True)
-    found = hypotheses(reference.at(ids), last.at(ids), TWO_VIEW * sigma, planar_from=PLANAR)
+    found = hypotheses(reference.at(ids), last.at(ids), TWO_VIEW * sigma)
     planar = checks.PLANE_SHARE.of(found.planar_share, MOSTLY_PLANAR)
     trials = [_trial(start, last, ids, pose, sigma) for pose in found.second_from_first]
     good = sorted((t for t in trials if t is not None), key=lambda t: t.costs.sum())
@@ -69,16 +66,25 @@ def first_map(
         return None, (planar, checks.MAPS.of(0, 1))
     model = _model(trials[: found.essential], trials[found.essential :])
     best = good[0].map
-    ratio = min((_relative_cost(t, good[0]) for t in good[1:] if not _same(best, t.map)), default=np.inf)
-    clear = checks.AMBIGUITY.of(min(ratio, NO_RIVAL), CLEARLY_BETTER, "" if np.isfinite(ratio) else "no second one")
+    clear = _clear(good, tried=len(trials))
     share = float((good[0].costs < OUTLIER_COST).mean())
     most = checks.EXPLAINED_SHARE.of(share, MIN_EXPLAINED)
-    if not (clear.passed and most.passed):
-        if not impatient:
-            return None, (planar, model, clear, most)
+    if not clear.passed and impatient:
         clear = replace(clear, passed=True, consequence="taken all the same: more parallax will not tell")
+    if not (clear.passed and most.passed):
+        return None, (planar, model, clear, most)
     best, unit = _in_old_unit(best, start)
     return _filled(best, start, sigma), (planar, model, clear, *unit)
+
+
+def _clear(good: list[Trial], tried: int) -> Decision:
+    """Whether the first one is clearly the best, of so many hypotheses tried; one that has no rival never is."""
+    if tried == 1:
+        return checks.AMBIGUITY.of(1.0, CLEARLY_BETTER, "no second one to compare it with")
+    others = [t for t in good[1:] if not _same(good[0].map, t.map)]
+    if not others:
+        return checks.AMBIGUITY.of(NO_RIVAL, CLEARLY_BETTER, "all that give a map lead to the same one")
+    return checks.AMBIGUITY.of(min(NO_RIVAL, *(_relative_cost(t, good[0]) for t in others)), CLEARLY_BETTER)
 
 
 def _model(by_essential: list[Trial | None], by_homography: list[Trial | None]) -> Decision:

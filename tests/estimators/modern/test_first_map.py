@@ -1,0 +1,61 @@
+"""What makes a monocular map, and what must not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.monocular import first_map as module
+from ispom.estimators.modern.monocular.first_map import first_map
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.start import Start
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.geometry import Array, Pose
+from ispom.solvers.multiview.two_view import Hypotheses
+from ispom.types import Decision
+
+SIGMA = 1e-3
+COUNT = 200
+
+
+def flown(still: int) -> tuple[Start, TrackedFrame]:
+    """Frames of a sideways flight over a deep scene, with so many points still; the others go their own ways."""
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 7), (COUNT, 3))
+    ways = rng.uniform(-0.25, 0.25, (COUNT, 3))
+    ways[:still] = 0
+    frames = [
+        TrackedFrame(i * 100_000_000, np.arange(COUNT), seen(xyz + i * ways, 0.1 * i) + rng.normal(0, 2e-4, (COUNT, 2)))
+        for i in range(8)
+    ]
+    start = Start((frames[0], *frames[1:]))
+    return start, frames[-1]
+
+
+def seen(xyz: Array, along: float) -> Array:
+    p = xyz - (along, 0.02 * along, 0)
+    return p[:, :2] / p[:, 2:]
+
+
+def tried(still: int, impatient: bool) -> tuple[Map | None, dict[str, Decision]]:
+    start, last = flown(still)
+    found, decisions = first_map(start, last, SIGMA, impatient)
+    return found, {d.key: d for d in decisions}
+
+
+def test_a_still_scene_makes_a_map() -> None:
+    found, decisions = tried(still=COUNT, impatient=False)
+    assert found is not None and decisions["ambiguity"].passed
+
+
+@pytest.mark.parametrize("impatient", [False, True])
+def test_no_patience_makes_a_map_of_what_a_third_of_the_points_say(impatient: bool) -> None:
+    found, decisions = tried(still=80, impatient=impatient)
+    assert found is None and not decisions["explained_share"].passed
+
+
+def test_a_lone_hypothesis_is_never_clear(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = Hypotheses((Pose(np.eye(3), np.array([-1.0, -0.02, 0.0])),), 0.0, 1)
+    monkeypatch.setattr(module, "hypotheses", lambda *_: alone)
+    found, decisions = tried(still=COUNT, impatient=False)
+    assert found is None and not decisions["ambiguity"].passed

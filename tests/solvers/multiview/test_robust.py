@@ -1,0 +1,59 @@
+"""OpenCV's robust solvers at the units that they are used with: of planes and of depth, with noise and outliers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.geometry import Array, Pose
+from ispom.solvers.multiview.essential import relative_pose, sampson_distance
+from ispom.solvers.multiview.resection import resect
+from ispom.solvers.multiview.two_view import hypotheses
+
+PIXEL = 1 / 500
+NOISE, THRESHOLD = 0.34 * PIXEL, 1.0 * PIXEL
+TRUTH = Pose.from_rotvec(np.array([0.02, -0.03, 0.05]), np.array([0.3, 0.06, 0.04]))
+SIZES = (50, 75, 150, 300, 500)
+
+
+def two_views(count: int, planar: bool, outliers: float, seed: int) -> tuple[Array, Array, Array]:
+    """Points (N, 3) in the first camera, and where both cameras see them; the first ones of the second are wrong."""
+    rng = np.random.default_rng(seed)
+    x1 = rng.uniform(-0.6, 0.6, (count, 2))
+    depth = 2 / (1 + 0.3 * x1[:, 0] + 0.2 * x1[:, 1]) if planar else rng.uniform(1.5, 6, count)
+    xyz = np.column_stack([x1, np.ones(count)]) * depth[:, None]
+    q = TRUTH.apply(xyz)
+    x2 = q[:, :2] / q[:, 2:] + rng.normal(0, NOISE, (count, 2))
+    wrong = int(outliers * count)
+    x2[:wrong] = rng.uniform(-0.6, 0.6, (wrong, 2))
+    return xyz, x1 + rng.normal(0, NOISE, (count, 2)), x2
+
+
+@pytest.mark.parametrize("count", SIZES)
+def test_the_essential_matrix_keeps_the_inliers_of_a_deep_scene(count: int) -> None:
+    for seed in range(5):
+        _, x1, x2 = two_views(count, planar=False, outliers=0.2, seed=seed)
+        found = relative_pose(x1, x2, THRESHOLD)
+        true = np.abs(sampson_distance(TRUTH, x1, x2)) < THRESHOLD
+        assert found is not None and (found.inliers & true).sum() >= 0.95 * true[count // 5 :].sum()
+
+
+@pytest.mark.parametrize("count", SIZES)
+def test_the_homography_keeps_the_inliers_of_a_plane(count: int) -> None:
+    for seed in range(5):
+        _, x1, x2 = two_views(count, planar=True, outliers=0.1, seed=seed)
+        found = hypotheses(x1, x2, THRESHOLD)
+        assert found.planar_share > 0.85
+        poses = found.second_from_first[found.essential :]
+        assert min(np.linalg.norm((p @ TRUTH.inverse()).rotvec) for p in poses) < 0.02
+
+
+@pytest.mark.parametrize("planar", [False, True])
+@pytest.mark.parametrize("outliers", [0.2, 0.7])
+@pytest.mark.parametrize("count", SIZES)
+def test_resection_keeps_the_inliers_of_a_scene(count: int, outliers: float, planar: bool) -> None:
+    for seed in range(5):
+        xyz, _, x2 = two_views(count, planar, outliers, seed)
+        found = resect(xyz, x2, 2 * THRESHOLD)
+        assert found is not None and found.inliers.sum() >= 0.95 * (1 - outliers) * count
+        assert np.linalg.norm((found.camera_from_world @ TRUTH.inverse()).rotvec) < 0.01
