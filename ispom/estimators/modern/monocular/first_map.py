@@ -65,7 +65,6 @@ def first_map(
     if not good:
         return None, (planar, checks.MAPS.of(0, 1))
     model = _model(trials[: found.essential], trials[found.essential :])
-    best = good[0].map
     clear = _clear(good, tried=len(trials))
     share = float((good[0].costs < OUTLIER_COST).mean())
     most = checks.EXPLAINED_SHARE.of(share, MIN_EXPLAINED)
@@ -73,8 +72,17 @@ def first_map(
         clear = replace(clear, passed=True, consequence="taken all the same: more parallax will not tell")
     if not (clear.passed and most.passed):
         return None, (planar, model, clear, most)
-    best, unit = _in_old_unit(best, start)
+    best, unit = _in_old_unit(_chosen(trials, good[0]).map, start)
     return _filled(best, start, sigma), (planar, model, clear, *unit)
+
+
+def _chosen(trials: list[Trial | None], best: Trial) -> Trial:
+    """Of the trials that are one solution with the best, and not clearly worse, the first.
+
+    That is the essential matrix's, where there is one: it took no plane for granted to choose its points.
+    """
+    alike = (t for t in trials if t is not None and _same(best.map, t.map))
+    return next((t for t in alike if _relative_cost(t, best) < CLEARLY_BETTER), best)
 
 
 def _clear(good: list[Trial], tried: int) -> Decision:
