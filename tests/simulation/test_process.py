@@ -38,6 +38,15 @@ def test_one_that_was_killed_is_replaced(process: RenderProcess) -> None:
     assert process.start() is process.start() is not first
 
 
+def test_one_that_is_asked_for_nothing_gives_its_memory_back_and_comes_again() -> None:
+    process = RenderProcess(idle_s=1.0)
+    first = process.start()
+    assert first.wait(60) and first.succeeded
+    assert process.render(0, False, 0.1, 0, "video", 1).shape == (48, 64, 3)
+    assert process.start() is not first
+    process.stop()
+
+
 def test_what_it_cannot_render_is_an_error_and_it_goes_on(process: RenderProcess) -> None:
     with pytest.raises(RuntimeError, match="rendering failed"):
         process.render(0, False, 0.1, 0, "infrared", 1)  # type: ignore[arg-type]
