@@ -13,4 +13,15 @@ LAYERS = {
     "trails": "trails of tracks",
     "disparity": "disparity",
 }
+HINTS = {
+    "truth": "The ground truth of the whole recording, and the rig where it truly is at the exposure shown.",
+    "beside": "Trajectories given by --beside, up to the exposure shown.",
+    "cameras": "Where each method has the camera at the exposure shown, as the outline of what it sees.",
+    "uncertainty": "Where the camera is with a probability of 95 %, after the method's own covariance.",
+    "key_frames": "The outlines of the cameras at the key frames.",
+    "clouds": "The points that each method triangulated, tinted in its colour.",
+    "tracks": "The tracks of the exposure on its image, coloured as chosen under Look.",
+    "trails": "Where the tracks were in the exposures before [px].",
+    "disparity": "From each point of the left image to its place in the right one [px].",
+}
 IMAGE_LAYERS = ("tracks", "trails", "disparity")

@@ -51,10 +51,23 @@ class ConfigForm:
 
 def label_of(name: str) -> str:
     """`min_parallax_px` -> "min parallax [px]"."""
-    words = name.split("_")
-    if len(words) > 1 and words[-1] in UNITS:
-        return f"{' '.join(words[:-1])} [{UNITS[words[-1]]}]"
-    return " ".join(words)
+    if unit := unit_of(name):
+        return f"{' '.join(name.split('_')[:-1])} [{unit}]"
+    return " ".join(name.split("_"))
+
+
+def unit_of(name: str) -> str:
+    """Of a field's numbers, as its name ends; empty for counts and ratios."""
+    _, _, last = name.rpartition("_")
+    return UNITS.get(last, "") if last != name else ""
+
+
+def hint_of(setting: Setting) -> str:
+    """What it is, and from where to where it goes, with the unit."""
+    unit, limits, text = unit_of(setting.name), setting.range, " ".join(setting.help.split())
+    if limits is not None:
+        return f"{text} ({limits.low:g} to {limits.high:g}{' ' if unit else ''}{unit})"
+    return f"{text} [{unit}]" if unit else text
 
 
 def _inner(kind: Any) -> Any:
@@ -71,7 +84,7 @@ def _shown(value: Any, kind: Any) -> Any:
 
 
 def _input(gui: viser.GuiApi, setting: Setting, value: Any) -> Any:
-    label, hint, limits = label_of(setting.name), " ".join(setting.help.split()) or None, setting.range
+    label, hint, limits = label_of(setting.name), hint_of(setting), setting.range
     kind, value = _inner(setting.type), _shown(value, setting.type)
     if get_origin(kind) is Literal:
         return gui.add_dropdown(label, get_args(kind), initial_value=value, hint=hint)

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from ..session.session import Session
 
 NAME = "Look"
+PANEL_HINT = (
+    "What stands below: the selected track, a table of all, their lifetimes, key frames by shared tracks, residuals "
+    "[px], or the geometry of the latest triple and pair."
+)
 PLAYING_S = 1.0
 """Between two pictures while the run goes on."""
 CAMERAS = {"video": "video", "left": "left image"}
@@ -41,7 +45,7 @@ class LookTab:
         self._colour_by = gui.add_dropdown("colour by", COLOURINGS, initial_value="state", hint=hint)
         self._colour_by.on_update(lambda _: self._post(do.ColourBy(self._colour_by.value)))
         self._picture = gui.add_html(EMPTY)
-        self._panel = gui.add_dropdown("show", get_args(Look), initial_value="track")
+        self._panel = gui.add_dropdown("show", get_args(Look), initial_value="track", hint=PANEL_HINT)
         self._panel.on_update(lambda _: self._post(do.LookAt(panel=self._panel.value)))
         self._text = gui.add_html("")
         self._drawn: tuple[Any, ...] = ()

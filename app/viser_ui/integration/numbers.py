@@ -32,6 +32,18 @@ SPLINE = (
     ("Adjusted", "The spline adjusted to what both cameras saw, each at its own time; grey: as it began."),
 )
 
+SEGMENT_HEAD = (
+    ("after the step", "what the step has done to the monocular trajectory"),
+    ("end off by", "distance of the segment's end from the second stereo pose [mm, m]"),
+    ("direction", "angle between the directions from the first stereo pose to both ends [degrees]"),
+    ("orientation", "angle between both orientations at the segment's end [degrees]"),
+)
+SPLINE_HEAD = (
+    ("median residual [sigma]", "of the reprojections, in standard deviations of the tracks' noise"),
+    ("before", "with the spline as it began"),
+    ("after", "with the adjusted spline"),
+)
+
 
 def table(step: Step, stage: int) -> dict[str, Any]:
     """Of the fit: title and explanation of the stage, the rows of its table, and facts."""
@@ -57,7 +69,7 @@ def _segment(fit: SegmentFit, stage: int) -> dict[str, Any]:
     return {
         "title": f"{at + 1} of {len(found)}: {title}",
         "help": help_text,
-        "head": ("after the step", "end off by", "direction", "orientation"),
+        "head": SEGMENT_HEAD,
         "rows": [(SEGMENT[s.kind][0], i == at, _off(s)) for i, s in enumerate(found)],
         "facts": facts,
     }
@@ -87,7 +99,7 @@ def _spline(fit: SplineFit, stage: int) -> dict[str, Any]:
     return {
         "title": f"{at + 1} of {len(SPLINE)}: {title}",
         "help": help_text,
-        "head": ("median residual [sigma]", "before", "after"),
+        "head": SPLINE_HEAD,
         "rows": rows,
         "facts": facts,
     }

@@ -27,7 +27,9 @@ class BookmarksPanel:
             self._put = gui.add_button("Bookmark this exposure", icon=viser.Icon.BOOKMARK, hint=HINT)
             self._put.on_click(lambda _: session.post(do.PutBookmark(self._note.value or None)))
             self._choice = gui.add_dropdown("bookmark", NONE, hint="The bookmark that the buttons below are about.")
-            self._buttons = gui.add_button_group("", (GO, REMOVE))
+            self._buttons = gui.add_button_group(
+                "", (GO, REMOVE), hint="Go to: shows its exposure. Remove: forgets it."
+            )
             self._buttons.on_click(self._clicked)
 
     @property

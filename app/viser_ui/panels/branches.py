@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
 COMMANDS = {SHOW: do.ShowBranch, COMPARE: do.CompareBranch, DELETE: do.DeleteBranch}
-
-
-HINT = "Compare: looks for the first differences between the branch that is shown and this one."
+HINT = (
+    "Show: this branch in all views. Compare: the first differences between the branch that is shown and this one. "
+    "Delete: forgets it."
+)
 
 
 class BranchesPanel:
@@ -38,7 +39,7 @@ class BranchesPanel:
         self._drawn = gui.add_checkbox("drawn", True, hint="Draw its trajectories while another branch is shown.")
         self._drawn.on_update(self._drawn_changed)
         self._name = gui.add_text("name", "", hint=f"Up to {NAME_LENGTH} characters.")
-        self._rename = gui.add_button("Rename", icon=viser.Icon.PENCIL)
+        self._rename = gui.add_button("Rename", icon=viser.Icon.PENCIL, hint="Gives the branch the name above.")
         self._rename.on_click(lambda _: self._post(lambda branch: do.RenameBranch(branch.number, self._name.value)))
 
     @property

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from ...session.session import Session
 
 PREVIOUS, UNTIL, NEXT = "◀ Match", "Run until", "Match ▶"
+HINT = (
+    "Run until: runs on, as fast as possible, to the next exposure where the condition holds. Match: the previous or "
+    "next one of those that are computed."
+)
 MOST_NAMES = 12
 """Of the names that fit what is being written, so many are listed."""
 EXAMPLE = 'stereo.status == "lost" or monocular.inliers < 30'
@@ -33,7 +37,7 @@ class BreakPointPanel:
         self._session, self._state = session, session.state
         self._condition = gui.add_text("condition", "", hint="Stops the run where it holds.")
         self._condition.on_update(lambda _: self._refresh())
-        self._buttons = gui.add_button_group("", (PREVIOUS, UNTIL, NEXT))
+        self._buttons = gui.add_button_group("", (PREVIOUS, UNTIL, NEXT), hint=HINT)
         self._buttons.on_click(self._clicked)
         hint = "The next exposure at which a method becomes lost or starts a new world."
         self._anomaly = gui.add_button("Run to the next anomaly", icon=viser.Icon.ALERT_TRIANGLE, hint=hint)

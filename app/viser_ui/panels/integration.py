@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 OFF: tuple[str, ...] = ("off",)
 PREVIOUS, NEXT, LOOK = "◀ Previous step", "Next step ▶", "Look at it"
+STEP_HINT = (
+    "The step before or after, in the 3-D view at the right of this pane; Look at it turns that view to the fit."
+)
 VIEWED_FROM = np.array([-0.5, -0.9, -1.0])
 """The camera's place, relative to what it looks at, in sizes of that."""
 
@@ -39,7 +42,7 @@ class IntegrationPanel:
             hint = "How the latest fit up to the exposure shown came about, in the 3-D view beside."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
-            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT, LOOK), visible=False)
+            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT, LOOK), visible=False, hint=STEP_HINT)
             self._buttons.on_click(self._clicked)
             self._text = gui.add_html("", visible=False)
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 APPLIED = "Apply restarts the run from the first exposure; Fork runs on from the one after that shown."
 PENDING = f"**Changed, not applied yet.** {APPLIED}"
 FORK = "Fork"
+APPLY_HINT = "Starts the run again from the first exposure with these methods and settings; its branches are left."
+RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
 
 
 class MethodsPanel:
@@ -31,12 +33,13 @@ class MethodsPanel:
         self._folders: dict[str, viser.GuiFolderHandle] = {}
         self._forms: dict[str, ConfigForm] = {}
         self._text = gui.add_markdown(APPLIED)
-        self._apply = gui.add_button("Apply and restart", icon=viser.Icon.REFRESH)
+        self._apply = gui.add_button("Apply and restart", icon=viser.Icon.REFRESH, hint=APPLY_HINT)
         self._apply.on_click(lambda _: session.post(do.Restart(self._chosen, self._config)))
         hint = "Keeps this run, and runs on from the exposure shown with these methods and settings, as a branch."
         self._fork = gui.add_button(FORK, icon=viser.Icon.GIT_FORK, hint=hint, disabled=True)
         self._fork.on_click(lambda _: session.post(do.Fork(self._chosen, self._config)))
-        gui.add_button("Restore defaults", icon=viser.Icon.RESTORE, color="gray").on_click(self._defaults)
+        restore = gui.add_button("Restore defaults", icon=viser.Icon.RESTORE, color="gray", hint=RESTORE_HINT)
+        restore.on_click(self._defaults)
         for name in names():
             self._folders[name] = gui.add_folder(f"{colours.label(name)} settings", expand_by_default=False)
             with self._folders[name]:

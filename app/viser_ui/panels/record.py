@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 START, STOP = "Record", "Stop recording"
 NONE: tuple[str, ...] = ("none yet",)
+RECORD = "Writes the run, from its first exposure on, into a file of the folder recordings; again: closes the file."
 REVIEW = "Shows it in this page as it was; nothing is computed. The run that is shown now is left."
 VIEWER = ".".join(version("rerun-sdk").split(".")[:2])
 
@@ -28,7 +29,7 @@ class RecordPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session = session
         self._name = gui.add_text("name", "", hint="File name without folders; leave empty to generate one.")
-        self._button = gui.add_button(START, icon=viser.Icon.PLAYER_RECORD, color="red")
+        self._button = gui.add_button(START, icon=viser.Icon.PLAYER_RECORD, color="red", hint=RECORD)
         self._button.on_click(self._clicked)
         self._repair = gui.add_button(
             "Repair unfinished recordings",

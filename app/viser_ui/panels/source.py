@@ -31,7 +31,8 @@ class SourcePanel:
         self._state: State | None = None
         with gui.add_folder("Source", expand_by_default=False):
             self._source = gui.add_text("source", session.state.source, hint=HINT)
-            gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN).on_click(self._open)
+            hint = "Opens the source with the options below; the run that is shown, and its branches, are left."
+            gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, hint=hint).on_click(self._open)
             self._recent = gui.add_dropdown("recent", NOTHING, initial_value=NONE, hint=RECENT)
             self._recent.on_update(lambda _: self._choose(self._recent.value))
             self._browse = gui.add_dropdown("folders", NOTHING, initial_value=NONE, hint=FOLDERS)

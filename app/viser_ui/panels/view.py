@@ -10,7 +10,7 @@ from ispom.methods import names
 from ispom.types import TrackStatus
 
 from ... import colours
-from ...rerun_log.layers import LAYERS
+from ...rerun_log.layers import HINTS, LAYERS
 from ...session import commands as do
 from ...session.state import State
 from ..markup import render
@@ -18,14 +18,16 @@ from ..markup import render
 if TYPE_CHECKING:
     from ...session.session import Session
 
+METHOD_HINT = "Draws what the method made: path, camera, key frames, points."
+
 
 class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._showing, self._seen = session, False, session.state.hidden
         self._asked: set[frozenset[str]] = set()
         """What was asked for here, and is not shown yet."""
-        self._boxes = {method: gui.add_checkbox(colours.label(method), True) for method in names()}
-        self._boxes |= {name: gui.add_checkbox(label, True) for name, label in LAYERS.items()}
+        self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT) for m in names()}
+        self._boxes |= {name: gui.add_checkbox(label, True, hint=HINTS[name]) for name, label in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: self._clicked())
         gui.add_html(legend())
