@@ -12,24 +12,26 @@ from ..run.history.quantities import DROPPED, STEP_QUANTITIES, Value, finite, st
 from ..run.history.record import ExposureRecord
 from .compare import ORIENTATION, Compared, MethodRow
 
-FATES = ("tracks_digest", "alive", "new", *DROPPED)
+FOLLOWED = "tracks_digest"
+FATES = ("fates_digest", *DROPPED, "new", "alive")
+"""What became of tracks, and new ones: much of it follows from checks, such as that of a key frame."""
 RESULTS = tuple(q.key for q in STEP_QUANTITIES if q.key not in (*FATES, "seconds"))
 """What follows from tracks and checks; wall times never count."""
-FROM_POINTS = frozenset({*FATES, "inliers", "residual_median_px", "landmarks", "landmarks_digest"})
+FROM_POINTS = frozenset({FOLLOWED, *FATES, "inliers", "residual_median_px", "landmarks", "landmarks_digest"})
 """What cannot be told of a record without its tracks, landmarks and residuals."""
-AT_LAST = tuple(key for key in DIGESTS if key not in FATES)
+AT_LAST = tuple(key for key in DIGESTS if key not in (FOLLOWED, *FATES))
 
 
 def in_order(
     said: Mapping[str, Value], checks: Iterable[Decision], pose: tuple[float, ...] | None
 ) -> Mapping[str, Compared]:
     """`said` by key of STEP_QUANTITIES and DIGESTS; the pose as (x, y, z, qx, qy, qz, qw)."""
-    found: dict[str, Compared] = {key: said[key] for key in FATES}
+    found: dict[str, Compared] = {FOLLOWED: said[FOLLOWED]}
     for d in checks:
         name = ".".join(filter(None, (d.key, d.about)))
         found |= {name: finite(d.value), f"{name}.threshold": finite(d.threshold)}
         found |= {f"{name}.passed": bool(d.passed), f"{name}.consequence": d.consequence}
-    found |= {key: said[key] for key in RESULTS}
+    found |= {key: said[key] for key in (*FATES, *RESULTS)}
     if pose is not None:
         found |= {"position": pose[:3], ORIENTATION: pose[3:]}
     return found | {key: said[key] for key in AT_LAST}

@@ -7,7 +7,7 @@ from hashlib import blake2b
 
 import numpy as np
 
-from ispom.types import Step
+from ispom.types import Step, Tracks, TrackStatus
 
 
 def digest(*arrays: np.ndarray) -> str:
@@ -20,10 +20,23 @@ def digest(*arrays: np.ndarray) -> str:
     return found.hexdigest()
 
 
-def _tracks(step: Step) -> str:
-    """Which tracks there are, where, and what became of them; not the residuals, which follow from the pose."""
-    arrays = [(np.frombuffer(name.encode(), np.uint8), t.ids, t.uv, t.status) for name, t in step.tracks.items()]
-    return digest(*(array for group in arrays for array in group)) if arrays else ""
+def _followed(step: Step) -> str:
+    """Where the tracks are that there were before; not the residuals, which follow from the pose."""
+    return _of_tracks(step, lambda t: (t.ids[_old(t)], t.uv[_old(t)]))
+
+
+def _fates(step: Step) -> str:
+    """What became of the tracks, and which begin here: much of it follows from checks."""
+    return _of_tracks(step, lambda t: (t.status, t.ids[~_old(t)], t.uv[~_old(t)]))
+
+
+def _old(tracks: Tracks) -> np.ndarray:
+    return tracks.status != TrackStatus.NEW
+
+
+def _of_tracks(step: Step, told: Callable[[Tracks], tuple[np.ndarray, ...]]) -> str:
+    groups = ((np.frombuffer(name.encode(), np.uint8), *told(tracks)) for name, tracks in step.tracks.items())
+    return digest(*(array for group in groups for array in group)) if step.tracks else ""
 
 
 def _landmarks(step: Step) -> str:
@@ -41,7 +54,8 @@ def _covariance(step: Step) -> str:
 
 
 DIGESTS: dict[str, Callable[[Step], str]] = {
-    "tracks_digest": _tracks,
+    "tracks_digest": _followed,
+    "fates_digest": _fates,
     "covariance_digest": _covariance,
     "landmarks_digest": _landmarks,
     "revised_digest": _revised,

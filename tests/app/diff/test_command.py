@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from ispom_app.bench.rounds import FRAME_NS, SCENARIOS, world_from_rig
 from ispom_app.cli import main
-from ispom_app.run.folder.run_folder import MARKER
+from ispom_app.run.folder.run_folder import DECISIONS, MARKER
 
 from ispom.sequences import open_sequence
-from ispom.types import VideoFrame
+from ispom.types import Trajectory, VideoFrame
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
+from tests.sequences.own_folders import write_sequence
 
 EXPOSURES = 24
 
@@ -91,6 +95,24 @@ def test_a_threshold_that_is_a_millionth_off_is_named(
     assert text[2] == "  monocular.paper.parallax.threshold: 0.5 | 0.500001, apart by 1e-06"
 
 
+def test_a_threshold_that_decides_otherwise_is_followed_to_the_exposure_where_it_does(
+    run: Runner, first: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A millionth apart, on both sides of what was measured at one exposure."""
+    with (first / DECISIONS).open(newline="") as file:
+        checks = [row for row in csv.DictReader(file) if row["key"] == "parallax" and row["passed"] == "1"]
+    exposure, measured = int(checks[1]["exposure"]), float(checks[1]["value"])
+    below, above = (run(f"--monocular.paper.min-parallax-deg={measured + sign * 5e-7!r}") for sign in (-1, 1))
+    told = json.loads(compared(capsys, 1, below, above, "--json"))
+    assert told["first"][0]["differences"][0]["name"] == "monocular.paper.parallax.threshold"
+    assert told["first"][1]["exposure"] == exposure
+    decided = {difference["name"]: difference for difference in told["first"][1]["differences"]}
+    assert decided["monocular.paper.parallax.passed"]["a"] and not decided["monocular.paper.parallax.passed"]["b"]
+    told = json.loads(compared(capsys, 1, below, above, "--json", "--tolerance", "1e-5"))
+    (found, *_) = told["first"]
+    assert (found["exposure"], found["differences"][0]["name"]) == (exposure, "monocular.paper.parallax.passed")
+
+
 def test_a_difference_within_the_tolerance_does_not_count(
     run: Runner, first: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -110,6 +132,23 @@ def test_one_pixel_of_one_image_is_found(
     told = json.loads(compared(capsys, 1, first, run(source=changed), "--json"))
     assert told["first"][0]["exposure"] == 7 and told["first"][0]["differences"][0]["name"].endswith("tracks_digest")
     assert "images_sha256" in {setting["name"] for setting in told["settings"]}
+
+
+def test_one_pixel_of_a_right_image_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = next(s for s in SCENARIOS if len(s.kinds) == 2).sequence(22)
+    times = np.unique(made.times_ns).tolist()
+    truth = Trajectory.of([(t, world_from_rig(t // FRAME_NS)) for t in times])
+    flight = write_sequence(tmp_path / "flight", replace(made, truth=truth))
+    outs = [tmp_path / "a", tmp_path / "b"]
+    for out in outs:
+        assert main(["run", str(flight), "--methods", "stereo", "--no-recording", "--out", str(out)]) == 0
+        right = cv2.imread(str(flight / "right" / "2.png"), cv2.IMREAD_UNCHANGED)
+        row, column = corner(right)
+        right[row, column] = 255 - right[row, column]
+        cv2.imwrite(str(flight / "right" / "2.png"), right)
+    told = json.loads(compared(capsys, 1, *outs, "--json"))
+    third = [i for i, kind in enumerate(made.kinds) if kind == "stereo"][2]
+    assert told["first"][0]["exposure"] == third and told["first"][0]["differences"]
 
 
 def corner(image: np.ndarray) -> tuple[int, int]:
