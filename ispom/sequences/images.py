@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,6 +26,8 @@ FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "PPM", "WEBP")
 MAX_BYTES = 8 * MAX_PIXELS
 _PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+SAMPLES = 8
+"""Images of a folder that tell the range of all."""
 _TAIL = 4096
 """Some cameras write this much behind the end of a JPEG."""
 
@@ -40,10 +45,17 @@ def read_image(path: Path, size: tuple[int, int] | None = None) -> Image:
     return _read(path, size, cv2.IMREAD_ANYCOLOR)
 
 
-def decode(content: bytes, where: str, size: tuple[int, int] | None = None, flag: int = cv2.IMREAD_ANYCOLOR) -> Image:
+def decode(
+    content: bytes,
+    where: str,
+    size: tuple[int, int] | None = None,
+    flag: int = cv2.IMREAD_ANYCOLOR,
+    white: Callable[[], float] | None = None,
+) -> Image:
     """The image (H, W) or RGB (H, W, 3) of a file's bytes, read-only.
 
-    UnreadableImage, beginning with `where`, where it is not whole, InputError where it is not of `size`.
+    Where its values are no bytes, `white()` is what becomes 255; without it, the largest value of their kind does, or
+    of floats 1. UnreadableImage, beginning with `where`, where it is not whole, InputError where it is not of `size`.
     """
     claimed = header_size(content, where)
     if claimed is None or not _is_whole(content):
@@ -51,15 +63,53 @@ def decode(content: bytes, where: str, size: tuple[int, int] | None = None, flag
     _require(where, claimed, size, turned=True)
     try:
         with silenced():
-            image = cv2.imdecode(np.frombuffer(content, np.uint8), flag)
+            image = cv2.imdecode(np.frombuffer(content, np.uint8), flag | cv2.IMREAD_ANYDEPTH)
     except cv2.error:
         image = None
     if image is None:
         raise UnreadableImage(f"{where} is not a whole image (truncated or damaged): restore it")
     _require(where, image.shape[1::-1], size)
+    if image.dtype != np.uint8:
+        image = _as_bytes(image, None if white is None else white())
     image = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
     image.setflags(write=False)
     return image
+
+
+def _as_bytes(image: NDArray[Any], white: float | None) -> Image:
+    if white is None:
+        white = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
+    if np.issubdtype(image.dtype, np.integer):
+        return np.clip(image // ((int(white) + 1) // 256), 0, 255).astype(np.uint8)
+    scaled = np.nan_to_num(image * (255.0 / white), nan=0.0, posinf=255.0, neginf=0.0)
+    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=64)
+def white_of(folder: Path) -> float:
+    """The largest value that the images of a recording may have, where they are no bytes: of 12-bit ones 4095.
+
+    From SAMPLES of a folder's images, as one image may be a dark one: the least of 1 (floats) and of 2^8, 2^10 ... 2^16
+    less one that none of them exceeds. The same for all its images, so that their brightness can be compared.
+    """
+    paths = [folder / name for name in names(folder) if Path(name).suffix.lower() in IMAGE_SUFFIXES]
+    highest, floats = 0.0, False
+    for path in (paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, SAMPLES).round().astype(int))):
+        try:
+            content = read_bytes(path, MAX_BYTES)
+            claimed = header_size(content, str(path))
+        except InputError:
+            continue
+        if claimed is None or claimed[0] * claimed[1] > MAX_PIXELS or not _is_whole(content):
+            continue
+        with silenced():
+            image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
+        if image is not None and image.dtype != np.uint8 and np.isfinite(image).any():
+            floats |= bool(np.issubdtype(image.dtype, np.floating))
+            highest = max(highest, float(image[np.isfinite(image)].max()))
+    if floats and highest <= 1.0:
+        return 1.0
+    return next((2.0**bits - 1 for bits in (8, 10, 12, 14) if highest < 2**bits), 2.0**16 - 1)
 
 
 def header_size(content: bytes, where: str) -> tuple[int, int] | None:
@@ -104,7 +154,7 @@ def _read(path: Path, size: tuple[int, int] | None, flag: int) -> Image:
         content = read_bytes(path, MAX_BYTES)
     except InputError as fault:
         raise UnreadableImage(fault.args[0]) from None
-    return decode(content, str(path), size, flag)
+    return decode(content, str(path), size, flag, lambda: white_of(path.parent))
 
 
 def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, turned: bool = False) -> None:

@@ -96,7 +96,7 @@ class Step:
     final_until_ns: int | None = None
     """Poses before this time will hardly be revised any more; None where that is not known yet."""
     restarted: bool = False
-    """A new world begins at this exposure: earlier poses share nothing with later ones but the last known pose."""
+    """A new segment begins at this exposure: no observation joins it to earlier ones, and its place is a guess."""
     calibration: Mapping[str, Array] = field(default_factory=dict)
     """What was found to be wrong with the calibration so far, by name: `pair` (4,) as the `extra` of a
     solvers.window.adjustment.Window of two cameras, `pair_rate` (6,) the motion that its late right shutter sees

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.sequences.images import IMAGE_SUFFIXES, decode, header_size
+from ispom.sequences.images import IMAGE_SUFFIXES, decode, header_size, read_image
 
 PNG = cv2.imencode(".png", np.random.default_rng(1).integers(0, 255, (64, 96), np.uint8))[1].tobytes()
 
@@ -60,3 +61,32 @@ def test_decoders_write_nothing_to_standard_error(capfd: pytest.CaptureFixture[s
         with pytest.raises(UnreadableImage, match="a is not a whole image"):
             decode(content, "a")
     assert capfd.readouterr().err == ""
+
+
+RAMP = np.linspace(0, 1, 64 * 96).reshape(64, 96)
+
+
+def written(folder: Path, name: str, images: list[np.ndarray]) -> list[Path]:
+    paths = [folder / f"{i}{name}" for i in range(len(images))]
+    for path, image in zip(paths, images, strict=True):
+        assert cv2.imwrite(str(path), image)
+    return paths
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+def test_the_range_of_a_recording_is_that_of_all_its_images(bits: int, tmp_path: Path) -> None:
+    white = 2**bits - 1
+    dark, bright = (np.rint(share * white * RAMP).astype(np.uint16) for share in (0.2, 1.0))
+    first, second = (read_image(path) for path in written(tmp_path, ".png", [dark, bright]))
+    np.testing.assert_allclose(second, 255 * RAMP, atol=1)
+    np.testing.assert_allclose(first, 0.2 * 255 * RAMP, atol=1)
+    assert first.dtype == np.uint8
+
+
+@pytest.mark.parametrize("white", [1.0, 255.0, 4095.0])
+def test_images_of_floats_are_read(white: float, tmp_path: Path) -> None:
+    dark, bright = ((share * white * RAMP).astype(np.float32) for share in (0.2, 1.0))
+    dark[3, 4] = np.nan
+    first, second = (read_image(path) for path in written(tmp_path, ".tiff", [dark, bright]))
+    np.testing.assert_allclose(second, 255 * RAMP, atol=1)
+    assert first[3, 4] == 0 and abs(int(first[-1, -1]) - 51) <= 1

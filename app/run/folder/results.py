@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
+
+import numpy as np
 
 from ispom.evaluation import metrics
 from ispom.methods import method as registered
@@ -53,11 +56,30 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         entry = {"poses": len(trajectory), **statistics.entry(method)}
         if truth is not None:
             entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
+        segments = list(_segments(trajectory, statistics.starts_ns.get(method, [])))
+        if len(segments) > 1:
+            entry["segments"] = [_segment(s, results, metric=registered(method).unit == "metric") for s in segments]
         stereo = registered(method).asks.get("stereo")
         if truth is not None and stereo is not None and stereo in results.trajectories:
             entry |= metrics.between_stereo(trajectory, results.trajectories[stereo], truth)
         report["methods"][method] = entry
     return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
+
+
+def _segments(trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[Trajectory]:
+    """The parts between the starts that have poses."""
+    for begin, end in pairwise([*starts_ns, np.iinfo(np.int64).max]):
+        part = trajectory.select((trajectory.times_ns >= begin) & (trajectory.times_ns < end))
+        if len(part):
+            yield part
+
+
+def _segment(part: Trajectory, results: Results, metric: bool) -> dict[str, Any]:
+    """A stretch that no observation joins to the others, measured by itself."""
+    found: dict[str, Any] = {"from_ns": int(part.times_ns[0]), "until_ns": int(part.times_ns[-1]), "poses": len(part)}
+    if results.truth is not None:
+        found |= metrics.errors(part, results.truth, results.rig, metric)
+    return found
 
 
 def summary(report: Mapping[str, Any]) -> str:
@@ -66,6 +88,10 @@ def summary(report: Mapping[str, Any]) -> str:
     width = max(map(len, report["methods"]), default=0)
     for method, entry in report["methods"].items():
         parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
+        if not entry["located"]:
+            parts = [f"never located: its {entry['poses']} poses are held ones"]
+        if "segments" in entry:
+            parts.append(f"{len(entry['segments'])} segments that nothing joins")
         if entry.get("ate_m") is not None:
             parts.append(f"ATE {entry['ate_m']:.3f} m ({entry['aligned']})")
         if entry.get("t_err_percent") is not None:

@@ -21,6 +21,9 @@ class RunStatistics:
     ms: dict[str, array[float]] = field(default_factory=dict)
     """By method: the time for each exposure [ms]."""
     lost: dict[str, int] = field(default_factory=dict)
+    located: dict[str, int] = field(default_factory=dict)
+    starts_ns: dict[str, list[int]] = field(default_factory=dict)
+    """By method: where its segments begin, those in which it is never located included."""
     skipped: list[str] = field(default_factory=list)
     """What was wrong with each exposure that was skipped; of a run that goes on at most one in a hundred."""
     images: Any = field(default_factory=hashlib.sha256)
@@ -33,15 +36,20 @@ class RunStatistics:
             self.images.update(np.ascontiguousarray(image))
         self.skipped += [event.skipped] if event.skipped else []
         for step in event.steps:
-            self.count(step.method, 1000 * sum(step.seconds.values()), step.status == Status.LOST)
+            self.count(step.method, step.time_ns, 1000 * sum(step.seconds.values()), step.status, step.restarted)
 
-    def count(self, method: str, ms: float, lost: bool) -> None:
+    def count(self, method: str, time_ns: int, ms: float, status: str, restarted: bool) -> None:
         """One exposure of one method."""
         self.ms.setdefault(method, array("f")).append(ms)
-        self.lost[method] = self.lost.get(method, 0) + lost
+        self.lost[method] = self.lost.get(method, 0) + (status == Status.LOST)
+        self.located[method] = self.located.get(method, 0) + (status == Status.TRACKING)
+        starts_ns = self.starts_ns.setdefault(method, [time_ns])
+        if restarted and time_ns > starts_ns[-1]:
+            starts_ns.append(time_ns)
 
     def entry(self, method: str) -> dict[str, Any]:
         """As metrics.json has it."""
         ms = self.ms.get(method, [])
         median, p95 = np.percentile(ms, [50, 95]).tolist() if len(ms) else (None, None)
-        return {"lost": self.lost.get(method, 0), "ms_per_exposure": {"median": median, "p95": p95}}
+        counts = {"located": self.located.get(method, 0), "lost": self.lost.get(method, 0)}
+        return {**counts, "ms_per_exposure": {"median": median, "p95": p95}}

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Self
 
-from ispom.types import Status, Step
+from ispom.types import Step
 
 from ..events import Stepped
 from ..history.quantities import STEP_QUANTITIES, Value, by_method, finite, step_values
@@ -63,11 +63,12 @@ class StepLog:
 
 
 def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
-    """The times and losses that the rows of steps.csv tell."""
+    """What the rows of steps.csv tell of times, losses and segments."""
     statistics = RunStatistics()
     for row in rows:
         with suppress(ValueError):
-            statistics.count(row["method"], 1000 * float(row["seconds"]), row["status"] == Status.LOST)
+            time_ns, ms = int(row["time_ns"]), 1000 * float(row["seconds"])
+            statistics.count(row["method"], time_ns, ms, row["status"], row["restarted"] == "1")
     return statistics
 
 

@@ -174,7 +174,7 @@ def test_a_place_is_known_again_after_a_dark_stretch(
 ) -> None:
     found, steps = finish(estimator, blanked(frames, 25, 20))
     assert [s.status for s in steps[25:45]] == [Status.LOST] * 20
-    assert all(s.status is Status.TRACKING for s in steps[45:])
+    assert all(s.status is Status.TRACKING for s in steps[45:]) and not any(s.restarted for s in steps)
     truth = video_truth(flight)
     before, after = (
         found.select(found.times_ns < frames[35].time_ns),
@@ -191,6 +191,8 @@ def test_a_long_loss_starts_a_new_map_in_the_old_world(
     found, steps = finish(estimator, [*blanked(frames[:35], 25, 10), *other])
     assert steps[-1].status is Status.TRACKING and steps[-1].covariance is not None
     assert any("a new map" in d.consequence for s in steps for d in s.decisions)
+    segments = [i for i, step in enumerate(steps) if step.restarted]
+    assert len(segments) == 1 and 25 < segments[0] < 35, "what begins on the way in the dark is a segment of its own"
     part = found.select(found.times_ns > frames[35].time_ns)
     before = found.select(found.times_ns < frames[25].time_ns)
     truth = video_truth(flight)

@@ -111,6 +111,7 @@ def test_a_drive_on_which_nothing_is_seen_any_more_begins_anew(flight: Sequence,
     found, steps = run(config.build(flight.rig), given)
     assert steps[3].status is Status.LOST and steps[4].status is Status.INITIALISING
     assert any("pairs lost" in str(d) for d in steps[4].decisions)
+    assert [i for i, step in enumerate(steps) if step.restarted] == [4], "a segment of its own"
     assert steps[-1].status is Status.TRACKING and len(found) == len(given) - 1
     # How the rig went on while nothing was seen is as good as unknown, and remains so.
     spread = [np.zeros((6, 6)) if s.covariance is None else s.covariance for s in steps]

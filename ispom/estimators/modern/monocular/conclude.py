@@ -86,6 +86,7 @@ def as_step(
         outcome.scale,
         seconds,
         outcome.decisions,
+        restarted=outcome.restarted,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
         calibration={} if after.map is None else {"lens": after.map.extra},
     )

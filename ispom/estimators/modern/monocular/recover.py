@@ -71,4 +71,6 @@ def _new_start(
     start = Start((frame,), base, speed_of(world), world.points, setup.extra_sigma, covariance, coasting)
     because = replace(because, consequence="lost; a new map from the last pose")
     settled = tuple(world.trajectory())
-    return Outcome(followed, Status.LOST, held, start=start, decisions=(because,), settled=settled)
+    return Outcome(
+        followed, Status.LOST, held, start=start, decisions=(because,), settled=settled, restarted=held is None
+    )

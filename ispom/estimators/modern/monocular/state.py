@@ -57,6 +57,8 @@ class Outcome:
     map: Map | None = None
     start: Start | None = None
     key_frame: bool = False
+    restarted: bool = False
+    """Its place is the coasted one: no observation joins what begins here to the frames before."""
     decisions: tuple[Decision, ...] = ()
     residual_px: NDArray[np.float32] | None = None
     """(N,) of the tracks followed; NaN where one took no part."""

@@ -73,6 +73,7 @@ def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
         residual[np.isfinite(residual) & (sighting.status == TrackStatus.ALIVE)],
         _revised(setup, after) if outcome.key_frame else Trajectory.empty(),
         decisions=outcome.decisions,
+        restarted=outcome.restarted,
         calibration={"pair": after.map.extra, "pair_rate": after.map.rate_for_lag(after.last.rate)},
     )
 

@@ -112,7 +112,9 @@ class ModernStereo:
         grown, now, adjustment = extended(setup, before, now, fresh, sighting)
         watch.lap("adjust")
         after = next_state(before, grown, now, sighting, is_key=True)
-        return Outcome(after, status, sighting, (*decisions, *adjustment), before, len(fresh[0]), key_frame=True)
+        restarted = bool(state.map.keys) and not before.map.keys
+        decisions += adjustment
+        return Outcome(after, status, sighting, decisions, before, len(fresh[0]), key_frame=True, restarted=restarted)
 
     @property
     def _setup(self) -> Setup:

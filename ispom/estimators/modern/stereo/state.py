@@ -37,3 +37,5 @@ class Outcome:
     fresh: int = 0
     """New points: the last ones in the state after it."""
     key_frame: bool = False
+    restarted: bool = False
+    """Its place is the predicted one: no observation joins it to the pairs before."""

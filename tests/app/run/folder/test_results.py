@@ -1,0 +1,46 @@
+"""What a run says it found: poses of a map, held ones, and stretches that nothing joins."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from ispom_app.run.folder.results import Results, metrics_text, summary
+from ispom_app.run.folder.statistics import RunStatistics
+
+from ispom.geometry import Pose
+from ispom.types import Camera, Rig, Status, Trajectory
+
+COUNT, FROM = 40, 20
+RIG = Rig.single(Camera(640, 480, 500, 500, 320, 240))
+
+
+def way(shift: float) -> Trajectory:
+    """Along a curve; from FROM on displaced, as after a blind start."""
+    at = [np.array([0.1 * i, 0.002 * i * i, 0.02 * (i % 3) + shift * (i >= FROM)]) for i in range(COUNT)]
+    return Trajectory.of([(i, Pose(np.eye(3), t)) for i, t in enumerate(at)], "video")
+
+
+def told(status: Status, restarted: bool) -> dict[str, Any]:
+    statistics = RunStatistics()
+    for i in range(COUNT):
+        statistics.count("monocular", i, 5.0, status, restarted and i == FROM)
+    truth = Trajectory(way(0).times_ns, way(0).rotations, way(0).translations, "rig")
+    results = Results("made", (), RIG, truth, COUNT, {"monocular": way(2.0 * restarted)})
+    return json.loads(metrics_text(results, ["monocular"], statistics))
+
+
+def test_poses_that_are_held_are_not_called_located() -> None:
+    report = told(Status.INITIALISING, restarted=False)
+    assert report["methods"]["monocular"]["located"] == 0
+    assert "never located: its 40 poses are held ones" in summary(report) and "lost" not in summary(report)
+
+
+def test_a_stretch_that_nothing_joins_is_measured_by_itself() -> None:
+    report = told(Status.TRACKING, restarted=True)
+    segments = report["methods"]["monocular"]["segments"]
+    assert [(s["from_ns"], s["until_ns"], s["poses"]) for s in segments] == [(0, 19, 20), (20, 39, 20)]
+    assert all(s["ate_m"] < 1e-9 for s in segments) and report["methods"]["monocular"]["ate_m"] > 0.1
+    assert "2 segments that nothing joins" in summary(report)
+    assert "segments" not in told(Status.TRACKING, restarted=False)["methods"]["monocular"]
