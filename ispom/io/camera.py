@@ -1,4 +1,7 @@
-"""Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and perhaps `distortion` (OpenCV's coefficients)."""
+"""Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and perhaps `distortion` (OpenCV's coefficients).
+
+`model: fisheye` says that these are the four of a fisheye lens.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,10 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.types import Camera
+from ispom.types.camera import Lens
 
 SIZES, INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
-MODELS = ("opencv", "pinhole")
+MODELS = ("opencv", "pinhole", "fisheye")
 MAX_SIDE_PX = 32_766
 """OpenCV's remapping counts pixels in 16 bits."""
 MAX_PIXELS = 1 << 26
@@ -28,14 +32,14 @@ UNDONE_PX = 1.0
 
 def read_camera(path: Path) -> Camera:
     """The camera of a file such as camera.yaml; InputError names the value that is missing or wrong."""
-    content = read_mapping(path)
-    if content.get("model", MODELS[0]) not in MODELS:
-        raise InputError(f"{path}: model is {content['model']}, give a camera of model {' or '.join(MODELS)}")
-    return camera_of(path, content)
+    return camera_of(path, read_mapping(path))
 
 
 def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     """The camera of a mapping found in `path` under `where` ("left."); InputError names the value that is wrong."""
+    model = values.get("model", MODELS[0])
+    if model not in MODELS:
+        raise InputError(f"{path}: {where}model is {model}, give a camera of model {' or '.join(MODELS)}")
     found = {key: finite_numbers(path, f"{where}{key}", [values.get(key)], 1)[0] for key in (*SIZES, *INTRINSICS)}
     for key in ("width", "height", "fx", "fy"):
         if found[key] <= 0:
@@ -43,9 +47,11 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     for key in SIZES:
         if found[key] != int(found[key]):
             raise InputError(f"{path}: {where}{key} is {found[key]:g}, not a size in whole pixels: correct it")
-    distortion = finite_numbers(path, f"{where}distortion", values.get("distortion", []), (0, 4, 5, 8))
+    lens: Lens = "fisheye" if model == "fisheye" else "opencv"
+    counts = (0, 4) if lens == "fisheye" else (0, 4, 5, 8)
+    distortion = finite_numbers(path, f"{where}distortion", values.get("distortion", []), counts)
     width, height = (int(found[key]) for key in SIZES)
-    camera = Camera(width, height, *(found[key] for key in INTRINSICS), distortion=tuple(distortion))
+    camera = Camera(width, height, *(found[key] for key in INTRINSICS), distortion=tuple(distortion), lens=lens)
     return usable(camera, f"{path}: {where.rstrip('.')}".rstrip(": "))
 
 

@@ -48,7 +48,7 @@ def colmap_model(scene: SceneMap, camera: Camera, max_error_px: float) -> Colmap
     row, frame, uv, error_px = row[order], frame[order], uv[order], error_px[order]
     starts = np.searchsorted(frame, np.arange(len(keys) + 1))
     return ColmapModel(
-        f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{_camera(camera)}\n",
+        f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n{camera_line(camera)}\n",
         _images(scene, uv, landmarks.ids[row], starts),
         _points(scene, row, frame, np.arange(len(row)) - starts[frame], error_px),
         len(row),
@@ -67,12 +67,17 @@ def _errors(
     return np.nan_to_num(np.linalg.norm(camera.project(in_camera) - uv, axis=1), nan=np.inf)
 
 
-def _camera(camera: Camera) -> str:
-    """OpenCV's distortion has the same order of coefficients there; models differ by how many they have."""
+def camera_line(camera: Camera, number: int = 1) -> str:
+    """The camera's line of cameras.txt: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[].
+
+    OpenCV's distortion has the same order of coefficients there; models differ by how many they have.
+    """
     model, count = {0: ("PINHOLE", 0), 4: ("OPENCV", 4)}.get(len(camera.distortion), ("FULL_OPENCV", 8))
+    if camera.lens == "fisheye":
+        model, count = "OPENCV_FISHEYE", 4
     distortion = (*camera.distortion, *([0.0] * 8))[:count]
     values = (camera.fx, camera.fy, camera.cx + PIXEL, camera.cy + PIXEL, *distortion)
-    return f"1 {model} {camera.width} {camera.height} {' '.join(repr(float(v)) for v in values)}"
+    return f"{number} {model} {camera.width} {camera.height} {' '.join(repr(float(v)) for v in values)}"
 
 
 def _images(scene: SceneMap, uv: Array, ids: NDArray[np.int64], starts: NDArray[np.intp]) -> str:

@@ -37,6 +37,7 @@ def read_rig(path: Path) -> Rig:
 def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
     camera, rig_from_camera = rig.camera(name), rig.rig_from(name)
     return {
+        **({"model": camera.lens} if camera.lens == "fisheye" else {}),
         **{key: getattr(camera, key) for key in SIZES},
         **{key: float(getattr(camera, key)) for key in INTRINSICS},
         "distortion": [float(v) for v in camera.distortion],

@@ -31,12 +31,7 @@ class Rectification:
     def of(left: Camera, right: Camera, right_from_left: Pose) -> Rectification:
         """All pixels of the rectified images are inside the raw ones. ValueError where one is above the other."""
         size = (left.width, left.height)
-        k_left, k_right = left.matrix, right.matrix
-        d_left, d_right = np.array(left.distortion, float), np.array(right.distortion, float)
-        rotation, translation = right_from_left.rotation, right_from_left.translation.reshape(3, 1)
-        turn_left, turn_right, p_left, p_right = cv2.stereoRectify(
-            k_left, d_left, k_right, d_right, size, rotation, translation, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0
-        )[:4]
+        turn_left, turn_right, p_left, p_right = _rectified(left, right, right_from_left)
         if p_right[0, 3] == 0:
             raise ValueError("the cameras are not beside each other")
         fx, fy, cx, cy = p_left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
@@ -49,11 +44,27 @@ class Rectification:
         )
 
 
+def _rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Rotations and projections of cv2.stereoRectify, or of its twin for a pair of fisheye lenses."""
+    cameras = [each for camera in (left, right) for each in (camera.matrix, _coefficients(camera))]
+    motion = (left.width, left.height), right_from_left.rotation, right_from_left.translation.reshape(3, 1)
+    if left.lens == right.lens == "fisheye":
+        return cv2.fisheye.stereoRectify(*cameras, *motion, flags=cv2.CALIB_ZERO_DISPARITY, balance=0.0)[:4]
+    if left.lens != right.lens:
+        raise ValueError("one lens is a fisheye and the other is not")
+    return cv2.stereoRectify(*cameras, *motion, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)[:4]
+
+
+def _coefficients(camera: Camera) -> NDArray:
+    """As OpenCV takes them."""
+    return np.array(camera.distortion or (0.0,) * (4 if camera.lens == "fisheye" else 0), float)
+
+
 def undistortion(camera: Camera, turn: NDArray, projection: NDArray, size: tuple[int, int]) -> Maps:
     """Maps from an image (width, height) seen through `projection` (3, 3) or (3, 4), whose axes are `turn` (3, 3) times
     the camera's, to the camera's own image."""
-    distortion = np.array(camera.distortion, float)
-    first, second = cv2.initUndistortRectifyMap(camera.matrix, distortion, turn, projection[:, :3], size, cv2.CV_16SC2)
+    maps = cv2.fisheye.initUndistortRectifyMap if camera.lens == "fisheye" else cv2.initUndistortRectifyMap
+    first, second = maps(camera.matrix, _coefficients(camera), turn, projection[:, :3], size, cv2.CV_16SC2)
     return first, second
 
 

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 
 Frame = Literal["world", "rig", "left", "right", "video", "board", "body"]
+Lens = Literal["opencv", "fisheye"]
+"""Which polynomial `Camera.distortion` holds."""
 
 
 Image = NDArray[np.uint8]
@@ -20,7 +22,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera with OpenCV's distortion model; axes x right, y down, z forward."""
+    """A camera with one of OpenCV's two distortion models; axes x right, y down, z forward."""
 
     width: int
     height: int
@@ -30,7 +32,9 @@ class Camera:
     cx: float
     cy: float
     distortion: tuple[float, ...] = ()
-    """OpenCV's k1, k2, p1, p2[, k3[, k4, k5, k6]]; empty for none."""
+    """OpenCV's k1, k2, p1, p2[, k3[, k4, k5, k6]], or k1, k2, k3, k4 of a fisheye lens; empty for none."""
+    lens: Lens = "opencv"
+    """Perspective with radial and tangential distortion, or fisheye (equidistant; Kannala and Brandt 2006)."""
 
     @property
     def matrix(self) -> Array:
@@ -41,11 +45,15 @@ class Camera:
         """Pixels (N, 2) of points (N, 3); a point on or behind the image plane gives NaN."""
         xyz = np.asarray(xyz_in_camera, float).reshape(-1, 3)
         z = np.where(xyz[:, 2] > 1e-9, xyz[:, 2], np.nan)
-        if not self.distortion:
+        if not self.distortion and self.lens == "opencv":
             return np.stack([self.fx * xyz[:, 0] / z + self.cx, self.fy * xyz[:, 1] / z + self.cy], axis=1)
         out = np.full((len(xyz), 2), np.nan)
         front = ~np.isnan(z)
-        if front.any():
+        if front.any() and self.lens == "fisheye":
+            coefficients = np.array(self.distortion or (0.0,) * 4, float)
+            uv, _ = cv2.fisheye.projectPoints(xyz[front][:, None], np.zeros(3), np.zeros(3), self.matrix, coefficients)
+            out[front] = uv.reshape(-1, 2)
+        elif front.any():
             uv, _ = cv2.projectPoints(
                 xyz[front], np.zeros(3), np.zeros(3), self.matrix, np.array(self.distortion, float)
             )
@@ -53,16 +61,20 @@ class Camera:
         return out
 
     def normalise(self, uv: Array) -> Array:
-        """Undistorted coordinates (N, 2) on the plane z = 1 of pixels (N, 2)."""
+        """Undistorted coordinates (N, 2) on the plane z = 1 of pixels (N, 2).
+
+        Rays that a fisheye lens sees at 90 degrees from its axis or more have none: they come out far away.
+        """
         uv = np.asarray(uv, float).reshape(-1, 2)
-        if not self.distortion or not len(uv):
+        if not len(uv) or (not self.distortion and self.lens == "opencv"):
             return (uv - (self.cx, self.cy)) / (self.fx, self.fy)
-        undistorted = cv2.undistortPoints(
-            uv[:, None],
-            self.matrix,
-            np.array(self.distortion, float),
-            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-12),
-        )
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-12)
+        if self.lens == "fisheye":
+            coefficients = np.array(self.distortion or (0.0,) * 4, float)
+            undistorted = cv2.fisheye.undistortPoints(uv[:, None], self.matrix, coefficients, criteria=criteria)
+        else:
+            coefficients = np.array(self.distortion, float)
+            undistorted = cv2.undistortPoints(uv[:, None], self.matrix, coefficients, criteria=criteria)
         return np.asarray(undistorted, float).reshape(-1, 2)
 
     def scaled(self, factor: float) -> Camera:
