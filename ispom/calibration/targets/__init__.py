@@ -1,6 +1,6 @@
 """Calibration targets: their points, and how they are printed."""
 
 from ispom.calibration.targets.spec import parse_target
-from ispom.calibration.targets.target import Disc, Polygon, Tag, Target
+from ispom.calibration.targets.target import Disc, Rectangle, Tag, Target
 
-__all__ = ["Disc", "Polygon", "Tag", "Target", "parse_target"]
+__all__ = ["Disc", "Rectangle", "Tag", "Target", "parse_target"]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from ispom.calibration.targets.target import Disc, Target
+from ispom.calibration.targets.target import Disc, Rectangle, Target
 from ispom.geometry import Array
 from ispom.types import Image
 
@@ -14,8 +14,6 @@ MARGIN_M = 0.02
 POINTS_PER_M = 72 / 0.0254
 _KAPPA = 0.5522847498
 """Length of the handles of the four Bezier curves that make a circle, of its radius."""
-_SHIFT = 10
-"""Binary digits behind the point of cv2's drawing functions."""
 
 
 def page_size_m(target: Target) -> tuple[float, float]:
@@ -34,16 +32,18 @@ def svg(target: Target) -> str:
     width, height = (1000 * side for side in page_size_m(target))
     shapes = []
     for shape in target.black:
-        xy = 1000 * (shape.xy_m + MARGIN_M)
         if isinstance(shape, Disc):
-            shapes.append(f'<circle cx="{xy[0]:.4f}" cy="{xy[1]:.4f}" r="{1000 * shape.radius_m:.4f}"/>')
+            x, y = 1000 * (shape.xy_m + MARGIN_M)
+            shapes.append(f'<circle cx="{x:.4f}" cy="{y:.4f}" r="{1000 * shape.radius_m:.4f}"/>')
         else:
-            shapes.append(f'<path d="M{"L".join(f"{x:.4f} {y:.4f}" for x, y in xy)}Z"/>')
+            (x, y), (w, h) = 1000 * (shape.low_m + MARGIN_M), 1000 * (shape.high_m - shape.low_m)
+            shapes.append(f'<rect x="{x:.4f}" y="{y:.4f}" width="{w:.4f}" height="{h:.4f}"/>')
     text = f'<text x="{1000 * MARGIN_M:.1f}" y="{height - 6:.1f}" font-size="3.2" font-family="sans-serif">'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.4f}mm" height="{height:.4f}mm" '
         f'viewBox="0 0 {width:.4f} {height:.4f}">\n<rect width="100%" height="100%" fill="#fff"/>\n'
-        f'<g fill="#000" shape-rendering="crispEdges">\n{chr(10).join(shapes)}\n</g>\n{text}{caption(target)}</text>\n</svg>\n'
+        f'<g fill="#000" shape-rendering="crispEdges">\n{chr(10).join(shapes)}\n</g>\n'
+        f"{text}{caption(target)}</text>\n</svg>\n"
     )
 
 
@@ -73,33 +73,48 @@ def pdf(target: Target) -> bytes:
 def raster(target: Target, pixels_per_m: float, margin_m: float = MARGIN_M) -> Image:
     """(H, W) grey, anti-aliased. Pixel (i, j) is centred at ((j + 0.5) / pixels_per_m - margin_m, ...) on the board."""
     width, height = (round((side + 2 * margin_m) * pixels_per_m) for side in target.size_m)
-    page = np.full((height, width), 255, np.uint8)
-    scale = pixels_per_m * (1 << _SHIFT)
-
-    def fixed(xy_m: Array) -> Array:
-        return np.round((xy_m + margin_m) * scale - (1 << _SHIFT) / 2).astype(np.int32)
-
+    page = np.zeros((height, width), np.float32)
     for shape in target.black:
         if isinstance(shape, Disc):
-            centre = tuple(fixed(shape.xy_m).tolist())
-            cv2.circle(page, centre, round(shape.radius_m * scale), 0, -1, cv2.LINE_AA, _SHIFT)
+            _add_disc(page, (shape.xy_m + margin_m) * pixels_per_m, shape.radius_m * pixels_per_m)
         else:
-            cv2.fillPoly(page, [fixed(shape.xy_m)], 0, cv2.LINE_8, _SHIFT)
-    return page
+            _add_rectangle(page, *((xy + margin_m) * pixels_per_m for xy in (shape.low_m, shape.high_m)))
+    return np.round(255 * (1 - page.clip(0, 1))).astype(np.uint8)
 
 
-def _pdf_path(shape: object, height: float) -> str:
+def _add_rectangle(page: NDArray[np.float32], low: Array, high: Array) -> None:
+    """Adds the share of each pixel that it covers; pixel j reaches from j to j + 1."""
+    shares, places = [], []
+    for a, b, size in zip(low, high, page.shape[::-1], strict=True):
+        first, last = max(0, int(np.floor(a))), min(size, int(np.ceil(b)))
+        j = np.arange(first, last)
+        shares.append((np.minimum(j + 1, b) - np.maximum(j, a)).clip(0, 1))
+        places.append(slice(first, last))
+    page[places[1], places[0]] += np.outer(shares[1], shares[0]).astype(np.float32)
+
+
+def _add_disc(page: NDArray[np.float32], centre: Array, radius: float) -> None:
+    """Its edge one pixel wide."""
+    first = np.maximum(np.floor(centre - radius - 1), 0).astype(int)
+    last = np.minimum(np.ceil(centre + radius + 1), page.shape[::-1]).astype(int)
+    x, y = np.arange(first[0], last[0]) + 0.5, np.arange(first[1], last[1]) + 0.5
+    distance = np.hypot(x[None] - centre[0], y[:, None] - centre[1])
+    page[first[1] : last[1], first[0] : last[0]] += (radius - distance + 0.5).clip(0, 1).astype(np.float32)
+
+
+def _pdf_path(shape: Rectangle | Disc, height: float) -> str:
     """y upwards, as PDF has it."""
 
     def at(xy_m: Array) -> str:
-        x, y = POINTS_PER_M * (np.asarray(xy_m) + MARGIN_M)
+        x, y = POINTS_PER_M * (xy_m + MARGIN_M)
         return f"{x:.4f} {height - y:.4f}"
 
     if isinstance(shape, Disc):
         c, r, k = shape.xy_m, shape.radius_m, _KAPPA * shape.radius_m
-        turns = [((r, 0), (r, k), (k, r), (0, r)), ((0, r), (-k, r), (-r, k), (-r, 0))]
-        turns += [((-r, 0), (-r, -k), (-k, -r), (0, -r)), ((0, -r), (k, -r), (r, -k), (r, 0))]
-        curves = " ".join(f"{at(c + a)} {at(c + b)} {at(c + d)} c" for _, a, b, d in turns)
-        return f"{at(c + (r, 0))} m {curves} h"
-    corners = [at(xy) for xy in shape.xy_m]  # type: ignore[attr-defined]
-    return f"{corners[0]} m " + " ".join(f"{corner} l" for corner in corners[1:]) + " h"
+        turns = [((r, k), (k, r), (0, r)), ((-k, r), (-r, k), (-r, 0))]
+        turns += [((-r, -k), (-k, -r), (0, -r)), ((k, -r), (r, -k), (r, 0))]
+        curves = " ".join(f"{' '.join(at(c + np.array(xy)) for xy in turn)} c" for turn in turns)
+        return f"{at(c + np.array([r, 0]))} m {curves} h"
+    (low_x, low_y), (high_x, high_y) = shape.low_m, shape.high_m
+    corners = [at(np.array(xy)) for xy in ((low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y))]
+    return f"{corners[0]} m {corners[1]} l {corners[2]} l {corners[3]} l h"

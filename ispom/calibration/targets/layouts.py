@@ -7,7 +7,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from ispom.calibration.targets.target import Disc, Polygon, Tag, Target
+from ispom.calibration.targets.target import Disc, Rectangle, Tag, Target
 from ispom.geometry import Array
 
 APRILGRID = "APRILTAG_36h11"
@@ -19,28 +19,25 @@ DISC_SHARE = 0.25
 
 def chessboard(spec: str, columns: int, rows: int, square_m: float) -> Target:
     """Of columns x rows inner corners. Corner (0, 0) is between four squares of which the top left one is black."""
-    black = [
-        _square((x - 1) * square_m, (y - 1) * square_m, square_m)
-        for y in range(rows + 1)
-        for x in range(columns + 1)
-        if (x + y) % 2 == 0
-    ]
-    moved = tuple(Polygon(shape.xy_m + square_m) for shape in black)
-    points = _grid(columns, rows, square_m) + (square_m, square_m, 0)
+    squares = [(x, y) for y in range(rows + 1) for x in range(columns + 1)]
+    black = tuple(_square(x * square_m, y * square_m, square_m) for x, y in squares if (x + y) % 2 == 0)
+    points = _grid(columns, rows, square_m, square_m)
     size = (columns + 1) * square_m, (rows + 1) * square_m
-    return Target(spec, "chessboard", columns, rows, square_m, points, size, moved)
+    return Target(spec, "chessboard", columns, rows, square_m, points, size, black)
 
 
 def charuco(spec: str, columns: int, rows: int, square_m: float, marker_m: float, dictionary: str) -> Target:
     """Of columns x rows squares, as OpenCV's CharucoBoard: markers in the white squares, numbered row by row."""
     squares = [(x, y) for y in range(rows) for x in range(columns)]
-    black: list[Polygon | Disc] = [_square(x * square_m, y * square_m, square_m) for x, y in squares if (x + y) % 2 == 0]
+    black: list[Rectangle | Disc] = [
+        _square(x * square_m, y * square_m, square_m) for x, y in squares if (x + y) % 2 == 0
+    ]
     gap, tags = (square_m - marker_m) / 2, []
     for number, (x, y) in enumerate(square for square in squares if sum(square) % 2):
         corners = _corners(x * square_m + gap, y * square_m + gap, marker_m)
         tags.append(Tag(number, corners, ()))
         black += marker_shapes(dictionary, number, corners, 1)
-    points = _grid(columns - 1, rows - 1, square_m) + (square_m, square_m, 0)
+    points = _grid(columns - 1, rows - 1, square_m, square_m)
     size = columns * square_m, rows * square_m
     return Target(spec, "charuco", columns, rows, square_m, points, size, tuple(black), tuple(tags), dictionary)
 
@@ -54,7 +51,7 @@ def aprilgrid(spec: str, columns: int, rows: int, tag_m: float, spacing: float) 
     pitch = tag_m + gap
     tags: list[Tag] = []
     points = np.zeros((4 * columns * rows, 3))
-    black: list[Polygon | Disc] = []
+    black: list[Rectangle | Disc] = []
     for number in range(columns * rows):
         row, column = divmod(number, columns)
         upright = _corners(gap + column * pitch, gap + (rows - 1 - row) * pitch, tag_m)
@@ -73,7 +70,7 @@ def aprilgrid(spec: str, columns: int, rows: int, tag_m: float, spacing: float) 
 def tag_board(spec: str, columns: int, rows: int, tag_m: float, gap_m: float, dictionary: str) -> Target:
     """OpenCV's GridBoard: tag 0 at the top left, numbered row by row; points 4 t to 4 t + 3 clockwise from top left."""
     tags: list[Tag] = []
-    black: list[Polygon | Disc] = []
+    black: list[Rectangle | Disc] = []
     for number in range(columns * rows):
         row, column = divmod(number, columns)
         corners = _corners(column * (tag_m + gap_m), row * (tag_m + gap_m), tag_m)
@@ -115,8 +112,8 @@ def marker_cells(dictionary: str, number: int, border_bits: int) -> Array:
     return np.asarray(cv2.aruco.generateImageMarker(found, number, side, borderBits=border_bits) > 127, float)
 
 
-def marker_shapes(dictionary: str, number: int, corners_m: Array, border_bits: int) -> list[Polygon]:
-    """The marker's black cells, each run of a row one polygon."""
+def marker_shapes(dictionary: str, number: int, corners_m: Array, border_bits: int) -> list[Rectangle]:
+    """The marker's black cells, each run of a row one rectangle."""
     cells = marker_cells(dictionary, number, border_bits)
     side = len(cells)
     right, down = (corners_m[1] - corners_m[0]) / side, (corners_m[3] - corners_m[0]) / side
@@ -125,15 +122,15 @@ def marker_shapes(dictionary: str, number: int, corners_m: Array, border_bits: i
         ends = np.flatnonzero(np.diff(np.concatenate([[1], row, [1]])))
         for start, stop in ends.reshape(-1, 2):
             a = corners_m[0] + start * right + y * down
-            b = a + (stop - start) * right
-            out.append(Polygon(np.array([a, b, b + down, a + down])))
+            ends_m = np.stack([a, a + (stop - start) * right + down])
+            out.append(Rectangle(ends_m.min(0), ends_m.max(0)))
     return out
 
 
-def _grid(columns: int, rows: int, pitch_m: float) -> Array:
+def _grid(columns: int, rows: int, pitch_m: float, start_m: float = 0.0) -> Array:
     """(columns rows, 3) row by row."""
     y, x = np.divmod(np.arange(columns * rows), columns)
-    return np.stack([x * pitch_m, y * pitch_m, np.zeros(len(x))], axis=1)
+    return np.stack([start_m + x * pitch_m, start_m + y * pitch_m, np.zeros(len(x))], axis=1)
 
 
 def _corners(x: float, y: float, side: float) -> Array:
@@ -141,5 +138,5 @@ def _corners(x: float, y: float, side: float) -> Array:
     return np.array([(x, y), (x + side, y), (x + side, y + side), (x, y + side)])
 
 
-def _square(x: float, y: float, side: float) -> Polygon:
-    return Polygon(_corners(x, y, side))
+def _square(x: float, y: float, side: float) -> Rectangle:
+    return Rectangle(np.array([x, y]), np.array([x + side, y + side]))

@@ -1,4 +1,4 @@
-"""A planar calibration target as a value: the points that are looked for on it, and the black shapes that are printed."""
+"""A planar calibration target as a value: the points that are looked for on it, and what is printed."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ Kind = Literal["chessboard", "charuco", "aprilgrid", "tags", "circles", "acircle
 
 
 @dataclass(frozen=True, eq=False)
-class Polygon:
-    """A black polygon."""
+class Rectangle:
+    """A black rectangle along the board's axes."""
 
-    xy_m: Array
-    """(K, 2) on the board."""
+    low_m: Array
+    """(2,) its top left corner on the board, and (2,) its bottom right one."""
+    high_m: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Target:
     """(N, 3) [m] the points; their index is their id in a Detection."""
     size_m: tuple[float, float]
     """(width, height) of the printed pattern, without its white margin."""
-    black: tuple[Polygon | Disc, ...]
+    black: tuple[Rectangle | Disc, ...]
     """What is printed."""
     tags: tuple[Tag, ...] = ()
     dictionary: str = ""
