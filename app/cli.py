@@ -1,4 +1,4 @@
-"""The command `ispom`: demo | app | run | fork | diff | sources | evaluate | export | report | bench."""
+"""The command `ispom`: demo, app, run, fork, diff, sources, calibrate, target, evaluate, export, report, bench."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from ispom.errors import InputError, printable
 from ispom.methods import faults
 
 from .bench.options import Bench
+from .calibrate.options import Calibrate, PrintTarget
 from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
 from .run.playback import Builder
 
@@ -25,6 +26,8 @@ Command = (
     | Annotated[Fork, tyro.conf.subcommand("fork")]
     | Annotated[Diff, tyro.conf.subcommand("diff")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+    | Annotated[PrintTarget, tyro.conf.subcommand("target")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Report, tyro.conf.subcommand("report")]
@@ -77,7 +80,18 @@ def _discard_output() -> None:
 
 
 def _execute(
-    command: Serve | Run | Fork | Diff | Sources | Evaluate | Export | Report | Repair | Bench,
+    command: Serve
+    | Run
+    | Fork
+    | Diff
+    | Sources
+    | Calibrate
+    | PrintTarget
+    | Evaluate
+    | Export
+    | Report
+    | Repair
+    | Bench,
     arguments: Sequence[str],
     builder: Builder,
 ) -> int:
@@ -98,6 +112,14 @@ def _execute(
         from .sources import print_description
 
         return print_description(command.open(command.source))
+    if isinstance(command, Calibrate):
+        from .calibrate.command import calibrate
+
+        return calibrate(command)
+    if isinstance(command, PrintTarget):
+        from .calibrate.target import print_target
+
+        return print_target(command)
     if isinstance(command, Evaluate):
         from .evaluate.command import evaluate
 

@@ -36,7 +36,7 @@ APP_LAYERS = (
     {"session"},
     {"viser_ui"},
     {"page"},
-    {"bench", "evaluate", "export", "headless", "repair", "report", "sources"},
+    {"bench", "calibrate", "evaluate", "export", "headless", "repair", "report", "sources"},
     {"fork"},
     {"cli"},
     {"__main__"},

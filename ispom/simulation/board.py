@@ -50,9 +50,9 @@ def board_image(
     The board lies in z = 0 of its frame; what is behind the camera is not seen.
     """
     poses = (camera_from_board,) if isinstance(camera_from_board, Pose) else camera_from_board
-    light = np.mean([_seen(picture, camera, pose) for pose in poses], axis=0, dtype=np.float32)
+    light = np.asarray(sum(_seen(picture, camera, pose) for pose in poses), np.float32) / np.float32(len(poses))
     if exposing.blur_px > 0:
-        light = cv2.GaussianBlur(light, (0, 0), exposing.blur_px)
+        light = np.asarray(cv2.GaussianBlur(light, (0, 0), exposing.blur_px), np.float32)
     light = 127.5 + exposing.contrast * (light - 127.5)
     noise = np.random.default_rng(exposing.seed).standard_normal(light.shape, np.float32)
     return np.clip(light + exposing.noise * noise + 0.5, 0, 255).astype(np.uint8)
@@ -69,13 +69,14 @@ def _seen(picture: Picture, camera: Camera, camera_from_board: Pose) -> NDArray[
     a, b, w = (cv2.transform(rays, row[None].astype(np.float32)) for row in to_picture @ board_from_rays)
     ahead = w > 0 if (np.linalg.inv(board_from_rays)[2, 2]) > 0 else w < 0
     with np.errstate(divide="ignore", invalid="ignore"):
-        places = [np.where(ahead, side / w, -1e4).clip(-1e4, 1e5) for side in (a, b)]
+        x, y = (np.where(ahead, side / w, -1e4).clip(-1e4, 1e5) for side in (a, b))
     wall = WALL + 20 * np.sin(9 * rays[..., 0] + 3) * np.sin(7 * rays[..., 1])
-    seen = cv2.remap(picture.grey, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    seen = cv2.remap(picture.grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     height, width = picture.grey.shape
-    on_board = (places[0] >= 0) & (places[1] >= 0) & (places[0] <= width - 1) & (places[1] <= height - 1)
+    on_board = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
     fine = np.where(on_board, seen.astype(np.float32), wall)
-    return cv2.resize(fine, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(fine, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32)
 
 
 @lru_cache(maxsize=8)
@@ -87,4 +88,5 @@ def _rays(camera: Camera) -> NDArray[np.float32]:
     fine_v = (np.arange(SUBSAMPLES * camera.height) + 0.5) / SUBSAMPLES + 0.5
     places = np.meshgrid(fine_u.astype(np.float32), fine_v.astype(np.float32))
     rays = rays.astype(np.float32)
-    return np.stack([cv2.remap(rays[..., k], *places, cv2.INTER_LINEAR) for k in (0, 1)], axis=-1)
+    fine = [cv2.remap(rays[..., k], *places, cv2.INTER_LINEAR) for k in (0, 1)]
+    return np.stack(fine, axis=-1).astype(np.float32)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -85,7 +86,7 @@ class Filming:
 
 def seen_points(
     camera: Camera, camera_from_board: Pose, xyz_in_board: Array, noise_px: float, rng: np.random.Generator
-) -> tuple[Array, Array]:
+) -> tuple[NDArray[np.intp], Array]:
     """Indices (N,) and pixels (N, 2) with Gaussian noise of the points that are in the image."""
     uv = camera.project(camera_from_board.apply(xyz_in_board))
     uv = uv + noise_px * rng.standard_normal(uv.shape)

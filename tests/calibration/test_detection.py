@@ -46,7 +46,9 @@ def test_points_are_where_the_board_has_them(spec: str) -> None:
 
 
 def test_a_board_that_is_not_there_is_rejected_by_name() -> None:
-    grey = board_image(picture_of(parse_target("circles:7x5:0.03")), LEFT, Pose(translation=np.array([-0.1, -0.1, 0.4])))
+    grey = board_image(
+        picture_of(parse_target("circles:7x5:0.03")), LEFT, Pose(translation=np.array([-0.1, -0.1, 0.4]))
+    )
     for spec in ("chessboard:9x6:0.0242", "aprilgrid:6x6:0.03:0.3", "acircles:4x11:0.02"):
         assert detect(parse_target(spec), grey).reason in ("no board found", "no tag found")
 

@@ -34,7 +34,7 @@ class Detection:
         return Detection(self.ids[keep], self.uv[keep], self.sigma_px[keep], self.reason, self.rejected + more)
 
     @staticmethod
-    def of(ids: Array, uv: Array, sigma_px: Array) -> Detection:
+    def of(ids: NDArray[np.integer], uv: Array, sigma_px: Array) -> Detection:
         """Ordered by id."""
         order = np.argsort(ids)
         return Detection(np.asarray(ids, np.int64)[order], np.asarray(uv, float)[order], sigma_px[order])

@@ -66,9 +66,7 @@ def _of_squares(target: Target, grey: Image, tags: dict[int, Array]) -> Detectio
     limit = np.array(grey.shape[::-1]) - 1 - INSIDE_PX
     good = (uv >= INSIDE_PX).all(1) & (uv <= limit).all(1)
     good &= np.linalg.norm(uv - expected, axis=1) < radius_px
-    return Detection.of(np.array(ids), uv, spreads_px(grey, uv, radius_px)).only(
-        good, "not at a corner"
-    )
+    return Detection.of(np.array(ids), uv, spreads_px(grey, uv, radius_px)).only(good, "not at a corner")
 
 
 def _side_px(tags: dict[int, Array]) -> float:

@@ -1,4 +1,4 @@
-"""Corners of a black quadrilateral from its four edges: blur rounds the corner itself, and leaves the edges in place."""
+"""Corners of a black quadrilateral from its four edges: blur rounds a corner, and leaves the edges in place."""
 
 from __future__ import annotations
 

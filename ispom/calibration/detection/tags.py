@@ -81,8 +81,8 @@ def _consistent(tags: dict[int, Tag], seeds: dict[int, Array]) -> list[int]:
     _, inliers = cv2.findHomography(board, image, cv2.RANSAC, float(np.median(sides)))
     if inliers is None:
         return []
-    good = inliers.reshape(-1, 4).all(axis=1)
-    return [n for n, keep in zip(numbers, good, strict=True) if keep]
+    good = np.atleast_1d(inliers.reshape(-1, 4).all(axis=1))
+    return [n for n, keep in zip(numbers, good.tolist(), strict=True) if keep]
 
 
 def _support(tags: dict[int, Tag], known: dict[int, Array], tag: Tag) -> list[int]:

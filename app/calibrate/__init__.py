@@ -1,0 +1,1 @@
+"""`ispom calibrate` and `ispom target`."""

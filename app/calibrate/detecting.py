@@ -1,0 +1,77 @@
+"""Detection in all images of all cameras, on all cores, with a bar of how far it is."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ispom.calibration.detection import Detection, detect
+from ispom.calibration.result import Views
+from ispom.calibration.targets import Target
+from ispom.errors import InputError, UnreadableImage
+from ispom.types import Image
+
+from .images import Source
+
+
+@contextmanager
+def bar(what: str, total: int | None) -> Iterator[Callable[[], None]]:
+    """A line on the terminal, and what moves it on by one; where standard error is no terminal there is none."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(file=sys.stderr)
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as shown:
+        task = shown.add_task(what, total=total)
+        yield lambda: shown.advance(task)
+
+
+def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
+    """What each camera saw; InputError where its images have several sizes."""
+    jobs = [(source, i) for source in sources for i in range(len(source))]
+    with bar("detecting the target", len(jobs)) as step, ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+
+        def one(job: tuple[Source, int]) -> tuple[tuple[int, int] | None, Detection]:
+            source, i = job
+            try:
+                image = source.read(i)
+            except UnreadableImage as fault:
+                step()
+                return None, Detection(reason=str(fault))
+            found = detect(target, image)
+            step()
+            return _size(image), found
+
+        results = list(pool.map(one, jobs))
+    out, at = [], 0
+    for source in sources:
+        part = results[at : at + len(source)]
+        at += len(source)
+        size = _one_size(source, [size for size, _ in part])
+        out.append(Views(source.camera, size, source.names, tuple(found for _, found in part)))
+    return tuple(out)
+
+
+def _one_size(source: Source, sizes: list[tuple[int, int] | None]) -> tuple[int, int]:
+    """That of all images; InputError where one differs, or none can be read."""
+    counts = Counter(size for size in sizes if size is not None)
+    if not counts:
+        raise InputError(f"{source.place}: none of {len(source)} images can be read: restore them")
+    usual = counts.most_common(1)[0][0]
+    if len(counts) > 1:
+        first = next(i for i, size in enumerate(sizes) if size is not None and size != usual)
+        width, height = sizes[first] or usual
+        raise InputError(
+            f"{source.place}: {source.names[first]} is {width} x {height}, others are {usual[0]} x {usual[1]}: "
+            "give images of one size, as the camera is used later"
+        )
+    return usual
+
+
+def _size(image: Image) -> tuple[int, int]:
+    return image.shape[1], image.shape[0]

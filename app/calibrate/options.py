@@ -1,0 +1,56 @@
+"""The options of `ispom calibrate` and `ispom target`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from ispom.calibration.models import Choice
+
+Format = Literal["rig", "camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate:
+    """Calibrates cameras from images of a target: exit code 0 where the result is usable, 1 where it must be filmed
+    again (the reasons are printed), 2 after a mistake."""
+
+    what: tyro.conf.Positional[Literal["video", "stereo", "rig"]]
+    """One camera; a stereo pair; or the video camera and the pair on their rig."""
+    images: tyro.conf.Positional[tuple[Path, ...]]
+    """A folder of images or a video file for each camera (video, left, right, in this order), or one folder that holds
+    folders video, left and right (or cam0 and cam1), or images whose names begin with left and right."""
+    target: str
+    """What was filmed, in metres: chessboard:9x6:0.0242 (inner corners), aprilgrid:6x6:0.088:0.3,
+    charuco:8x5:0.03:0.022, apriltag:4x3:0.05:0.01, aruco:5x7:0.04:0.01, circles:7x5:0.03, acircles:4x11:0.02."""
+    out: Path | None = None
+    """Write the calibration here, such as rig.yaml; where it must be filmed again, nothing is written."""
+    format: Format = "rig"
+    """Of --out: ISPOM's rig.yaml or camera.yaml, Kalibr's camchain, EuRoC's sensor.yaml (a folder for several cameras),
+    OpenCV's YAML, ROS's camera_info (a folder likewise), or COLMAP's cameras.txt."""
+    model: Choice = "auto"
+    """Camera model: the simplest that does well on views that it was not fitted to, or the one given."""
+    joint: bool = True
+    """Adjust the cameras' interiors together with their places; else by their own views alone."""
+    max_views: int = 120
+    """Use at most so many images of each camera, chosen by sharpness and novelty."""
+    video_hz: float | None = None
+    """Rate of the video camera where its images have no times [Hz]."""
+    stereo_hz: float | None = None
+    """The same of the pair."""
+    report: Path | None = None
+    """Write a page with all detections, residuals and maps to this HTML file."""
+    json: Path | None = None
+    """Write all numbers as JSON to this file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrintTarget:
+    """Makes a calibration target to print: a PDF or SVG page of true size."""
+
+    target: tyro.conf.Positional[str]
+    """Such as chessboard:9x6:0.0242 or aprilgrid:6x6:0.088:0.3, in metres; see `ispom calibrate --help`."""
+    out: Annotated[Path, tyro.conf.arg(help="File to write: its name ends in .pdf or .svg.")] = Path("target.pdf")

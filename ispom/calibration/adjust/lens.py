@@ -1,0 +1,76 @@
+"""Camera models as vectors of parameters, and how projections follow them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.types import Camera
+
+Model = Literal["pinhole", "radtan", "rational", "fisheye"]
+MODELS: tuple[Model, ...] = ("pinhole", "radtan", "fisheye", "rational")
+"""From the simplest on: without distortion; k1 k2 p1 p2; Kannala and Brandt's k1 to k4; k1 k2 p1 p2 k3 k4 k5 k6."""
+_DISTORTION: dict[Model, tuple[str, ...]] = {
+    "pinhole": (),
+    "radtan": ("k1", "k2", "p1", "p2"),
+    "rational": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "fisheye": ("k1", "k2", "k3", "k4"),
+}
+FOCAL_AND_CENTRE = ("fx", "fy", "cx", "cy")
+
+
+def parameter_names(model: Model) -> tuple[str, ...]:
+    """Of the vector of a camera of this model, in its order."""
+    return (*FOCAL_AND_CENTRE, *_DISTORTION[model])
+
+
+def model_of(camera: Camera) -> Model:
+    """The least model that has the camera's coefficients."""
+    if camera.lens == "fisheye":
+        return "fisheye"
+    return {0: "pinhole", 4: "radtan"}.get(len(camera.distortion), "rational")  # type: ignore[return-value]
+
+
+def as_model(camera: Camera, model: Model) -> Camera:
+    """The same camera with as many coefficients as the model has; more than those are dropped.
+
+    Between a fisheye lens and the others only focal lengths and centre are kept.
+    """
+    lens = "fisheye" if model == "fisheye" else "opencv"
+    old = camera.distortion if camera.lens == lens else ()
+    count = len(_DISTORTION[model])
+    return replace(camera, distortion=(*old, *(0.0,) * count)[:count], lens=lens)
+
+
+def vector_of(camera: Camera) -> Array:
+    """(P,) fx, fy, cx, cy and the coefficients."""
+    return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
+
+
+def with_vector(camera: Camera, vector: Array) -> Camera:
+    """The camera of this vector, as `vector_of` has it."""
+    values = [float(v) for v in vector]
+    return replace(camera, fx=values[0], fy=values[1], cx=values[2], cy=values[3], distortion=tuple(values[4:]))
+
+
+def projected(camera: Camera, xyz_in_camera: Array) -> tuple[Array, Array, Array]:
+    """Of points (N, 3) before the camera: pixels (N, 2), and their change by the point (N, 2, 3) and by the camera's
+    vector (N, 2, P)."""
+    n, count = len(xyz_in_camera), 4 + len(camera.distortion)
+    if not n:
+        return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, count))
+    still, coefficients = np.zeros(3), np.array(camera.distortion, float)
+    if camera.lens == "fisheye":
+        points = np.ascontiguousarray(xyz_in_camera)[:, None]
+        uv, jacobian = cv2.fisheye.projectPoints(points, still, still, camera.matrix, coefficients)
+        jacobian = np.asarray(jacobian).reshape(n, 2, -1)  # f, c, k, rotation, translation, skew
+        by_camera, by_point = jacobian[..., :8], jacobian[..., 11:14]
+    else:
+        uv, jacobian = cv2.projectPoints(xyz_in_camera, still, still, camera.matrix, coefficients)
+        jacobian = np.asarray(jacobian).reshape(n, 2, -1)  # rotation, translation, f, c, k
+        by_point, by_camera = jacobian[..., 3:6], jacobian[..., 6 : 6 + count]
+    return np.asarray(uv, float).reshape(n, 2), np.asarray(by_point, float), np.asarray(by_camera, float)

@@ -1,0 +1,227 @@
+"""The three calibrations, each from detections of one target: one camera, a stereo pair, or all cameras of the rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.calibration.adjust.lens import MODELS, Model, as_model
+from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
+from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve
+from ispom.calibration.adjust.start import start_of, with_views
+from ispom.calibration.diagnostics.coverage import coverage
+from ispom.calibration.diagnostics.maps import difference_map, uncertainty_map
+from ispom.calibration.diagnostics.parameters import correlations, parameters
+from ispom.calibration.models import Choice, Trial, chosen, trials_of
+from ispom.calibration.pair import rectifying, require_order, row_error
+from ispom.calibration.result import Calibration, CameraResult, Redo, Rejected, Views
+from ispom.calibration.targets import Target
+from ispom.calibration.verdict import verdict
+from ispom.errors import InputError
+from ispom.geometry import Array, Pose
+from ispom.types import Rig
+
+LEAST_VIEWS = 3
+"""Of one camera: fewer do not determine its interior."""
+Progress = Callable[[str], None]
+
+
+def calibrate(
+    target: Target,
+    views: tuple[Views, ...],
+    choice: Choice = "auto",
+    joint: bool = True,
+    progress: Progress = lambda _: None,
+) -> Calibration:
+    """Of cameras whose images of the same number were taken at the same time; the first one is the frame of the rest.
+
+    With `joint`, interiors are adjusted together with the cameras' places; without, each camera's own views alone
+    determine its interior. Raises Redo where there are too few views, InputError where the pair is the wrong way round.
+    """
+    for each in views:
+        good = sum(not d.reason for d in each.detections)
+        if good < LEAST_VIEWS:
+            raise Redo(_too_few(each, good))
+    alone = [_alone(target, each, choice, progress) for each in views]
+    model = MODELS[max(MODELS.index(trial.model) for _, trial, _ in alone)]
+    estimates = [_as_chosen(found, trial, model, each) for (found, trial, _), each in zip(alone, views, strict=True)]
+    used = np.flatnonzero([any(not v.detections[i].reason for v in views) for i in range(len(views[0].images))])
+    seen = Observations.of(target, [[each.detections[i] for i in used] for each in views])
+    progress("solving all cameras together" if len(views) > 1 else "solving")
+    start = _together(target, views, estimates, seen)
+    unknowns = Unknowns.all_of(start, interior=joint or len(views) == 1)
+    found, keep = solve(start, seen, unknowns)
+    if not joint and len(views) > 1:
+        found = solution(found.estimate, found.seen, Unknowns.all_of(start))
+    if len(views) > 1 and {views[0].name, views[1].name} == {"left", "right"}:
+        require_order(found.estimate.camera_from_rig[1])
+    return _result(target, views, [trials for _, _, trials in alone], found, used, seen, keep, progress)
+
+
+def _alone(
+    target: Target, views: Views, choice: Choice, progress: Progress
+) -> tuple[Solution, Trial, tuple[Trial, ...]]:
+    """The camera by its own views: the chosen model's solution."""
+    progress(f"{views.name}: comparing camera models" if choice == "auto" else f"{views.name}: solving")
+    seen = Observations.of(target, [[d for d in views.detections if not d.reason]])
+    trials = trials_of(seen, views.size, choice)
+    trial = chosen(trials)
+    return trial.solution, trial, trials
+
+
+def _as_chosen(found: Solution, trial: Trial, model: Model, views: Views) -> Estimate:
+    """The camera with the model that all cameras get."""
+    if trial.model == model:
+        return found.estimate
+    if "fisheye" in (model, trial.model):
+        return start_of(found.seen.of_views(np.unique(found.seen.view)), views.size, model)
+    return replace(found.estimate, cameras=(as_model(found.estimate.cameras[0], model),))
+
+
+def _together(target: Target, views: tuple[Views, ...], alone: list[Estimate], seen: Observations) -> Estimate:
+    """All cameras, where they sit by the views that two of them share, and the board's poses."""
+    cameras = tuple(estimate.cameras[0] for estimate in alone)
+    count = int(seen.view.max()) + 1
+    poses: list[list[Pose | None]] = []
+    for c, camera in enumerate(cameras):
+        mine = seen.select(seen.camera == c)
+        present = np.unique(mine.view)
+        own = with_views(camera, mine.of_views(present))
+        poses.append([None] * count)
+        for n, v in enumerate(present):
+            poses[c][v] = own.rig_from_board(n)
+    placed: list[Pose] = [Pose()]
+    for c in range(1, len(cameras)):
+        shared = [(poses[c][v], poses[0][v]) for v in range(count)]
+        candidates = [own @ first.inverse() for own, first in shared if own is not None and first is not None]
+        if not candidates:
+            raise Redo(
+                f"{views[c].name} and {views[0].name} never see the target at the same time: film it where both see it"
+            )
+        placed.append(_most_agreed(candidates))
+    boards = []
+    for v in range(count):
+        c, own = next((c, poses[c][v]) for c in range(len(cameras)) if poses[c][v] is not None)
+        boards.append(placed[c].inverse() @ own)  # type: ignore[operator]
+    return Estimate.of(cameras, tuple(placed), boards)
+
+
+def _most_agreed(candidates: list[Pose]) -> Pose:
+    """The one that differs least from the others, at the median: [m] and [rad] count alike."""
+    apart = [[float(np.linalg.norm((a @ b.inverse()).log())) for b in candidates] for a in candidates]
+    return candidates[int(np.argmin(np.median(apart, axis=1)))]
+
+
+def _result(
+    target: Target,
+    views: tuple[Views, ...],
+    trials: list[tuple[Trial, ...]],
+    found: Solution,
+    used: NDArray[np.int64],
+    seen: Observations,
+    keep: NDArray[np.bool_],
+    progress: Progress,
+) -> Calibration:
+    names = tuple(each.name for each in views)
+    progress("solving two halves of the views apart")
+    halves = _halves(found)
+    cameras = tuple(_camera_result(target, each, c, trials[c], found, halves) for c, each in enumerate(views))
+    rows = row_error(found.estimate, found.seen) if names[:2] == ("left", "right") else None
+    listed = parameters(found, names)
+    of_images = {n: len(np.unique(found.seen.view[found.seen.camera == c])) for c, n in enumerate(names)}
+    between = None
+    if len(views) > 1 and halves is not None:
+        between = halves[0].camera_from_rig[1] @ halves[1].camera_from_rig[1].inverse()
+    return Calibration(
+        target, cameras, found, used, rig_of(found.estimate, names), listed, correlations(found),
+        _rejections(views, seen, keep, used), rows, between, verdict(found, cameras, listed, rows, of_images),
+    )  # fmt: skip
+
+
+def rig_of(estimate: Estimate, names: tuple[str, ...]) -> Rig:
+    """The rig: of a pair centred on its baseline (Fig. 6), of other cameras that of the first."""
+    poses = [pose.inverse() for pose in estimate.camera_from_rig]
+    if names[:2] == ("left", "right"):
+        left, _ = rectifying(estimate.camera_from_rig[1])
+        poses = [left @ pose for pose in poses]
+    fields: dict[str, object] = {}
+    for name, camera, pose in zip(names, estimate.cameras, poses, strict=True):
+        fields |= {name: camera, f"rig_from_{name}": pose}
+    return Rig(**fields)  # type: ignore[arg-type]
+
+
+def _halves(found: Solution) -> tuple[Estimate, Estimate] | None:
+    """Two halves of the views solved apart; None where there are not enough for that."""
+    views = np.unique(found.seen.view)
+    if len(views) < 2 * LEAST_VIEWS:
+        return None
+    out = []
+    for part in (views[::2], views[1::2]):
+        seen = found.seen.of_views(part)
+        start = replace(
+            found.estimate, rotations=found.estimate.rotations[part], positions=found.estimate.positions[part]
+        )
+        out.append(adjusted(start, seen, found.unknowns, iterations=25))
+    return out[0], out[1]
+
+
+def _camera_result(
+    target: Target,
+    views: Views,
+    c: int,
+    trials: tuple[Trial, ...],
+    found: Solution,
+    halves: tuple[Estimate, Estimate] | None,
+) -> CameraResult:
+    camera = found.estimate.cameras[c]
+    interior, _ = found.unknowns.places[c]
+    one, other = (camera, camera) if halves is None else (halves[0].cameras[c], halves[1].cameras[c])
+    mine = found.seen.select(found.seen.camera == c)
+    present = np.unique(mine.view)
+    poses = [found.estimate.camera_from_rig[c] @ found.estimate.rig_from_board(v) for v in present]
+    points: list[Array] = [mine.uv[mine.view == v] for v in present]
+    return CameraResult(
+        views, camera, trials, uncertainty_map(camera, found.covariance[interior, interior]),
+        difference_map(one, other), coverage(camera, points, poses, target.xyz_in_board.mean(0)),
+    )  # fmt: skip
+
+
+def _rejections(
+    views: tuple[Views, ...], seen: Observations, keep: NDArray[np.bool_], used: NDArray[np.int64]
+) -> tuple[Rejected, ...]:
+    """Images and points that detection or the solution does not use."""
+    out = []
+    for c, each in enumerate(views):
+        for i, (image, found) in enumerate(zip(each.images, each.detections, strict=True)):
+            if found.reason:
+                out.append(Rejected(each.name, image, None, found.reason))
+                continue
+            out += [Rejected(each.name, image, point, reason) for point, reason in found.rejected]
+            mine = (seen.camera == c) & (used[seen.view] == i)
+            if not keep[mine].any():
+                out.append(Rejected(each.name, image, None, "does not fit the other images"))
+            else:
+                lost = seen.point[mine & ~keep]
+                out += [Rejected(each.name, image, int(point), "does not fit the others") for point in lost]
+    return tuple(out)
+
+
+def _too_few(views: Views, good: int) -> str:
+    reasons = [d.reason for d in views.detections if d.reason]
+    most = max(set(reasons), key=reasons.count) if reasons else ""
+    why = f" ({most} in most of the others)" if most else ""
+    count = len(views.images)
+    return f"{views.name}: {good} of {count} images show the target{why}, film at least {LEAST_VIEWS}, better 20"
+
+
+def require_found(views: Views, hint: str) -> None:
+    """InputError where no image shows the target; `hint` says what is there instead."""
+    if any(not d.reason for d in views.detections):
+        return
+    reasons = [d.reason for d in views.detections]
+    most = max(set(reasons), key=reasons.count) if reasons else "no image"
+    cure = hint or "give the target that was filmed as --target, or film it sharp and whole"
+    raise InputError(f"{views.name}: none of {len(reasons)} images shows the target ({most}): {cure}")

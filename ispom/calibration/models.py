@@ -1,0 +1,104 @@
+"""Which camera model: each is solved on half of the views and tried on the rest; the simplest good one is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ispom.calibration.adjust.lens import MODELS, Model, as_model
+from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
+from ispom.calibration.adjust.solve import Solution, adjusted, solve
+from ispom.calibration.adjust.start import start_of, with_views
+from ispom.geometry import Array
+from ispom.types import Camera
+
+Choice = Literal["auto", "pinhole", "radtan", "rational", "fisheye"]
+BETTER, BETTER_PX = 0.02, 0.1
+"""A model with more parameters must be better by this share and so much: beyond the views it is the more uncertain,"""
+SIGNIFICANT = 2.0
+"""and by so many standard errors of the difference over the views."""
+MOST_VIEWS = 20
+"""Models are compared on so many, spread over all."""
+LEAST_VIEWS = 4
+"""In each half; with fewer views the model is not chosen but radtan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One model."""
+
+    model: Model
+    held_out_px: float
+    """Root mean square error on views that it was not fitted to."""
+    of_views_px: Array
+    """(V,) the same of each view."""
+    halves: tuple[Camera, Camera]
+    """As solved from each half of the views."""
+    solution: Solution
+    """From all views of the comparison."""
+
+
+def trials_of(seen: Observations, size: tuple[int, int], choice: Choice) -> tuple[Trial, ...]:
+    """Every model that comes into question for a camera with images (width, height), or only the one that is asked."""
+    models = MODELS if choice == "auto" else (choice,)
+    views = np.unique(seen.view)
+    if choice == "auto" and len(views) < 2 * LEAST_VIEWS:
+        models = ("radtan",)
+    if len(views) > MOST_VIEWS:
+        seen = seen.of_views(views[np.linspace(0, len(views) - 1, MOST_VIEWS).astype(int)])
+    out: list[Trial] = []
+    simpler: Estimate | None = None
+    for model in models:
+        if model == "fisheye" or simpler is None:
+            start = start_of(seen, size, model)
+        else:
+            start = replace(simpler, cameras=(as_model(simpler.cameras[0], model),))
+        trial = _trial(model, start, seen)
+        simpler = simpler if model == "fisheye" else trial.solution.estimate
+        out.append(trial)
+    return tuple(out)
+
+
+def chosen(trials: tuple[Trial, ...]) -> Trial:
+    """The simplest that no other one beats clearly."""
+    best = trials[0]
+    for trial in trials[1:]:
+        gain = best.of_views_px - trial.of_views_px
+        error = float(np.std(gain) / np.sqrt(len(gain)))
+        enough = max(BETTER * best.held_out_px, BETTER_PX)
+        if trial.held_out_px < best.held_out_px - enough and gain.mean() > SIGNIFICANT * error:
+            best = trial
+    return best
+
+
+def _trial(model: Model, start: Estimate, seen: Observations) -> Trial:
+    found, _ = solve(start, seen, Unknowns.all_of(start))
+    views = np.unique(found.seen.view)
+    halves = views[::2], views[1::2]
+    cameras: list[Camera] = []
+    errors = np.full(int(seen.view.max()) + 1, np.nan)
+    for own, other in (halves, halves[::-1]):
+        camera = _solved(found.estimate, found.seen.of_views(own)) if len(own) else found.estimate.cameras[0]
+        cameras.append(camera)
+        if len(other):
+            errors[other] = _tried(camera, seen.of_views(other))
+    good = errors[np.isfinite(errors)]
+    held_out = float(np.sqrt((good**2).mean())) if len(good) else np.inf
+    return Trial(model, held_out, np.nan_to_num(errors, nan=0.0), (cameras[0], cameras[1]), found)
+
+
+def _solved(estimate: Estimate, seen: Observations) -> Camera:
+    """From these views alone, beginning at what all views gave."""
+    start = with_views(estimate.cameras[0], seen)
+    return adjusted(start, seen, Unknowns.all_of(start), iterations=25).cameras[0]
+
+
+def _tried(camera: Camera, seen: Observations) -> Array:
+    """(V,) error [px] of each view with the camera held, the board's poses adjusted; single bad points count little."""
+    start = with_views(camera, seen)
+    held = adjusted(start, seen, Unknowns.all_of(start, interior=False), huber=3.0, iterations=15)
+    squared = (held.residuals_px(seen) ** 2).sum(1)
+    views = int(seen.view.max()) + 1
+    return np.array([np.sqrt(np.median(squared[seen.view == v]) / np.log(2)) for v in range(views)])

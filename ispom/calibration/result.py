@@ -1,0 +1,118 @@
+"""What a calibration found, as one frozen value: everything that a page, a report or a program may ask about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.calibration.adjust.solve import Solution
+from ispom.calibration.detection import Detection
+from ispom.calibration.diagnostics.coverage import Coverage
+from ispom.calibration.diagnostics.maps import ImageMap
+from ispom.calibration.diagnostics.parameters import Parameter
+from ispom.calibration.models import Trial
+from ispom.calibration.targets import Target
+from ispom.geometry import Array, Pose
+from ispom.types import Camera, Rig
+
+Level = Literal["good", "usable", "redo"]
+
+
+class Redo(Exception):
+    """What was filmed does not suffice; the message is one sentence that says what to film."""
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What one camera saw."""
+
+    name: str
+    """video, left or right."""
+    size: tuple[int, int]
+    """(width, height) of its images."""
+    images: tuple[str, ...]
+    """Their names."""
+    detections: tuple[Detection, ...]
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """An image, or one point in it, that the calibration is not made of."""
+
+    camera: str
+    image: str
+    point: int | None
+    """Of the target; None for the whole image."""
+    reason: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    level: Level
+    reasons: tuple[str, ...]
+    """Why it is not better; empty where it is good."""
+    advice: tuple[str, ...]
+    """What to film next."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraResult:
+    """One camera of the calibration."""
+
+    views: Views
+    camera: Camera
+    trials: tuple[Trial, ...]
+    """The models compared, and how they did on views that they were not fitted to."""
+    uncertainty: ImageMap
+    """Standard deviation of projections over the image."""
+    halves: ImageMap
+    """How differently two halves of the views, solved apart, project."""
+    coverage: Coverage
+
+
+@dataclass(frozen=True, eq=False)
+class RowError:
+    """Of the rectified pair: by how much the two pictures of a point miss each other's row."""
+
+    uv_left: Array
+    """(N, 2) [px] where, in the left image as filmed."""
+    rows_px: Array
+    """(N,) left minus right."""
+
+    @property
+    def rms_px(self) -> float:
+        return float(np.sqrt((self.rows_px**2).mean())) if len(self.rows_px) else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Of one camera, a pair, or all three."""
+
+    target: Target
+    cameras: tuple[CameraResult, ...]
+    solution: Solution
+    """In its estimate the first camera is the rig."""
+    view_of: NDArray[np.int64]
+    """(V,) of each view of the solution, which of the images it was."""
+    rig: Rig
+    """As it is written to a file."""
+    parameters: tuple[Parameter, ...]
+    correlations: Array
+    """(G, G) of the parameters."""
+    rejected: tuple[Rejected, ...]
+    row_error: RowError | None
+    halves_pose: Pose | None
+    """How differently the two halves place the second camera: pose of the one after the inverse of the other."""
+    verdict: Verdict
+
+    @property
+    def undetermined(self) -> tuple[Parameter, ...]:
+        return tuple(parameter for parameter in self.parameters if not parameter.determined)
+
+    @property
+    def baseline_m(self) -> float | None:
+        """Distance of the two cameras of the pair; None without a pair."""
+        return abs(self.rig.baseline_m) if self.rig.has_stereo else None

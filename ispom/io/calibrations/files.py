@@ -1,0 +1,55 @@
+"""A rig as files of another program, by name."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import yaml
+
+from ispom.errors import InputError
+from ispom.io.calibrations.colmap_cameras import colmap_cameras_text
+from ispom.io.calibrations.euroc_sensor import euroc_sensor_text
+from ispom.io.calibrations.kalibr import kalibr_text
+from ispom.io.calibrations.opencv import opencv_text
+from ispom.io.calibrations.placed import Placed, flow
+from ispom.io.calibrations.ros import ros_text
+from ispom.io.camera import INTRINSICS, SIZES
+from ispom.types import Camera, Rig
+
+Format = Literal["camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
+_ORDER = ("left", "right", "video")
+
+
+def placed_of(rig: Rig) -> list[Placed]:
+    """Its cameras: left, right, video."""
+    return [
+        Placed(name, rig.camera(name), rig.rig_from(name))  # type: ignore[arg-type]
+        for name in _ORDER
+        if getattr(rig, name) is not None
+    ]
+
+
+def camera_text(camera: Camera) -> str:
+    """A camera.yaml."""
+    values: dict[str, object] = {"model": "fisheye"} if camera.lens == "fisheye" else {}
+    values |= {key: getattr(camera, key) for key in SIZES}
+    values |= {key: float(getattr(camera, key)) for key in INTRINSICS}
+    return yaml.dump({**values, "distortion": list(map(float, camera.distortion))}, Dumper=flow(), sort_keys=False)
+
+
+def rig_files(rig: Rig, form: Format) -> dict[str, str]:
+    """Content by file name: one file, or one for each camera where the format has no other way."""
+    cameras = placed_of(rig)
+    if form == "camera":
+        if len(cameras) > 1:
+            raise InputError("--format camera is of one camera: choose rig for several")
+        return {"camera.yaml": camera_text(cameras[0].camera)}
+    if form == "kalibr":
+        return {"camchain.yaml": kalibr_text(cameras)}
+    if form == "opencv":
+        return {"calibration.yml": opencv_text(cameras)}
+    if form == "colmap":
+        return {"cameras.txt": colmap_cameras_text(cameras)}
+    if form == "euroc":
+        return {f"{each.name}/sensor.yaml": euroc_sensor_text(each) for each in cameras}
+    return {f"{each.name}.yaml": ros_text(each) for each in cameras}

@@ -1,0 +1,31 @@
+"""Corners without pictures: projections with noise, for the tests of what is solved from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.calibration.detection import Detection
+from ispom.calibration.result import Views
+from ispom.calibration.targets import Target
+from ispom.geometry import Pose
+from ispom.simulation.filming import seen_points
+from ispom.types import Camera
+
+NOISE_PX = 0.2
+
+
+def seen_by(
+    target: Target, camera: Camera, poses: list[Pose], rng: np.random.Generator, noise_px: float = NOISE_PX
+) -> list[Detection]:
+    """A detection for each camera_from_board."""
+    out = []
+    for pose in poses:
+        ids, uv = seen_points(camera, pose, target.xyz_in_board, noise_px, rng)
+        found = Detection.of(ids, uv, np.full(len(ids), max(noise_px, 0.01)))
+        out.append(found if len(ids) >= 8 else Detection(reason="not in the image"))
+    return out
+
+
+def views_of(name: str, camera: Camera, detections: list[Detection]) -> Views:
+    images = tuple(f"{i:03d}.png" for i in range(len(detections)))
+    return Views(name, (camera.width, camera.height), images, tuple(detections))
