@@ -19,7 +19,7 @@ THUMBNAIL = (64, 48)
 NEW = 6.0
 """Mean difference [grey levels] of thumbnails, after their means are subtracted, from which on a frame is new."""
 WINDOW = 5
-"""Among so many frames that follow each other, the sharpest stands for all."""
+"""Among so many frames that follow each other, or fewer where there are not many, the sharpest stands for all."""
 
 
 def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: None) -> list[int]:
@@ -35,7 +35,8 @@ def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: No
             continue
         sharpness[k], small[k] = _sharpness(image), _thumbnail(image)
         step()
-    groups = [np.arange(a, min(a + WINDOW, len(looked))) for a in range(0, len(looked), WINDOW)]
+    window = max(1, min(WINDOW, len(looked) // most))
+    groups = [np.arange(a, min(a + window, len(looked))) for a in range(0, len(looked), window)]
     best = [int(group[sharpness[group].argmax()]) for group in groups]
     new: list[int] = []
     for k in best:

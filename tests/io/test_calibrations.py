@@ -1,4 +1,4 @@
-"""Calibrations in the formats of other programs: round trips to 1e-9, files that other tools wrote, and what is wrong."""
+"""Calibrations in the formats of other programs: round trips to 1e-9, other tools' files, and what is wrong."""
 
 from __future__ import annotations
 
