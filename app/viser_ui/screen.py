@@ -58,6 +58,8 @@ PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
 SCENE_S = 0.25
 """The scene is costlier than the panels, and Rerun shows the same beside it."""
+IN_THE_WAY = frozenset({"key_frames", "cameras"})
+"""Layers that hide a single fit from who looks at it."""
 CLOSELY_S = 1.0
 """Between two drawings of what is looked at closely, while it plays."""
 
@@ -186,6 +188,7 @@ class Screen:
             self._scene_shown = shown
             alone = state.flicker is not None
             hidden = state.hidden | frozenset(state.methods if alone else ())
+            hidden |= IN_THE_WAY if state.integration is not None else frozenset()
             self._scene.show(self._session.known_at(state.index), state.displayed, hidden)
             self._scene.show_beside({} if alone else self._session.beside(state), hidden)
             self._scene.show_flicker(state.flicker, state.index, state.hidden)

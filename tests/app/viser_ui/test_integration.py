@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,10 +19,12 @@ from ispom_app.viser_ui.integration.drawing import Dots, Line, bracket_rows, dra
 from ispom_app.viser_ui.integration.numbers import table
 from ispom_app.viser_ui.integration.scene import IntegrationScene
 from ispom_app.viser_ui.panels.integration import LOOK, NEXT, PREVIOUS, IntegrationPanel
+from ispom_app.viser_ui.screen import Screen
 
 from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.app import helpers
+from tests.app.helpers import started, wait_for
 from tests.app.viser_ui.test_scene import Spy
 
 METHODS = ("monocular", "integrated", "integrated.paper")
@@ -137,3 +140,18 @@ def test_the_scene_draws_a_stage_once_and_takes_it_away(server: viser.ViserServe
     assert "/integration/bracket" not in spy.handles and "/integration/ends" in spy.handles
     scene.show(None, 0)
     assert not spy.handles
+
+
+def test_key_frames_and_cameras_do_not_hide_the_fit_that_is_looked_at(tmp_path: Path) -> None:
+    session = started(tmp_path, methods=("stereo", "integrated"))
+    wait_for(lambda: session.state.ended, "the end")
+    screen, drawn = Screen(session), lambda: set(screen.server.scene._handle_from_node_name)
+    screen.paint()
+    assert "/stereo/key_frames/0" in drawn()
+    session.post(do.ShowIntegration("integrated"))
+    wait_for(lambda: session.state.integration is not None, "the integration")
+    screen._scene_due_s = 0.0
+    screen.paint()
+    assert "/stereo/key_frames/0" not in drawn() and "/stereo/path/0" in drawn()
+    screen.server.stop()
+    session.close(5)
