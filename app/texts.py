@@ -12,11 +12,12 @@ ALIGNMENTS = {
     "sim3": "sim3: rotation, translation and scale, fitted over all compared poses",
 }
 """What each way to align a trajectory does."""
+ROUNDING_M = 1e-9
 
 
 def length(metres: float) -> str:
-    """Three digits: 83.9 mm, 6.83 m."""
-    return humanize.metric(metres, "m", precision=3)
+    """Three digits: 83.9 mm, 6.83 m; what is less than a nanometre is rounding."""
+    return humanize.metric(metres, "m", precision=3) if abs(metres) >= ROUNDING_M else "0 mm"
 
 
 def size(count: int) -> str:

@@ -15,6 +15,7 @@ from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.integration import Integration, latest_fit
 from ispom_app.session.state import State, reduce
+from ispom_app.texts import length
 from ispom_app.viser_ui.integration.drawing import Dots, Line, bracket_rows, drawing, extent
 from ispom_app.viser_ui.integration.numbers import table
 from ispom_app.viser_ui.integration.scene import IntegrationScene
@@ -140,6 +141,10 @@ def test_the_scene_draws_a_stage_once_and_takes_it_away(server: viser.ViserServe
     assert "/integration/bracket" not in spy.handles and "/integration/ends" in spy.handles
     scene.show(None, 0)
     assert not spy.handles
+
+
+def test_rounding_is_no_length() -> None:
+    assert [length(metres) for metres in (4.5e-16, 0.0, 6.13e-4, -0.5)] == ["0 mm", "0 mm", "613 μm", "-500 mm"]
 
 
 def test_key_frames_and_cameras_do_not_hide_the_fit_that_is_looked_at(tmp_path: Path) -> None:
