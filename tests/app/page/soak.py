@@ -39,6 +39,12 @@ STEP_BACK = """async (from) => {
 }"""
 """The time from the command to the new state in the page [ms], when nothing is drawn meanwhile."""
 
+HEAPS = """async () => [
+  window.ispom.viewer.handle ? (await wasm_bindgen()).memory.buffer.byteLength : 0,
+  performance.memory.usedJSHeapSize,
+]"""
+"""Of the renderer's memory [bytes]: the Rerun viewer's, which never shrinks, and JavaScript's."""
+
 
 def sampled(page: Page, app: App, say: Callable[[str], object]) -> None:
     """Prints until the run has ended and is drawn."""
@@ -48,10 +54,13 @@ def sampled(page: Page, app: App, say: Callable[[str], object]) -> None:
         if time.monotonic() >= due or (state["ended"] and not behind):
             due = time.monotonic() + EVERY_S
             browser, own = memory.of_browser(), memory.of_app(app.process.pid)
+            viewers, script = page.tab.evaluate(HEAPS)
             kinds = ", ".join(f"{kind} {size / 1e6:.0f}" for kind, size in browser.most_common())
+            heaps = f"of the renderer's the viewer's heap {viewers / 1e6:.0f} and scripts {script / 1e6:.0f}"
             say(
                 f"{time.monotonic() - began:6.0f} s  exposure {state['computed']:5d}  {behind or 'drawn':32}"
-                f"browser {browser.total() / 1e6:5.0f} MB ({kinds})  app {own.total() / 1e6:5.0f} MB"
+                f"browser {browser.total() / 1e6:5.0f} MB ({kinds}; {heaps})"
+                f"  app {own.total() / 1e6:5.0f} MB"
                 f"  both {(browser + own).total() / 1e6:5.0f} MB"
             )
             if state["ended"] and not behind:
