@@ -37,10 +37,6 @@ class Calibrate:
     """Adjust the cameras' interiors together with their places; else by their own views alone."""
     max_views: int = 120
     """Use at most so many images of each camera, chosen by sharpness and novelty."""
-    video_hz: float | None = None
-    """Rate of the video camera where its images have no times [Hz]."""
-    stereo_hz: float | None = None
-    """The same of the pair."""
     report: Path | None = None
     """Write a page with all detections, residuals and maps to this HTML file."""
     json: Path | None = None

@@ -46,13 +46,15 @@ class Rectification:
 
 def _rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Rotations and projections of cv2.stereoRectify, or of its twin for a pair of fisheye lenses."""
-    cameras = [each for camera in (left, right) for each in (camera.matrix, _coefficients(camera))]
-    motion = (left.width, left.height), right_from_left.rotation, right_from_left.translation.reshape(3, 1)
-    if left.lens == right.lens == "fisheye":
-        return cv2.fisheye.stereoRectify(*cameras, *motion, flags=cv2.CALIB_ZERO_DISPARITY, balance=0.0)[:4]
     if left.lens != right.lens:
         raise ValueError("one lens is a fisheye and the other is not")
-    return cv2.stereoRectify(*cameras, *motion, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)[:4]
+    k_left, k_right, size = left.matrix, right.matrix, (left.width, left.height)
+    d_left, d_right = _coefficients(left), _coefficients(right)
+    turn, shift = right_from_left.rotation, right_from_left.translation.reshape(3, 1)
+    flags = cv2.CALIB_ZERO_DISPARITY
+    if left.lens == "fisheye":
+        return cv2.fisheye.stereoRectify(k_left, d_left, k_right, d_right, size, turn, shift, flags, balance=0.0)[:4]
+    return cv2.stereoRectify(k_left, d_left, k_right, d_right, size, turn, shift, flags=flags, alpha=0)[:4]
 
 
 def _coefficients(camera: Camera) -> NDArray:

@@ -68,6 +68,10 @@ def _rectification(path: Path, rig: Rig) -> Rectification | None:
         return None
     if size_of(left) != size_of(right):
         raise InputError(f"{path}: left and right images are not of one size: give a rig of two equal cameras")
+    if left.lens != right.lens:
+        raise InputError(
+            f"{path}: one lens of the pair is a fisheye and the other is not: give a rig of two equal cameras"
+        )
     try:
         found = Rectification.of(left, right, right_from_left)
     except ValueError:

@@ -1,4 +1,5 @@
-"""Grids of circles, by OpenCV; the centre of a circle's picture is corrected once its pose is known (`bias.py`)."""
+"""Grids of circles, by OpenCV. A tilted circle's picture has its centre beside the picture of its centre; that is not
+corrected (0.17 px at the median where circles are large)."""
 
 from __future__ import annotations
 
