@@ -13,6 +13,7 @@ from ..diff.order import record_rows
 from ..review.stored import Stored
 from ..run.events import Finished, Opened, Stepped
 from ..run.history.checkpoints import Checkpoint, Checkpoints
+from ..run.history.held import Held
 from ..run.history.history import History, Past
 from ..run.history.record import ExposureRecord
 from ..run.history.series import Series
@@ -131,6 +132,19 @@ class CurrentRun:
         # After the history: who finds an exposure in the model finds its record, too.
         self._learn(record)
         return event, record
+
+    @property
+    def held(self) -> Held:
+        """How much of it there is still."""
+        history, states = self.history, self.checkpoints
+        return Held(
+            in_memory=history.in_memory,
+            exposures_bytes=history.used_bytes,
+            points_from=history.kept_points,
+            states=len(states),
+            states_bytes=states.used_bytes,
+            interval=states.interval,
+        )
 
     def _learn(self, record: ExposureRecord) -> None:
         self._model = self._model.after(record.index, record.time_ns, record.steps)

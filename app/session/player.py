@@ -84,7 +84,7 @@ class Player:
             return
         self._store.busy(f"{run.doing(self._store.state.source)} exposure {run.playback.position}")
         event, record = run.step()
-        self._store.emit(Computed(record, run.tally))
+        self._store.emit(Computed(record, run.tally, run.held))
         if event.skipped:
             self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)

@@ -14,6 +14,7 @@ from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from ..run.beside.placed import Beside
 from ..run.events import Bookmark, Finished, Opened
+from ..run.history.held import Held
 from ..run.history.record import ExposureRecord, MethodStatus
 from ..run.model.tally import Tally
 from .branching.branches import FIRST, Branch
@@ -198,6 +199,8 @@ class Computed:
     record: ExposureRecord
     tally: Tally
     """Of the branch, this exposure included."""
+    held: Held = Held()
+    """Of the branch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,9 +303,9 @@ def reduce(state: State, event: Event) -> State:
         case Resumed(opened, branch, computed, displayed, ended):
             shown = replace(state, branch=branch, computed=computed, displayed=displayed, ended=ended, target=None)
             return reduce(shown, opened)
-        case Computed(record, tally):
+        case Computed(record, tally, held):
             computed = record.index + 1
-            branches = _with_branch(state, computed=computed, tally=tally)
+            branches = _with_branch(state, computed=computed, tally=tally, held=held)
             return replace(state, displayed=record, computed=computed, branches=branches)
         case Displayed(record):
             return replace(state, displayed=record)

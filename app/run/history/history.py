@@ -117,9 +117,16 @@ class History:
             self.used_bytes -= self._recent.popleft()[1]
 
     @property
+    def in_memory(self) -> int:
+        """How many of the newest exposures are in memory."""
+        return len(self._recent)
+
+    @property
     def kept_points(self) -> int:
         """The first exposure from which on all have their tracks and landmarks."""
-        return self._points[0].first if self._points else len(self) - len(self._recent)
+        first = self._points[0].first if self._points else len(self) - len(self._recent)
+        past = None if self._past is None else self._past.records
+        return past.kept_points if isinstance(past, History) and first <= self._facts.first else first
 
     def _store(self, index: int, facts: bytes, points: bytes) -> None:
         if not self._points or self._points[-1].size + len(points) > self._segment_bytes:

@@ -10,6 +10,7 @@ from ispom.geometry import Similarity
 from ispom.methods import Config, with_asked
 
 from ...colours import Rgb
+from ...run.history.held import Held
 from ...run.model.run_model import RunModel
 from ...run.model.tally import Tally
 
@@ -39,6 +40,7 @@ class Branch:
     computed: int = 0
     """Exposures, those of its parent included."""
     tally: Tally = Tally()
+    held: Held = Held()
     hidden: bool = False
     """Whether it is not drawn while another is shown."""
 

@@ -114,7 +114,7 @@ def _entry(branch: Branch, state: State) -> dict[str, Any]:
         origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
     rows = [_row(name, branch.tally.methods[name]) for name in in_order(branch.tally.methods)]
     shown = branch.number == state.branch
-    known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden}
+    known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
     return known | {"shown": shown, "origin": origin, "methods": rows}
 
 

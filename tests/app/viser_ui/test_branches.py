@@ -55,6 +55,18 @@ def press(button: Any) -> None:
         callback(SimpleNamespace(target=button, client=None, client_id=None))
 
 
+def test_it_says_how_much_of_a_run_is_held_and_what_is_thinned(server: viser.ViserServer, run: CurrentRun) -> None:
+    held = run.held
+    panel, _ = made(server, with_branches(run, Branch(0, "first run", held=held)))
+    assert held.in_memory == 22 and held.points_from == 0 and held.interval == 8
+    assert (
+        "Held: all exposures on disk, the newest 22 in memory (0 MB); tracks of all exposures; 3 states to fork from"
+        in panel._text.content
+    )
+    panel.show(with_branches(run, Branch(0, "first run", held=replace(held, points_from=5))))
+    assert "tracks from exposure 5 on" in panel._text.content
+
+
 def test_with_one_run_it_says_how_to_fork(server: viser.ViserServer, run: CurrentRun) -> None:
     panel, _ = made(server, with_branches(run, Branch(0, "first run")))
     assert "press Fork" in panel._text.content and not panel._choice.visible

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from ispom_app.run.history import history as module
 from ispom_app.run.history.encoding import decode, encode
-from ispom_app.run.history.history import SEGMENTS, History
+from ispom_app.run.history.history import SEGMENTS, History, Past
 from ispom_app.run.history.record import ExposureRecord, size_bytes
 from ispom_app.run.playback import Playback
 
@@ -88,6 +88,19 @@ def test_beyond_the_budget_of_the_disk_the_oldest_lose_their_points_first() -> N
     assert 0 < first < 120 and thinned == [True] * first + [False] * (120 - first)
     assert 0.5 - 2 / SEGMENTS < (120 - first) / 120 <= 0.55
     assert [r.steps[0].status for r in kept if r.steps] == [r.steps[0].status for r in wanted if r.steps]
+
+
+def test_a_fork_has_the_points_of_its_past_as_far_as_those_are_kept() -> None:
+    wanted = records(40)
+    points = sum(len(encode(record)[1]) for record in wanted)
+    for disk_bytes in (10**9, points // 2):
+        parent = History(memory_bytes=0, disk_bytes=disk_bytes)
+        for record in wanted[:30]:
+            parent.append(record)
+        fork = History(memory_bytes=0, past=Past(parent, 25, METHODS))
+        for record in wanted[25:]:
+            fork.append(record)
+        assert fork.kept_points == parent.kept_points == sum(record.thinned for record in fork)
 
 
 def test_a_full_disk_costs_tracks_and_no_exposure(monkeypatch: pytest.MonkeyPatch) -> None:
