@@ -146,7 +146,10 @@ def names() -> tuple[str, ...]:
 def method(name: str) -> Method:
     """InputError where there is no method of this name."""
     if name not in registry():
-        raise InputError(f"{name[:60]!r} is no method: choose from {', '.join(names())}")
+        raise InputError(
+            f"{name[:60]!r} is no method: choose from {', '.join(names())}, install the package that adds it, "
+            "or name its program by --external"
+        )
     return registry()[name]
 
 

@@ -27,7 +27,7 @@ LAYERS = (
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation")}
 APP_LAYERS = (
-    {"colours", "decisions", "external", "options", "outputs", "subscribers", "texts"},
+    {"colours", "decisions", "external", "options", "outputs", "subscribers", "templating", "texts"},
     {"uncertainty"},
     {"run"},
     {"diff", "expressions", "inspect"},

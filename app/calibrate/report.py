@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ispom.calibration.result import Calibration, CameraResult
 
+from ..templating import environment
 from .drawings import arrows, bars, grid_of_counts, heat, points
 from .words import facts, model_words, parameter_words, used_words
 
@@ -19,13 +19,6 @@ HALVES_ARROW = 20.0
 
 def page(found: Calibration) -> str:
     """The whole file."""
-    environment = Environment(
-        loader=PackageLoader(__name__.rpartition(".")[0], "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     cameras = [_camera(found, each, c) for c, each in enumerate(found.cameras)]
     names = [f"{parameter.camera} {parameter.name}" for parameter in found.parameters]
     related = [
@@ -34,13 +27,17 @@ def page(found: Calibration) -> str:
         for j in range(i)
         if abs(found.correlations[i, j]) > 0.7
     ]
-    return environment.get_template("calibration.html").render(
-        generator=GENERATOR,
-        found=found,
-        facts=facts(found),
-        cameras=cameras,
-        related=sorted(related, key=lambda each: -abs(each[2])),
-        rows=_rows(found),
+    return (
+        environment(__name__.rpartition(".")[0])
+        .get_template("calibration.html")
+        .render(
+            generator=GENERATOR,
+            found=found,
+            facts=facts(found),
+            cameras=cameras,
+            related=sorted(related, key=lambda each: -abs(each[2])),
+            rows=_rows(found),
+        )
     )
 
 

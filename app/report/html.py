@@ -5,12 +5,13 @@ from __future__ import annotations
 from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 from markupsafe import Markup
 
+from ..templating import TEMPLATES, environment
 from .blocks import Compared, MethodName
 
-PACKAGE, TEMPLATES = __name__.rpartition(".")[0], "templates"
+PACKAGE = __name__.rpartition(".")[0]
 
 
 def rendered(template: str, **values: Any) -> str:
@@ -42,10 +43,7 @@ def signed(difference: float) -> str:
 
 
 def _environment() -> Environment:
-    made = Environment(
-        loader=PackageLoader(PACKAGE, TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
+    made = environment(PACKAGE)
     made.filters |= {"shown": shown, "signed": signed}
     made.tests |= {
         "method": lambda value: isinstance(value, MethodName),
