@@ -173,7 +173,7 @@ def test_the_saved_picture_is_what_is_on_the_screen(page: Page):
 
 def apart(page: Page) -> float:
     """Saves a picture of the page; the share of its pixels that are not as on the screen."""
-    screen = cv2.imdecode(np.frombuffer(page.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    screen = cv2.imdecode(np.frombuffer(settled(page), np.uint8), cv2.IMREAD_COLOR)
     page.tab.get_by_role("button", name="save this view").click()
     with page.tab.expect_download() as download:
         page.tab.get_by_text("Picture of the page").click()
@@ -181,6 +181,16 @@ def apart(page: Page) -> float:
     saved = cv2.imread(str(download.value.path()))
     assert saved is not None and screen is not None and saved.shape == screen.shape
     return float((cv2.absdiff(saved, screen).max(axis=2) > 48).mean())
+
+
+def settled(page: Page) -> bytes:
+    """A screenshot of what changes no more: viewers draw what is new some frames after the page has it."""
+    until, before = time.monotonic() + PATIENCE_MS / 1000, b""
+    while (now := page.tab.screenshot()) != before:
+        assert time.monotonic() < until, "timed out waiting for the picture to stand still"
+        before = now
+        page.tab.wait_for_timeout(1000)
+    return now
 
 
 def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page):

@@ -128,5 +128,5 @@ def test_a_viewer_that_died_says_so_and_can_be_started_again(browser, app: App):
     page.tab.get_by_text("The Rerun viewer stopped working (out of memory). The run continues.").wait_for()
     page.tab.get_by_role("button", name="Start the viewer again").click()
     page.tab.locator("#cover").wait_for(state="hidden")
-    page.tab.wait_for_function("window.fake && !window.fake.panicked")  # the page is loaded again
+    page.until("window.fake && !window.fake.panicked", "the page to be loaded again")
     page.tab.close()
