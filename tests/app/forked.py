@@ -115,9 +115,9 @@ def fork_in(session: Session, at: int) -> CurrentRun:
     session.post(do.ShowBranch(0))
     session.post(do.Seek(at - 1))
     wait_for(lambda: session.state.branch == 0 and session.state.index == at - 1, "the exposure")
-    before = session.run
     session.post(do.Fork(session.state.methods, session.state.config))
-    wait_for(lambda: session.run is not before and session.state.ended, "the end of the branch", PATIENCE_S)
+    # One state says both: the session has the branch's run before that state, when the parent's is ended still.
+    wait_for(lambda: (state := session.state).branch != 0 and state.ended, "the end of the branch", PATIENCE_S)
     found, number = session.run, session.state.branch
     assert found is not None and session.state.branches[-1].at == at and not session.state.branches[-1].changes
     session.post(do.ShowBranch(0))
