@@ -59,9 +59,12 @@ async def send_file(
 
 
 def recordings(folder: Path) -> Iterable[str]:
-    """The finished recordings in the folder and below it, and the pictures of runs and recordings, as addresses name
-    them."""
-    for path in folder.rglob("*"):
-        of_recording = path.suffix == ".jpg" and path.with_suffix(".rrd").exists()
-        if not path.name.startswith(".") and (path.suffix == ".rrd" or path.name == THUMBNAIL or of_recording):
+    """The finished recordings in the folder and below it, as addresses name them."""
+    return (path.relative_to(folder).as_posix() for path in folder.glob("**/*.rrd") if not path.name.startswith("."))
+
+
+def pictures(folder: Path) -> Iterable[str]:
+    """Those of the runs and recordings in the folder and below it, as addresses name them; no other images."""
+    for path in folder.glob("**/*.jpg"):
+        if not path.name.startswith(".") and (path.name == THUMBNAIL or path.with_suffix(".rrd").exists()):
             yield path.relative_to(folder).as_posix()

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import re
 import secrets
-from collections.abc import AsyncIterator, Awaitable, Callable, Hashable
+from collections.abc import AsyncIterator, Awaitable, Callable, Hashable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from ..viser_ui.portless import CLIENT, PortlessViser
 from . import numbers
 from .access import Access
 from .connections import Connections
-from .files import SECURITY, VISER_SECURITY, recordings, send_file, send_one_of
+from .files import SECURITY, VISER_SECURITY, pictures, recordings, send_file, send_one_of
 from .messages import Pane
 from .people import People, Person
 from .rerun_assets import NAMES
@@ -71,6 +71,7 @@ class Gateway:
                 web.get(f"{base}web/{{name}}", self._page_file),
                 web.get(f"{base}rerun/{{name}}", self._viewer_file),
                 web.get(f"{base}recordings/{{name:.+}}", self._recording),
+                web.get(f"{base}pictures/{{name:.+}}", self._picture),
                 web.get(f"{base}numbers/{{what}}", self._numbers),
                 web.get(f"{base}viser", self._viser),
                 web.get(f"{base}viser/", self._viser),
@@ -149,9 +150,18 @@ class Gateway:
         return await send_one_of(request, folder, NAMES, SECURITY)
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
+        return await self._kept(request, recordings, {"Content-Disposition": "attachment"})
+
+    async def _picture(self, request: web.Request) -> web.StreamResponse:
+        return await self._kept(request, pictures, {})
+
+    async def _kept(
+        self, request: web.Request, names_in: Callable[[Path], Iterable[str]], headers: dict[str, str]
+    ) -> web.StreamResponse:
+        """One of these files of the recordings folder."""
         folder = self._to.recordings
-        names = await asyncio.to_thread(lambda: list(recordings(folder)))
-        return await send_one_of(request, folder, names, SECURITY | {"Content-Disposition": "attachment"})
+        names = await asyncio.to_thread(lambda: list(names_in(folder)))
+        return await send_one_of(request, folder, names, SECURITY | headers)
 
     async def _numbers(self, request: web.Request) -> web.StreamResponse:
         """What is known of the exposure shown, or of all so far, as a file."""

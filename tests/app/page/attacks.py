@@ -6,7 +6,7 @@ from itertools import product
 
 CLIMBS = ("..", "%2e%2e", "%2E%2E", ".%2e", "%252e%252e", "..;", "....", "%c0%ae%c0%ae", "..%00", "\\..", "%5c..")
 SLASHES = ("/", "//", "%2f", "%5c", "\\", "%252f", "/./")
-FOLDERS = ("recordings", "web", "rerun")
+FOLDERS = ("recordings", "web", "rerun", "pictures")
 PATHS = [
     f"/{folder}/{climb}{slash}{target}"
     for folder, climb, slash in product(FOLDERS[:2], CLIMBS, SLASHES[:6])

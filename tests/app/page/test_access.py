@@ -31,6 +31,7 @@ EVERYWHERE = (
     "/web/app.js",
     "/rerun/re_viewer.js",
     "/recordings/run.rrd",
+    "/pictures/run.jpg",
     "/no",
 )
 PROXY = {"trusted": frozenset({"proxy.example"})}

@@ -68,7 +68,9 @@ def test_pictures_of_runs_and_recordings_are_served_and_no_other_images(tmp_path
 
     async def check(at: Served) -> None:
         names = ("a/thumbnail.jpg", "mine.jpg", "holiday.jpg", "a/notes.yaml")
-        assert [await at.status(f"/recordings/{name}") for name in names] == [200, 200, 404, 404]
+        assert [await at.status(f"/pictures/{name}") for name in names] == [200, 200, 404, 404]
+        assert await at.status("/pictures/mine.rrd") == 404 and await at.status("/recordings/mine.rrd") == 200
+        assert {await at.status(f"/recordings/{name}") for name in names} == {404}, "recordings, and nothing else"
 
     serving(tmp_path, check)
 
