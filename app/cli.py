@@ -16,7 +16,7 @@ from ispom.methods import faults
 
 from .bench.options import Bench
 from .calibrate.options import Calibrate, PrintTarget
-from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Serve, Sources
+from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Sources
 from .run.playback import Builder
 
 Command = (
@@ -79,22 +79,7 @@ def _discard_output() -> None:
         os.close(nowhere)
 
 
-def _execute(
-    command: Serve
-    | Run
-    | Fork
-    | Diff
-    | Sources
-    | Calibrate
-    | PrintTarget
-    | Evaluate
-    | Export
-    | Report
-    | Repair
-    | Bench,
-    arguments: Sequence[str],
-    builder: Builder,
-) -> int:
+def _execute(command: Command, arguments: Sequence[str], builder: Builder) -> int:
     """Imports late: the help text should not wait for viewers and ray casters."""
     if isinstance(command, Run):
         from .headless.command import run
