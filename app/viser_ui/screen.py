@@ -18,15 +18,15 @@ from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
 from ..session.session import Session
 from ..session.state import State
-from .look import NAME, LookTab, looked_at
 from .look_scene import LookScene, clicked
 from .panels.bookmarks import BookmarksPanel
-from .panels.branches import BranchesPanel
 from .panels.break_point import BreakPointPanel
-from .panels.differences import DifferencesPanel
-from .panels.error_curves import ErrorCurvesPanel
-from .panels.flicker import FlickerPanel
+from .panels.compare.branches import BranchesPanel
+from .panels.compare.differences import DifferencesPanel
+from .panels.compare.error_curves import ErrorCurvesPanel
+from .panels.compare.flicker import FlickerPanel
 from .panels.integration import IntegrationPanel
+from .panels.look.tab import NAME, LookTab, looked_at
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
 from .panels.run import RunPanel

@@ -83,7 +83,8 @@ def test_a_run_that_is_killed_is_repaired_up_to_there(moment: str, drive: str, t
         recording = out / "run.rrd"
         found = exposures(recording)
         behind = FLUSH_EVERY + 1 + ON_THE_WAY_BYTES * run / recording.stat().st_size
-        assert is_finished(recording) and found == set(range(len(found))) and run - len(found) <= behind
+        assert is_finished(recording) and found <= set(range(2 * PAIRS))
+        assert found >= set(range(int(np.ceil(run - behind)))), "of the last flush, some entities' rows may be there"
         poses = {method: sum(row["method"] == method for row in rows) for method in ("monocular", "stereo")}
         for method, count in poses.items():
             assert count - 1 <= len(read_tum(out / f"{method}.tum")) <= count + 1 if count else True

@@ -15,9 +15,8 @@ from ispom_app.run.model.run_model import RunModel
 from ispom.geometry import Pose
 from ispom.types import Camera, Rig, Status, Step, Tracks
 from tests import doubles
-
-from .scene import COUNT, POINTS, RIG, pose, records
-from .test_sightings import STAYS, track
+from tests.app.inspect.scene import COUNT, POINTS, RIG, pose, records
+from tests.app.inspect.test_sightings import STAYS, track
 
 RECORDS = records()
 MODEL, SERIES = RunModel.start(("monocular",)), Series(("monocular",))

@@ -14,9 +14,8 @@ from ispom_app.run.model.run_model import RunModel
 from ispom.estimators.modern.lens import Lens
 from ispom.geometry import Array, Pose
 from ispom.types import Trajectory
-
-from .scene import CAMERA, COUNT, POINTS, RIG, pose, records, seen_from
-from .test_sightings import LEAVES, STAYS, track
+from tests.app.inspect.scene import CAMERA, COUNT, POINTS, RIG, pose, records, seen_from
+from tests.app.inspect.test_sightings import LEAVES, STAYS, track
 
 LENS = Lens(CAMERA, np.zeros(2))
 RECORDS = records()

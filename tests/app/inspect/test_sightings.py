@@ -9,8 +9,7 @@ from ispom_app.inspect.sightings import life, nearest, seen_by
 
 from ispom.errors import InputError
 from ispom.types import Landmarks, TrackStatus
-
-from .scene import COUNT, RIG, pose, records, seen_from
+from tests.app.inspect.scene import COUNT, RIG, pose, records, seen_from
 
 RECORDS = records()
 STAYS = int(np.flatnonzero(np.isfinite([seen_from(i)[:, 0] for i in range(COUNT)]).all(0))[0])

@@ -12,8 +12,7 @@ from ispom_app.inspect.sightings import seen_before
 from ispom_app.run.history.series import Series
 
 from ispom.types import TrackStatus
-
-from .scene import CAMERA, COUNT, POINTS, RIG, pose, records, seen_from
+from tests.app.inspect.scene import CAMERA, COUNT, POINTS, RIG, pose, records, seen_from
 
 RECORDS = records()
 VIEWS = list(reversed(list(seen_before(RECORDS, COUNT - 1))))

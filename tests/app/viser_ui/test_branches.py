@@ -15,7 +15,7 @@ from ispom_app.session.branching.branches import Beside, Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 from ispom_app.viser_ui.branch_scene import BranchScene
-from ispom_app.viser_ui.panels.branches import COMPARE, DELETE, SHOW, BranchesPanel
+from ispom_app.viser_ui.panels.compare.branches import COMPARE, DELETE, SHOW, BranchesPanel
 
 from tests import doubles
 from tests.alone import METHODS

@@ -14,7 +14,7 @@ from ispom_app.session import commands as do
 from ispom_app.session.branching.branches import Branch
 from ispom_app.session.branching.comparing import Comparison
 from ispom_app.session.state import State
-from ispom_app.viser_ui.panels.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
+from ispom_app.viser_ui.panels.compare.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
 
 NAME = "<img src=x onerror=alert(1)>"
 FOUND = tuple(

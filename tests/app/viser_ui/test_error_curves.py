@@ -15,9 +15,9 @@ from ispom_app.run.playback import Playback
 from ispom_app.session.branching.branches import Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
-from ispom_app.viser_ui.panels import error_curves as panels
-from ispom_app.viser_ui.panels.branches import BranchesPanel
-from ispom_app.viser_ui.panels.error_curves import ErrorCurvesPanel, error_curves, thinned
+from ispom_app.viser_ui.panels.compare import error_curves as panels
+from ispom_app.viser_ui.panels.compare.branches import BranchesPanel
+from ispom_app.viser_ui.panels.compare.error_curves import ErrorCurvesPanel, error_curves, thinned
 
 from tests import doubles
 from tests.alone import METHODS

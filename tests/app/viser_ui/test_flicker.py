@@ -17,7 +17,7 @@ from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.flicker import Flicker, Side
 from ispom_app.session.state import State, reduce
 from ispom_app.viser_ui.flicker_scene import FlickerScene
-from ispom_app.viser_ui.panels.flicker import OFF, TURN, FlickerPanel
+from ispom_app.viser_ui.panels.compare.flicker import OFF, TURN, FlickerPanel
 from ispom_app.viser_ui.track_picture import picture, tracks_of
 
 from ispom.types import Tracks

@@ -15,15 +15,15 @@ from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import Computed, State, changed, reduce
-from ispom_app.viser_ui import look as looks
-from ispom_app.viser_ui.look import EMPTY, LookTab
 from ispom_app.viser_ui.look_scene import LookScene, clicked
-from ispom_app.viser_ui.panels.geometry import geometry_report
-from ispom_app.viser_ui.panels.key_frames import key_frames_report
-from ispom_app.viser_ui.panels.residuals import residuals_report
-from ispom_app.viser_ui.panels.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
-from ispom_app.viser_ui.panels.track_picture import track_picture
-from ispom_app.viser_ui.panels.tracks import lifetimes_chart, tracks_table
+from ispom_app.viser_ui.panels.look import tab as looks
+from ispom_app.viser_ui.panels.look.geometry import geometry_report
+from ispom_app.viser_ui.panels.look.key_frames import key_frames_report
+from ispom_app.viser_ui.panels.look.residuals import residuals_report
+from ispom_app.viser_ui.panels.look.tab import EMPTY, LookTab
+from ispom_app.viser_ui.panels.look.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
+from ispom_app.viser_ui.panels.look.track_picture import track_picture
+from ispom_app.viser_ui.panels.look.tracks import lifetimes_chart, tracks_table
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity

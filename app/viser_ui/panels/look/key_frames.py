@@ -9,12 +9,12 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
-from ... import colours
-from ...inspect.covisibility import Covisibility, around, covisibility, key_frames, seen_at
-from ...inspect.looked import Looked
-from ...inspect.selection import Selection
-from ...inspect.sightings import Seen, seen_by
-from ..markup import render
+from .... import colours
+from ....inspect.covisibility import Covisibility, around, covisibility, key_frames, seen_at
+from ....inspect.looked import Looked
+from ....inspect.selection import Selection
+from ....inspect.sightings import Seen, seen_by
+from ...markup import render
 
 CELL = 13
 MOST_NEIGHBOURS = 8

@@ -9,12 +9,12 @@ import numpy as np
 from ispom.errors import InputError
 from ispom.types import Image, Sequence, StereoPair, Tracks, TrackStatus
 
-from ... import colours
-from ...inspect.colouring import SCALES, palette
-from ...inspect.epipolar import EpipolarLine, epipolar
-from ...inspect.looked import Looked
-from ..drawing import dots, in_view, picture, polyline
-from ..markup import render
+from .... import colours
+from ....inspect.colouring import SCALES, palette
+from ....inspect.epipolar import EpipolarLine, epipolar
+from ....inspect.looked import Looked
+from ...drawing import dots, in_view, picture, polyline
+from ...markup import render
 
 WIDTH = 640
 """Of the JPEG; the panel is about half as wide."""

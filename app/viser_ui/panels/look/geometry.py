@@ -9,11 +9,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ... import colours
-from ...inspect.geometry import Rays, pair, triple
-from ...inspect.looked import Looked
-from ...texts import length
-from ..markup import render
+from .... import colours
+from ....inspect.geometry import Rays, pair, triple
+from ....inspect.looked import Looked
+from ....texts import length
+from ...markup import render
 
 
 def geometry_report(looked: Looked) -> str:

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import viser
 
-from ..inspect.colouring import COLOURINGS
-from ..inspect.looked import Looked
-from ..inspect.selection import parsed
-from ..session import commands as do
-from ..session.state import Look, State
-from .panels.geometry import geometry_report
-from .panels.key_frames import key_frames_report
-from .panels.residuals import residuals_report
-from .panels.track import TrackChips, track_report
-from .panels.track_picture import track_picture
-from .panels.tracks import lifetimes_chart, tracks_table
+from ....inspect.colouring import COLOURINGS
+from ....inspect.looked import Looked
+from ....inspect.selection import parsed
+from ....session import commands as do
+from ....session.state import Look, State
+from .geometry import geometry_report
+from .key_frames import key_frames_report
+from .residuals import residuals_report
+from .track import TrackChips, track_report
+from .track_picture import track_picture
+from .tracks import lifetimes_chart, tracks_table
 
 if TYPE_CHECKING:
-    from ..session.session import Session
+    from ....session.session import Session
 
 NAME = "Look"
 PANEL_HINT = (

@@ -8,16 +8,16 @@ import viser
 
 from ispom.methods import in_order
 
-from ... import colours
-from ...run.beside.placed import Beside
-from ...run.model.tally import MethodTally
-from ...session import commands as do
-from ...session.branching.branches import NAME_LENGTH, Branch
-from ...session.state import State
-from ..markup import render
+from .... import colours
+from ....run.beside.placed import Beside
+from ....run.model.tally import MethodTally
+from ....session import commands as do
+from ....session.branching.branches import NAME_LENGTH, Branch
+from ....session.state import State
+from ...markup import render
 
 if TYPE_CHECKING:
-    from ...session.session import Session
+    from ....session.session import Session
 
 NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"

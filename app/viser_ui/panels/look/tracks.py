@@ -9,11 +9,11 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
-from ... import colours
-from ...inspect.lifetimes import Lifetimes, endings, lifetimes
-from ...inspect.looked import EXPOSURES, Looked
-from ...texts import length
-from ..markup import render
+from .... import colours
+from ....inspect.lifetimes import Lifetimes, endings, lifetimes
+from ....inspect.looked import EXPOSURES, Looked
+from ....texts import length
+from ...markup import render
 
 MOST_ROWS, MOST_LINES = 40, 240
 WIDTH, LINE = 330.0, 2.0

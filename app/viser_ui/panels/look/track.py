@@ -10,12 +10,12 @@ import numpy as np
 
 from ispom.types import Image, TrackStatus
 
-from ... import colours
-from ...inspect.looked import Looked
-from ...inspect.sightings import Sighting, TrackLife
-from ...texts import length
-from ..drawing import picture
-from ..markup import render
+from .... import colours
+from ....inspect.looked import Looked
+from ....inspect.sightings import Sighting, TrackLife
+from ....texts import length
+from ...drawing import picture
+from ...markup import render
 from .track_picture import image_of, line_of
 
 CHIPS, CHIP_PX = 12, 48

@@ -14,12 +14,12 @@ from viser import uplot
 from ispom.geometry import Array
 from ispom.methods import in_order
 
-from ... import colours
-from ...run.history.series import Series
-from ...session.state import State
+from .... import colours
+from ....run.history.series import Series
+from ....session.state import State
 
 if TYPE_CHECKING:
-    from ...session.session import Session
+    from ....session.session import Session
 
 MOST_POINTS = 1000
 """Of a curve; of more exposures each point is the largest error of several."""

@@ -8,11 +8,11 @@ import numpy as np
 
 from ispom.types import Camera
 
-from ... import colours
-from ...inspect.colouring import SCALES, palette
-from ...inspect.looked import EXPOSURES, Looked
-from ...inspect.residuals import Residuals, against_radius, histogram, over_image, residuals_of
-from ..markup import render
+from .... import colours
+from ....inspect.colouring import SCALES, palette
+from ....inspect.looked import EXPOSURES, Looked
+from ....inspect.residuals import Residuals, against_radius, histogram, over_image, residuals_of
+from ...markup import render
 
 WIDTH, HEIGHT = 330.0, 80.0
 

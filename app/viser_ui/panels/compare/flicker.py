@@ -10,16 +10,16 @@ import viser
 from ispom.errors import InputError
 from ispom.types import Image
 
-from ... import colours
-from ...session import commands as do
-from ...session.current_run import CurrentRun
-from ...session.flicker import Flicker, Side, sides
-from ...session.state import State
-from ..markup import render
-from ..track_picture import image_of, picture, tracks_of
+from .... import colours
+from ....session import commands as do
+from ....session.current_run import CurrentRun
+from ....session.flicker import Flicker, Side, sides
+from ....session.state import State
+from ...markup import render
+from ...track_picture import image_of, picture, tracks_of
 
 if TYPE_CHECKING:
-    from ...session.session import Session
+    from ....session.session import Session
 
 NONE: tuple[str, ...] = ("-",)
 TURN, OFF = "A / B", "Stop"

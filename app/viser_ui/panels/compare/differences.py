@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import viser
 
-from ...diff.text import lines
-from ...session import commands as do
-from ...session.branching.comparing import MOST, Comparison
-from ...session.state import State
-from ..markup import render
+from ....diff.text import lines
+from ....session import commands as do
+from ....session.branching.comparing import MOST, Comparison
+from ....session.state import State
+from ...markup import render
 
 if TYPE_CHECKING:
-    from ...session.session import Session
+    from ....session.session import Session
 
 FIRST, PREVIOUS, NEXT = "First", "◀ Difference", "Difference ▶"
 
