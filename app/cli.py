@@ -1,4 +1,4 @@
-"""The command `ispom`: demo, app, run, fork, diff, sources, calibrate, target, evaluate, export, report, bench."""
+"""The command `ispom` and its subcommands, from demo to bench."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ispom.methods import faults
 
 from .bench.options import Bench
 from .calibrate.options import Calibrate, PrintTarget
+from .experiment.options import Experiment
 from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Sources
 from .run.playback import Builder
 
@@ -23,6 +24,7 @@ Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[App, tyro.conf.subcommand("app")]
     | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[Experiment, tyro.conf.subcommand("experiment")]
     | Annotated[Fork, tyro.conf.subcommand("fork")]
     | Annotated[Diff, tyro.conf.subcommand("diff")]
     | Annotated[Sources, tyro.conf.subcommand("sources")]
@@ -85,6 +87,10 @@ def _execute(command: Command, arguments: Sequence[str], builder: Builder) -> in
         from .headless.command import run
 
         return run(command, builder)
+    if isinstance(command, Experiment):
+        from .experiment.command import experiment
+
+        return experiment(command, builder)
     if isinstance(command, Fork):
         from .fork import fork
 

@@ -37,7 +37,7 @@ APP_LAYERS = (
     {"viser_ui"},
     {"page"},
     {"bench", "calibrate", "evaluate", "export", "headless", "repair", "report", "sources"},
-    {"fork"},
+    {"experiment", "fork"},
     {"cli"},
     {"__main__"},
 )

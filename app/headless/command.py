@@ -28,10 +28,16 @@ from .play import play
 
 
 def run(options: Run, builder: Builder = build, origin: Origin | None = None) -> int:
-    """Runs and writes, with estimators from `builder`; from `origin` on, where there is one.
+    """Runs, writes and prints, with estimators from `builder`; from `origin` on, where there is one.
 
     The exit code is 0, or InputError is raised after what was computed has been written.
     """
+    _print(completed(options, builder, origin))
+    return 0
+
+
+def completed(options: Run, builder: Builder = build, origin: Origin | None = None, quiet: bool = False) -> Job:
+    """The same without printing, `quiet` without progress as well. The folder of the job that it gives is complete."""
     condition = until(options.until)
     if options.methods:
         require_run(condition, with_asked(in_order(options.methods)))
@@ -45,13 +51,12 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
         playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable() as signals, _folder(options.out, sequence.name) as folder:
-            job = Job(options, methods, origin, playback, Until(condition), folder)
+            job = Job(options, methods, origin, playback, Until(condition), folder, quiet)
             _run(job, signals)
-        _print(job)
     finally:
         if sequence.stop is not None:
             sequence.stop()
-    return 0
+    return job
 
 
 def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:

@@ -41,4 +41,6 @@ class Job:
     playback: Playback
     watch: Until
     folder: RunFolder
+    quiet: bool = False
+    """Whether nothing is to be shown on the terminal."""
     placements: PlacementLog = field(default_factory=PlacementLog)

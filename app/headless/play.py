@@ -40,7 +40,7 @@ def play(job: Job, signals: Signals) -> Played:
         total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures
         try:
             wait_for_compiler()
-            with ended_by_interrupt(playback.sequence), progress(total) as advance:
+            with ended_by_interrupt(playback.sequence), progress(total, job.quiet) as advance:
                 while playback.more():
                     event = playback.step()
                     maps.add(event.steps)

@@ -21,8 +21,8 @@ def wait_for_compiler() -> None:
 
 
 @contextmanager
-def progress(total: int | None) -> Iterator[Callable[[], None]]:
-    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only."""
+def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], None]]:
+    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only, unless `quiet`."""
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
@@ -30,7 +30,7 @@ def progress(total: int | None) -> Iterator[Callable[[], None]]:
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    with Progress(*columns, TextColumn("left"), console=console, disable=not console.is_terminal) as bar:
+    with Progress(*columns, TextColumn("left"), console=console, disable=quiet or not console.is_terminal) as bar:
         task, start, count = bar.add_task("", total=total, rate=0.0), time.monotonic(), 0
 
         def advance() -> None:

@@ -106,7 +106,7 @@ def run_file(
         {kind: sequence.kinds.count(kind) for kind in ("video", "stereo")},
         round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0,
         images_sha256,
-        {"python": platform.python_version(), **_versions()},
+        {"python": platform.python_version(), **versions()},
         platform.platform(),
         list(forked),
         stopped,
@@ -133,7 +133,7 @@ def _config(plain: Any, where: str) -> Config:
     return Config({name: from_plain(method(name).config, values, f"{where}.{name}") for name, values in plain.items()})
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
     """Of the packages that are here; the ray caster has no wheels for some machines."""
     found = {}
     for name in PACKAGES:

@@ -1,0 +1,35 @@
+"""The options of `ispom experiment`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """Runs sources x methods x settings x seeds, and writes tables, figures and a page with medians and spreads. The
+    same command goes on where an earlier one was stopped."""
+
+    plan: tyro.conf.Positional[str]
+    """fig8, fig9 (the paper's figures), or a YAML file; the README has an example."""
+    out: Path
+    """Folder to write to: new, empty, or that of an experiment to go on with."""
+    sources: tuple[str, ...] = ()
+    """Sources instead of the plan's, such as sim:tiny."""
+    seeds: str | None = None
+    """Seeds instead of the plan's, such as 0-9 or 3,5,8."""
+    max_exposures: int | None = None
+    """Use only the first N exposures of each source."""
+    workers: int | None = None
+    """Runs at the same time, a process with one thread each, by Dask: 0 runs one after the other in this process.
+    Default: one for each core, or 0 where Dask is not installed."""
+    memory_gb: float = 4.0
+    """Memory of a worker [GB]: one that needs more is ended, and its run is a row that says so."""
+    scheduler: str | None = None
+    """Address of a running Dask cluster, such as tcp://head:8786, which sees the same folders; instead of workers of
+    this machine."""
+    recordings: bool = False
+    """Write run.rrd of each run, too."""

@@ -1,0 +1,99 @@
+"""What an experiment is: which runs it takes, and what is asked of their results."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+
+from ispom.methods import Config
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Line:
+    """A method with its settings: a line in the figures, a row in the tables."""
+
+    name: str
+    method: str
+    settings: tuple[tuple[str, Value], ...] = ()
+    """(METHOD.SETTING, value) of those that are not the default: of the method, or of one that it asks."""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What the plan claims of a line: that a quantity is within bounds in a share of its runs."""
+
+    text: str
+    quantity: str
+    line: str
+    source: str | None = None
+    """Of this source's runs only."""
+    over_line: str | None = None
+    """The quantity divided by that of this line, on the same source (or `over_source`) and seed."""
+    over_source: str | None = None
+    at_most: float | None = None
+    at_least: float | None = None
+    share: float = 1.0
+    """Of the runs, 0..1, in which it must hold."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: a line on a source with a seed."""
+
+    line: Line
+    source: str
+    seed: int
+
+    @property
+    def folder(self) -> PurePath:
+        """Within that of the experiment."""
+        place = self.source if self.source.startswith("sim:") else PurePath(self.source).name
+        return PurePath("runs") / _plain(self.line.name) / f"{_plain(place)}-seed-{self.seed}"
+
+    def __str__(self) -> str:
+        return f"{self.line.name}, {self.source} seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Every line on every source with every seed."""
+
+    name: str
+    title: str
+    sources: tuple[str, ...]
+    seeds: tuple[int, ...]
+    lines: tuple[Line, ...]
+    note: str = ""
+    quantities: tuple[str, ...] = ("ate_m", "t_err_percent", "rpe_m", "rpe_deg")
+    """Keys of metrics.json, and those of `results.derived`: what is tabled and drawn."""
+    statements: tuple[Statement, ...] = ()
+    stereo_every: int = 1
+    video_scale: float = 1.0
+    max_exposures: int | None = None
+
+    def runs(self) -> Iterator[Run]:
+        """By source and seed: those on the same images follow each other."""
+        for source in self.sources:
+            for seed in self.seeds if source.startswith("sim:") else self.seeds[:1]:
+                yield from (Run(line, source, seed) for line in self.lines)
+
+    def line(self, name: str) -> Line:
+        return next(line for line in self.lines if line.name == name)
+
+
+def config_of(line: Line) -> Config:
+    """The settings of all methods; those of the line are known to be right."""
+    config = Config()
+    for key, value in line.settings:
+        method, _, setting = key.rpartition(".")
+        config = config.with_settings(method, replace(config.of(method), **{setting: value}))
+    return config
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"

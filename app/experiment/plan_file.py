@@ -1,0 +1,173 @@
+"""Plans as YAML files: the schema, and what is wrong with a file in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.resources import files
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from ispom.errors import InputError
+from ispom.io.files import exists, expanded
+from ispom.io.mapping import read_mapping
+from ispom.methods import method, with_asked
+from ispom.sequences import MAX_SEED
+from ispom.settings import check, from_plain
+
+from .options import Experiment
+from .plan import Line, Plan, Statement, Value
+
+MAX_RUNS = 100_000
+
+
+class LineEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    method: str
+    settings: dict[str, Value] = {}
+    note: str = ""
+
+
+class StatementEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    text: str
+    quantity: str
+    line: str
+    source: str | None = None
+    over_line: str | None = None
+    over_source: str | None = None
+    at_most: float | None = None
+    at_least: float | None = None
+    share: float = 1.0
+
+
+class PlanEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The file: `lines` by name, or `methods` with `settings`, whose values are combined."""
+
+    title: str
+    sources: list[str]
+    note: str = ""
+    seeds: int | str | list[int] = 0
+    lines: dict[str, LineEntry] = {}
+    methods: list[str] = []
+    settings: dict[str, list[Value]] = {}
+    quantities: tuple[str, ...] = Plan.quantities
+    statements: list[StatementEntry] = []
+    stereo_every: int = 1
+    video_scale: float = 1.0
+    max_exposures: int | None = None
+
+
+def built_in() -> dict[str, Any]:
+    """By name, the files of the plans that come with ISPOM."""
+    folder = files(__name__.rpartition(".")[0]).joinpath("plans")
+    return {Path(file.name).stem: file for file in sorted(folder.iterdir(), key=lambda f: f.name)}
+
+
+def read_plan(options: Experiment) -> Plan:
+    """The plan that the command asks for; InputError with the place in the file for what is wrong with it."""
+    known, asked = built_in(), options.plan
+    if asked in known:
+        plan = _plan(asked, asked, yaml.safe_load(known[asked].read_text(encoding="utf-8")))
+    elif exists(expanded(asked)):
+        plan = _plan(Path(asked).stem, asked, read_mapping(expanded(asked)))
+    else:
+        raise InputError(f"{asked} is no plan of an experiment: give {', '.join(known)}, or a YAML file")
+    plan = replace(plan, sources=options.sources or plan.sources)
+    plan = replace(plan, seeds=plan.seeds if options.seeds is None else _seeds("--seeds", options.seeds))
+    if options.max_exposures is not None:
+        plan = replace(plan, max_exposures=options.max_exposures)
+    runs = len(plan.sources) * len(plan.seeds) * len(plan.lines)
+    if runs > MAX_RUNS:
+        raise InputError(f"{asked} asks for {runs} runs, more than {MAX_RUNS}: split it")
+    folders = [run.folder for run in plan.runs()]
+    if len(set(folders)) < len(folders):
+        raise InputError(f"{asked} has two lines or sources of almost the same name: give them names that differ more")
+    return plan
+
+
+def _plan(name: str, where: str, content: Any) -> Plan:
+    try:
+        entry = msgspec.convert(content, PlanEntry)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{where}: {error}: correct it") from None
+    lines = _lines(where, entry)
+    statements = tuple(Statement(**msgspec.structs.asdict(s)) for s in entry.statements)
+    for said in statements:
+        for line in filter(None, (said.line, said.over_line)):
+            if line not in {item.name for item in lines}:
+                raise InputError(
+                    f"{where}: a statement is about line {line!r}, which is none of the plan's: correct it"
+                )
+    if not entry.sources or not lines:
+        raise InputError(f"{where} has no {'lines or methods' if entry.sources else 'sources'}: add some")
+    return Plan(
+        name,
+        entry.title,
+        tuple(entry.sources),
+        _seeds(f"{where}: seeds", entry.seeds),
+        lines,
+        entry.note,
+        entry.quantities,
+        statements,
+        entry.stereo_every,
+        entry.video_scale,
+        entry.max_exposures,
+    )
+
+
+def _lines(where: str, entry: PlanEntry) -> tuple[Line, ...]:
+    """Those that are named, then every method with every combination of the values that it takes."""
+    found = [
+        Line(name, line.method, _settings(where, line.method, line.settings), line.note)
+        for name, line in entry.lines.items()
+    ]
+    for key in entry.settings:
+        if not any(_owner(key) in with_asked([method(name).name]) for name in entry.methods):
+            raise InputError(f"{where}: settings has {key!r}, which is no setting of its methods: METHOD.SETTING")
+    for name in entry.methods:
+        keys = [key for key in entry.settings if _owner(key) in with_asked([name])]
+        for values in product(*(entry.settings[key] for key in keys)):
+            chosen = dict(zip(keys, values, strict=True))
+            words = [f"{key.removeprefix(f'{name}.')} {_text(value)}" for key, value in chosen.items()]
+            found.append(Line(", ".join([name, *words]), name, _settings(where, name, chosen)))
+    return tuple(found)
+
+
+def _settings(where: str, name: str, values: dict[str, Value]) -> tuple[tuple[str, Value], ...]:
+    """Checked: each a setting of the method or of one that it asks, of the right type and within its range."""
+    allowed, found = with_asked([method(name).name]), []
+    for key, value in values.items():
+        owner, setting = _owner(key), key.rpartition(".")[2].replace("-", "_")
+        if owner not in allowed:
+            raise InputError(f"{where}: {key!r} is no setting of {name}: give METHOD.SETTING of {', '.join(allowed)}")
+        config = from_plain(method(owner).config, {setting: value}, f"{where}: {owner}")
+        check(config, f"{owner}.")
+        found.append((f"{owner}.{setting}", getattr(config, setting)))
+    return tuple(found)
+
+
+def _owner(key: str) -> str:
+    return key.rpartition(".")[0]
+
+
+def _text(value: Value) -> str:
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
+
+
+def _seeds(where: str, given: int | str | list[int]) -> tuple[int, ...]:
+    """0-9 or 3,5,8 or a list; each once, in order."""
+    words = [str(v) for v in given] if isinstance(given, list) else str(given).split(",")
+    found: set[int] = set()
+    for word in words:
+        first, _, last = word.strip().partition("-")
+        if not first.isdecimal() or (last and not last.isdecimal()) or max(len(first), len(last)) > 10:
+            raise InputError(f"{where}: {word[:40]!r} is no seed: give such as 0-9 or 3,5,8")
+        low, high = int(first), int(last or first)
+        if not low <= high <= MAX_SEED or high - low >= MAX_RUNS:
+            raise InputError(f"{where}: {word[:40]!r} is no range of seeds from 0 to {MAX_SEED}: give such as 0-9")
+        found |= set(range(low, high + 1))
+    if not found:
+        raise InputError(f"{where} is empty: give such as 0-9 or 3,5,8")
+    return tuple(sorted(found))

@@ -1,0 +1,71 @@
+"""A scheduler in this process, and workers of this machine that are started again when they die."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from typing import Any
+
+from ispom.child import Child
+from ispom.errors import InputError
+
+from .worker import OUT_OF_MEMORY
+
+COMMAND = [sys.executable, "-m", __name__.rpartition(".")[0] + ".worker"]
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+ENVIRONMENT = {**dict.fromkeys(THREADS, "1"), "DASK_LOGGING__DISTRIBUTED": "critical"}
+
+
+class Workers:
+    """Talk through TLS with keys of their own: no other process can give them work, or see it."""
+
+    def __init__(self, count: int, memory_gb: float, most_deaths: int) -> None:
+        """`most_deaths`: more of them cannot come from the runs."""
+        from distributed import LocalCluster
+        from distributed.security import Security
+
+        self._security, self._memory_gb, self._left = Security.temporary(), memory_gb, most_deaths
+        self.cluster: Any = LocalCluster(
+            n_workers=0,
+            processes=True,
+            protocol="tls://",
+            security=self._security,
+            dashboard_address=None,  # type: ignore[arg-type]
+            silence_logs=logging.CRITICAL,
+        )
+        self._children = [self._started(n) for n in range(count)]
+        self.last_death = ""
+
+    def keep(self) -> None:
+        """Starts those anew that have died. InputError where none lives long enough to do anything."""
+        for n, child in enumerate(self._children):
+            if not child.running:
+                self.last_death = self._cause(child)
+                child.stop()
+                self._left -= 1
+                if self._left < 0:
+                    raise InputError(f"the workers do not live: one {self.last_death}; give --workers 0 to see more")
+                self._children[n] = self._started(n)
+
+    def close(self) -> None:
+        for child in self._children:
+            child.stop()
+        self.cluster.close()
+
+    def _started(self, n: int) -> Child:
+        child = Child(COMMAND, ENVIRONMENT)
+        keys = {
+            "tls_ca_file": self._security.tls_ca_file,
+            "tls_worker_key": self._security.tls_worker_key,
+            "tls_worker_cert": self._security.tls_worker_cert,
+        }
+        task = {"address": self.cluster.scheduler_address, "name": f"worker-{n}-{child.pid}", "keys": keys}
+        task |= {"memory_gb": self._memory_gb, "path": sys.path}
+        child.requests.write(json.dumps(task).encode() + b"\n")
+        child.requests.flush()
+        return child
+
+    def _cause(self, child: Child) -> str:
+        how = child.ending()
+        return f"took more than {self._memory_gb:g} GB" if f"exit code {OUT_OF_MEMORY}" in how else how

@@ -1,0 +1,50 @@
+"""Plans and rows for tests."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+from ispom_app.experiment.plan import Line, Plan, Run
+from ispom_app.experiment.row import Row
+
+LINES = (Line("a", "stereo"), Line("b", "monocular"))
+
+
+def plan(**changes) -> Plan:
+    given = {"name": "own", "title": "Own", "sources": ("sim:tiny",), "seeds": (0,), "lines": LINES}
+    return Plan(**(given | changes))
+
+
+def row(line: Line, seed: int, source: str = "sim:tiny", **values: float | None) -> Row:
+    return Row(Run(line, source, seed), None, values)
+
+
+def quick(_: Plan, run: Run, out: Path, __: bool) -> Row:
+    """Stands in for `execute`."""
+    return Row(run, None, {"seed": float(run.seed)})
+
+
+def killed_at_first(plan: Plan, run: Run, out: Path, recording: bool) -> Row:
+    """The worker dies at the first attempt of each run."""
+    mark = out / f"{run.line.name}-{run.seed}"
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return quick(plan, run, out, recording)
+
+
+def always_killed(plan: Plan, run: Run, out: Path, recording: bool) -> Row:
+    """The worker dies at every attempt of one of the runs."""
+    if run.line.name == "a":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return quick(plan, run, out, recording)
+
+
+def greedy(plan: Plan, run: Run, out: Path, recording: bool) -> Row:
+    """One of the runs takes memory until it is ended."""
+    held = []
+    while run.line.name == "a":
+        held.append(bytearray(os.urandom(1 << 20) * 64))
+    return quick(plan, run, out, recording)

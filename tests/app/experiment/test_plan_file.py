@@ -1,0 +1,86 @@
+"""Plans as files: what they mean, and what is wrong with one in a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from ispom_app.experiment.options import Experiment
+from ispom_app.experiment.plan import config_of
+from ispom_app.experiment.plan_file import built_in, read_plan
+
+from ispom.errors import InputError
+
+GOOD = {"title": "t", "sources": ["sim:tiny"], "methods": ["monocular.paper", "stereo"]}
+
+
+def plan_of(tmp_path: Path, **changes):
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(GOOD | changes, sort_keys=False))
+    return read_plan(Experiment(plan=str(tmp_path / "own.yaml"), out=tmp_path))
+
+
+def test_methods_and_settings_are_combined(tmp_path: Path) -> None:
+    settings = {
+        "monocular.paper.scale_transfer": ["norm", "vector"],
+        "monocular.paper.local-bundle": [False, True],
+    }
+    plan = plan_of(tmp_path, settings=settings, seeds="0-1")
+    assert [line.name for line in plan.lines] == [
+        "monocular.paper, scale_transfer norm, local-bundle off",
+        "monocular.paper, scale_transfer norm, local-bundle on",
+        "monocular.paper, scale_transfer vector, local-bundle off",
+        "monocular.paper, scale_transfer vector, local-bundle on",
+        "stereo",
+    ]
+    assert config_of(plan.lines[3]).of("monocular.paper").local_bundle is True
+    assert config_of(plan.lines[3]).of("monocular.paper").scale_transfer == "vector"
+    assert plan.seeds == (0, 1) and len(list(plan.runs())) == 10
+
+
+def test_a_method_takes_the_settings_of_those_that_it_asks(tmp_path: Path) -> None:
+    settings = {"stereo.paper.matching": ["sift", "klt"]}
+    plan = plan_of(tmp_path, methods=["integrated.paper"], settings=settings)
+    assert [config_of(line).of("stereo.paper").matching for line in plan.lines] == ["sift", "klt"]
+
+
+def test_a_recording_is_run_once_whatever_the_seeds(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, sources=["sim:tiny", "kitti/06"], seeds=[3, 1], methods=["stereo"])
+    runs = [(run.source, run.seed) for run in plan.runs()]
+    assert runs == [("sim:tiny", 1), ("sim:tiny", 3), ("kitti/06", 1)]
+
+
+@pytest.mark.parametrize("name", sorted(built_in()))
+def test_the_plans_that_come_with_it_are_right(name: str, tmp_path: Path) -> None:
+    plan = read_plan(Experiment(plan=name, out=tmp_path, seeds="3,5-6"))
+    assert plan.seeds == (3, 5, 6) and plan.statements and plan.lines
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"sourcs": []}, "unknown field `sourcs`"),
+        ({"sources": "sim:tiny"}, r"Expected `array`, got `str` - at `\$.sources`"),
+        ({"sources": []}, "has no sources"),
+        ({"methods": []}, "has no lines or methods"),
+        ({"methods": ["orbslam"]}, "is no method"),
+        ({"seeds": "2-x"}, "seeds: '2-x' is no seed"),
+        ({"seeds": "5-2"}, "is no range of seeds"),
+        ({"seeds": []}, "seeds is empty"),
+        ({"settings": {"stereo.speed": [1]}}, "'speed', which is no setting"),
+        ({"settings": {"integrated.knots": [1]}}, "is no setting of its methods"),
+        ({"settings": {"monocular.paper.max_tracks": [7]}}, "max-tracks is 7, give a value from 50 to 2000"),
+        ({"settings": {"monocular.paper.scale_transfer": ["norms"]}}, "not one of norm, vector"),
+        ({"statements": [{"text": "t", "quantity": "ate_m", "line": "Z"}]}, "about line 'Z', which is none"),
+        ({"sources": ["sim:a", "sim:a "]}, "almost the same name"),
+        ({"seeds": "0-99999", "sources": ["sim:a", "sim:b"]}, "more than 100000"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(changes: dict, sentence: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=sentence):
+        plan_of(tmp_path, **changes)
+
+
+def test_a_plan_that_is_not_there_names_those_that_are(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="fig8, fig9"):
+        read_plan(Experiment(plan="fig7", out=tmp_path))
