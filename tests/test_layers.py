@@ -91,7 +91,7 @@ def test_the_library_has_no_window(path: Path) -> None:
 
 @pytest.mark.parametrize("path", modules("ispom"), ids=lambda p: str(p.relative_to(ROOT)))
 def test_only_simulated_sequences_use_the_simulation(path: Path) -> None:
-    users = {ROOT / "ispom" / "sequences" / "formats" / "simulated.py", *(ROOT / "ispom" / "simulation").glob("*.py")}
+    users = {ROOT / "ispom" / "sequences" / "formats" / "simulated.py", *(ROOT / "ispom" / "simulation").rglob("*.py")}
     assert path in users or not any(name.startswith("ispom.simulation") for name in imported(path))
 
 

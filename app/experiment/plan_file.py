@@ -15,7 +15,7 @@ from ispom.errors import InputError
 from ispom.io.files import exists, expanded
 from ispom.io.mapping import read_mapping
 from ispom.methods import method, with_asked
-from ispom.sequences import MAX_SEED
+from ispom.sequences.address import MAX_SEED
 from ispom.settings import check, from_plain
 
 from .options import Experiment

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded, is_folder, names
+from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.bags import looks_like_bag, open_bag
 from ispom.sequences.formats.described import looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
@@ -14,6 +15,7 @@ from ispom.sequences.formats.folder import looks_like_images, open_folder
 from ispom.sequences.formats.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.formats.live import looks_live, open_live
+from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
 from ispom.sequences.formats.video import looks_like_video, open_video
@@ -24,7 +26,6 @@ from ispom.sequences.two_rate import check_shape, two_rate
 from ispom.types import Exposure, Sequence
 
 MIN_FRAMES = 3
-MAX_SEED = 2**32 - 1
 LAYOUTS = (
     (looks_described, open_described),
     (looks_like_kitti, open_kitti),
@@ -68,19 +69,14 @@ def open_sequence(
         raise InputError(f"--seed is {seed}, give a value from 0 to {MAX_SEED}")
     calibration = None if camera is None else expanded(camera)
     if source.startswith("sim:"):
-        from ispom.sequences.formats.simulated import open_simulated  # brings the ray caster, which takes seconds
+        from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
 
-        name, _, own_seed = source.removeprefix("sim:").partition("#")
-        if own_seed and not (
-            own_seed.isdecimal() and len(own_seed) <= len(str(MAX_SEED)) and int(own_seed) <= MAX_SEED
-        ):
-            raise InputError(f"{source}: after # comes a seed, a whole number up to {MAX_SEED}: give sim:{name}#3")
-        sequence = open_simulated(name, int(own_seed or seed))
+        sequence = open_words(source.removeprefix("sim:"), seed)
     elif looks_live(source):
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
         with bounded(policy.places):
-            opened = _opened(expanded(source), calibration)
+            opened = _opened(expanded(source), calibration, seed)
         sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
         sequence = _within(sequence, policy)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
@@ -101,9 +97,11 @@ def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
     return replace(sequence, load=load)
 
 
-def _opened(path: Path, calibration: Path | None) -> Recording | Sequence:
+def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequence:
     if not exists(path):
         raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
+    if looks_like_scenario(path):
+        return open_scenario(path, seed)
     for looks_like, opened in LAYOUTS:
         if looks_like(path):
             if calibration is not None:

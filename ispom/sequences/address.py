@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 
 DEVICE = "camera:"
+MAX_SEED = 2**32 - 1
+"""Of a simulation."""
 SCHEMES = ("http", "https", "rtsp", "rtsps", "rtmp", "udp", "tcp")
 _SCHEME = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://")
 

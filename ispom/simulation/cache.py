@@ -21,6 +21,8 @@ from ispom.types import Image
 
 log = logging.getLogger(__name__)
 _DIGEST_BYTES = 16
+_WITHOUT_PIXELS = {"ahead", "board", "cache", "faults", "filming", "process"}
+"""Modules whose code does not shape what is rendered."""
 _KEPT_FOLDERS = 4
 """Rendered sequences that stay on disk, about 0.7 GB each; the least recently used ones go first."""
 _IN_USE_S = 3600.0
@@ -41,7 +43,8 @@ def source_key(*values: object) -> str:
     """A name for what these values and the code of this package render."""
     digest = hashlib.blake2b(digest_size=12)
     for file in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(file.read_bytes())
+        if file.stem not in _WITHOUT_PIXELS:
+            digest.update(file.read_bytes())
     digest.update(repr(values).encode())
     return digest.hexdigest()
 

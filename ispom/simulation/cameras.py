@@ -10,6 +10,8 @@ from ispom.geometry import Pose
 from ispom.types import Camera, Kind, Rig
 
 BASELINE_M = 0.4
+NOISE_SIGMA = 1.6
+"""Sensor noise [grey levels]."""
 STEREO_DELAY_S = 0.0113
 """Stereo exposes this long after a video frame: never at the same time."""
 

@@ -11,11 +11,18 @@ from ispom.types import Exposure, Sequence, Trajectory, VideoFrame
 
 
 def with_late_video(sequence: Sequence, late_s: float) -> Sequence:
-    """The video camera exposes `late_s` [s] after what its time stamps say; negative: before.
+    """As `with_video_clock`, without drift, and named so."""
+    return replace(with_video_clock(sequence, late_s), name=f"{sequence.name}, video {1e3 * late_s:g} ms late")
+
+
+def with_video_clock(sequence: Sequence, late_s: float, drift: float = 0.0) -> Sequence:
+    """The video camera exposes `late_s` [s] after what its time stamps say, and `drift` of the time since the first
+    exposure more; negative: before.
 
     Stamps, and with them the order of the exposures, change; the truth is stamped like what it is the truth of.
     """
-    shift_ns = round(late_s * 1e9)
+    since_ns = sequence.times_ns - sequence.times_ns[0]
+    shift_ns = round(late_s * 1e9) + np.rint(drift * since_ns).astype(np.int64)
     video = np.array([kind == "video" for kind in sequence.kinds])
     times_ns = sequence.times_ns - np.where(video, shift_ns, 0)
     # A stereo pair comes before the video frame of the same time.
@@ -23,7 +30,7 @@ def with_late_video(sequence: Sequence, late_s: float) -> Sequence:
 
     def load(i: int) -> Exposure:
         exposure = sequence.load(int(order[i]))
-        return replace(exposure, time_ns=exposure.time_ns - shift_ns) if isinstance(exposure, VideoFrame) else exposure
+        return replace(exposure, time_ns=int(times_ns[order[i]])) if isinstance(exposure, VideoFrame) else exposure
 
     truth = sequence.truth
     if truth is not None:
@@ -31,7 +38,6 @@ def with_late_video(sequence: Sequence, late_s: float) -> Sequence:
         truth = Trajectory.of([(int(t), pose) for t, was in stamps if (pose := truth.at(int(was))) is not None])
     return replace(
         sequence,
-        name=f"{sequence.name}, video {1e3 * late_s:g} ms late",
         times_ns=times_ns[order],
         kinds=tuple(sequence.kinds[i] for i in order),
         load=load,

@@ -47,14 +47,16 @@ class RenderPool:
         with suppress(OSError):
             self._processes[0].start()
 
-    def render(self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int) -> Image:
+    def render(
+        self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int, *more: str | int
+    ) -> Image:
         """As `RenderProcess.render`, in a process that is free; waits for one."""
         with self._change:
             self._change.wait_for(lambda: self._processes[0] in self._free or (self._warm and self._free))
             process = min(self._free, key=self._processes.index)
             self._free.remove(process)
         try:
-            image = process.render(seed, motion_blur, scale, time_ns, kind, threads)
+            image = process.render(seed, motion_blur, scale, time_ns, kind, threads, *more)
             self._warm = True
             return image
         finally:
@@ -86,12 +88,14 @@ class RenderProcess:
                 self._child = Child(self._command)
             return self._child
 
-    def render(self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int) -> Image:
-        """As `Source(seed, motion_blur, scale).render(time_ns, kind, threads)`.
+    def render(
+        self, seed: int, motion_blur: bool, scale: float, time_ns: int, kind: Kind, threads: int, *more: str | int
+    ) -> Image:
+        """As `Source(seed, motion_blur, scale, *more).render(time_ns, kind, threads)`.
 
         InputError where no process lives long enough for it; RuntimeError where rendering fails in it.
         """
-        request = json.dumps([seed, motion_blur, scale, time_ns, kind, threads]).encode() + b"\n"
+        request = json.dumps([seed, motion_blur, scale, time_ns, kind, threads, *more]).encode() + b"\n"
         with self._talking:
             try:
                 return self._render(request)
@@ -183,9 +187,9 @@ def _serve(requests: Iterable[bytes], answers: BinaryIO) -> None:
     grain_levels()
     source: Any = None
     for line in requests:
-        seed, motion_blur, scale, time_ns, kind, threads = json.loads(line)
-        if source is None or source != Source(seed, motion_blur, scale):
-            source = Source(seed, motion_blur, scale)
+        seed, motion_blur, scale, time_ns, kind, threads, *more = json.loads(line)
+        if source is None or source != Source(seed, motion_blur, scale, *more):
+            source = Source(seed, motion_blur, scale, *more)
         try:
             image = source.render(time_ns, kind, threads)
         except Exception as fault:

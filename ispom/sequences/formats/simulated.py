@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from ispom.errors import InputError
+from ispom.sequences.address import MAX_SEED
 from ispom.simulation.ahead import AheadRenderer
 from ispom.simulation.cache import ImageCache, default_folder, source_key
 from ispom.simulation.cameras import Timing, simulated_rig
-from ispom.simulation.path import Path as FlightPath
+from ispom.simulation.motions import motion_of
 from ispom.simulation.process import render_pool
+from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
 from ispom.types import Exposure, Sequence, StereoPair, Trajectory, VideoFrame
 
 
@@ -26,7 +28,37 @@ class Preset:
     duration_s: float
 
 
+_PLAIN = World()
 PRESETS = {"city": Preset(1.0, 20.0), "tiny": Preset(0.5, 3.0)}
+
+
+def open_words(text: str, seed: int) -> Sequence:
+    """What `sim:TEXT` means: a scene, perhaps `?` with motion, faults and the like, perhaps `#` with its own seed.
+
+    InputError where any of it is wrong.
+    """
+    words, _, own_seed = text.partition("#")
+    if own_seed and not (own_seed.isdecimal() and len(own_seed) <= len(str(MAX_SEED)) and int(own_seed) <= MAX_SEED):
+        raise InputError(f"sim:{text}: after # comes a seed, a whole number up to {MAX_SEED}: give sim:{words}#3")
+    return open_scenario(scenario_of_words(words), int(own_seed or seed))
+
+
+def open_scenario_file(path: Path, seed: int) -> Sequence:
+    """The scenario of a YAML file, with its own seed where it names one; InputError where the file is wrong."""
+    scenario = scenario_of_file(path)
+    return open_scenario(scenario, seed if scenario.seed is None else scenario.seed)
+
+
+def open_scenario(scenario: Scenario, seed: int, cache_dir: Path | None = None) -> Sequence:
+    """The scene as it moves and is seen in the scenario, with its faults; InputError for a scene that is none."""
+    world, preset = scenario.world, PRESETS.get(scenario.scene)
+    sequence = open_simulated(
+        scenario.scene, seed, cache_dir, world.motion_blur, world.duration_s or (preset and preset.duration_s), world
+    )
+    if not scenario.words:
+        return sequence
+    named = replace(sequence, name=f"{sequence.name}, {scenario.words}")
+    return replace(scenario.on(named, seed), notes=(*sequence.notes, f"scenario: {scenario.words}"))
 
 
 def open_simulated(
@@ -35,11 +67,13 @@ def open_simulated(
     cache_dir: Path | None = None,
     motion_blur: bool = False,
     duration_s: float | None = None,
+    world: World = _PLAIN,
 ) -> Sequence:
     """The simulated sequence `name`: "city", or "tiny" (the same place, small images, 3 s: for tests).
 
-    World: x right, y down, z along the street, ground at y = 0. `cache_dir` replaces the user's cache folder,
-    `duration_s` [s] the preset's. InputError for an unknown name, and for a duration outside 0.1-20 s.
+    `world` says where and how one moves, instead. World: x right, y down, z along the street, ground at y = 0.
+    `cache_dir` replaces the user's cache folder, `duration_s` [s] the preset's. InputError for an unknown name, and for
+    a duration outside 0.1-20 s.
     """
     if name not in PRESETS:
         raise InputError(
@@ -49,13 +83,14 @@ def open_simulated(
     duration_s = preset.duration_s if duration_s is None else duration_s
     if not 0.1 <= duration_s <= 20.0:
         raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to 20 s")
-    rig, path, stamps = simulated_rig(preset.scale), FlightPath.seeded(seed), Timing(duration_s).exposures()
+    rig, path, stamps = simulated_rig(preset.scale), motion_of(world.motion, seed), Timing(duration_s).exposures()
+    other = () if (asked := _rendered(world)) == _rendered(_PLAIN) else asked
     shaping = (seed, motion_blur, preset.scale)
     libraries = [version(name) for name in ("numpy", "opencv-python-headless")]
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
-        lambda i, threads: render_pool().render(*shaping, *stamps[i], threads),
-        ImageCache.open(cache_dir or default_folder(), source_key(*shaping, *libraries)),
+        lambda i, threads: render_pool().render(*shaping, *stamps[i], threads, *other),
+        ImageCache.open(cache_dir or default_folder(), source_key(*shaping, *libraries, *other)),
     )
 
     def load(i: int) -> Exposure:
@@ -75,3 +110,8 @@ def open_simulated(
         ("simulated: rendered images with sensor noise, exact truth",),
         ahead.prepare,
     )
+
+
+def _rendered(world: World) -> tuple[str, str, int]:
+    """What of a world the renderer must be told."""
+    return world.place, world.motion, round(1e6 * world.right_late_ms)

@@ -1,0 +1,103 @@
+"""Wrong calibrations of each kind: what the estimators are told is not what made the images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import cv2
+import numpy as np
+
+from ispom.geometry import Pose, so3_exp
+from ispom.settings import Range
+from ispom.simulation.scenario.fault import Spell, with_images
+from ispom.types import Camera, Frame, Image, Sequence
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongLens:
+    """The interior orientation that is told."""
+
+    camera: Literal["video", "stereo"] = "video"
+    """Of the pair both, which share it."""
+    focal_percent: Annotated[float, Range(-50, 50)] = 1.0
+    """More than it is."""
+    centre_x_px: Annotated[float, Range(-100, 100)] = 0.0
+    centre_y_px: Annotated[float, Range(-100, 100)] = 0.0
+    k1: Annotated[float, Range(-1, 1)] = 0.0
+    """First coefficient of the distortion, more than it is; of the video camera only: the pair's images have none."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        rig = sequence.rig
+        if self.camera == "video":
+            return replace(sequence, rig=replace(rig, video=self.told(rig.camera("video"))))
+        return replace(
+            sequence, rig=replace(rig, left=self.told(rig.camera("left")), right=self.told(rig.camera("right")))
+        )
+
+    def told(self, camera: Camera) -> Camera:
+        factor = 1 + self.focal_percent / 100
+        lens = camera.distortion
+        return replace(
+            camera,
+            fx=factor * camera.fx,
+            fy=factor * camera.fy,
+            cx=camera.cx + self.centre_x_px,
+            cy=camera.cy + self.centre_y_px,
+            distortion=(lens[0] + self.k1, *lens[1:]) if lens else lens,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongBaseline:
+    """The distance of the stereo cameras that is told: an error of scale."""
+
+    percent: Annotated[float, Range(-50, 50)] = 1.0
+    """More than it is."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        rig, factor = sequence.rig, 1 + self.percent / 100
+        left, right = (replace(p, translation=factor * p.translation) for p in (rig.rig_from_left, rig.rig_from_right))
+        return replace(sequence, rig=replace(rig, rig_from_left=left, rig_from_right=right))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongPair(Spell):
+    """The right camera is turned since the pair was calibrated; the told rig has not changed."""
+
+    pitch_deg: Annotated[float, Range(-5, 5)] = 0.0
+    """About its x axis: rows no longer agree."""
+    yaw_deg: Annotated[float, Range(-5, 5)] = 0.05
+    """About its y axis: all disparities change alike."""
+    roll_deg: Annotated[float, Range(-5, 5)] = 0.0
+    """About its z axis."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        matrix = sequence.rig.camera("right").matrix
+        was_from_is = so3_exp(np.radians([self.pitch_deg, self.yaw_deg, self.roll_deg]))
+        homography = matrix @ was_from_is @ np.linalg.inv(matrix)
+
+        def change(image: Image, _: Frame, __: int) -> Image:
+            flags, size = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, image.shape[1::-1]
+            seen = cv2.warpPerspective(image, homography, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            return np.asarray(seen, np.uint8)
+
+        return with_images(sequence, change, self, "right")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongMount:
+    """The pose of the video camera on the rig that is told: turned and shifted along the camera's own axes."""
+
+    pitch_deg: Annotated[float, Range(-90, 90)] = 0.0
+    yaw_deg: Annotated[float, Range(-90, 90)] = 0.5
+    roll_deg: Annotated[float, Range(-90, 90)] = 0.0
+    x_m: Annotated[float, Range(-1, 1)] = 0.0
+    y_m: Annotated[float, Range(-1, 1)] = 0.0
+    z_m: Annotated[float, Range(-1, 1)] = 0.0
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        turn = np.radians([self.pitch_deg, self.yaw_deg, self.roll_deg])
+        was_from_told = Pose.from_rotvec(turn, np.array([self.x_m, self.y_m, self.z_m]))
+        rig = sequence.rig
+        return replace(sequence, rig=replace(rig, rig_from_video=rig.rig_from_video @ was_from_told))

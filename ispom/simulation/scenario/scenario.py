@@ -1,0 +1,147 @@
+"""A scenario: a scene, how one moves in it, and faults; from the words after `sim:` or from a YAML file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+
+from ispom.errors import InputError
+from ispom.io.mapping import read_mapping
+from ispom.settings import Range, from_plain, settings
+from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair
+from ispom.simulation.scenario.fault import Fault
+from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
+from ispom.simulation.scenario.times import Clock, Dropped, Repeated
+from ispom.types import Sequence
+
+FAULTS: Mapping[str, type] = {
+    "darkness": Darkness,
+    "exposure-jumps": ExposureJumps,
+    "defocus": Defocus,
+    "blocked": Blocked,
+    "rain": Rain,
+    "dropped": Dropped,
+    "repeated": Repeated,
+    "clock": Clock,
+    "wrong-lens": WrongLens,
+    "wrong-baseline": WrongBaseline,
+    "wrong-pair": WrongPair,
+    "wrong-mount": WrongMount,
+}
+"""By the name that files and addresses use."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """What is rendered."""
+
+    place: Literal["city", "wall", "blank", "tiles"] = "city"
+    """city: the street; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same."""
+    motion: Literal["flight", "still", "tiny-steps", "rotation", "sideways"] = "flight"
+    """flight: along the street; still; tiny-steps: fifty times slower; rotation: about the video camera's centre;
+    sideways: along a wall."""
+    duration_s: Annotated[float, Range(0, 20)] = 0.0
+    """[s], from 0.1; 0: that of the scene."""
+    motion_blur: bool = False
+    """The shutter is open for 8 ms."""
+    right_late_ms: Annotated[float, Range(-100, 100)] = 0.0
+    """How long after the left camera the right one exposes [ms]."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    scene: str
+    """city, tiny ..."""
+    seed: int | None
+    """None: that of --seed."""
+    world: World
+    faults: tuple[tuple[str, Fault], ...] = ()
+    """With their names, in the order in which they come about."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        """The sequence with all faults."""
+        for _, fault in self.faults:
+            sequence = fault.on(sequence, seed)
+        return sequence
+
+    @property
+    def words(self) -> str:
+        """What differs from the plain scene, for people; empty where nothing does."""
+        faults = (f"{name} {', '.join(_changed(fault))}".strip() for name, fault in self.faults)
+        return ", ".join([*_changed(self.world), *faults])
+
+
+def scenario_of_words(text: str) -> Scenario:
+    """Of what follows `sim:`, as in `city?motion=rotation&fault=darkness:factor=0.1,from_s=3`. InputError where it is
+    wrong."""
+    scene, _, query = text.partition("?")
+    world, faults = dict[str, Any](), list[dict[str, Any]]()
+    for part in filter(None, query.split("&")):
+        key, equals, value = part.partition("=")
+        if not equals:
+            raise InputError(f"sim:{text}: {part[:60]!r} is no setting: give such as motion=rotation or fault=darkness")
+        if key == "fault":
+            name, _, chosen = value.partition(":")
+            pairs = [pair.partition("=") for pair in filter(None, chosen.split(","))]
+            faults.append({name: {k: _plain(v) for k, _, v in pairs}})
+        else:
+            world[key] = _plain(value)
+    return _scenario(f"sim:{text}", {"scene": scene, **world, "faults": faults})
+
+
+def scenario_of_file(path: Path) -> Scenario:
+    """Of a YAML file: scene, perhaps seed, the fields of `World`, and faults, a list of `name: {setting: value}`."""
+    return _scenario(str(path), read_mapping(path))
+
+
+def _scenario(where: str, content: Mapping[Any, Any]) -> Scenario:
+    rest = dict(content)
+    scene, seed, listed = rest.pop("scene", None), rest.pop("seed", None), rest.pop("faults", [])
+    if not isinstance(scene, str):
+        raise InputError(f"{where}: scene is {str(scene)[:40]!r}: give a name such as city")
+    if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
+        raise InputError(f"{where}: seed is {str(seed)[:40]!r}: give a whole number")
+    if not isinstance(listed, list) or not all(isinstance(f, str | dict) for f in listed):
+        raise InputError(f"{where}: faults is no list of faults: give such as [{{darkness: {{factor: 0.1}}}}]")
+    world = from_plain(World, rest, where)
+    _check(world, where)
+    return Scenario(scene, seed, world, tuple(_fault(where, f) for f in listed))
+
+
+def _fault(where: str, entry: str | dict[Any, Any]) -> tuple[str, Fault]:
+    """`darkness`, or `{darkness: {factor: 0.1}}`."""
+    named = {entry: {}} if isinstance(entry, str) else entry
+    name, chosen = next(iter(named.items()), ("", {}))
+    if len(named) != 1 or name not in FAULTS:
+        raise InputError(f"{where}: {str(name)[:40]!r} is no fault: choose from {', '.join(FAULTS)}")
+    found = from_plain(FAULTS[name], chosen if chosen is not None else {}, f"{where}: {name}")
+    _check(found, f"{where}: {name}")
+    return name, found
+
+
+def _check(values: Any, where: str) -> None:
+    """InputError where a value is out of its range."""
+    for setting in settings(type(values)):
+        value, limits = getattr(values, setting.name), setting.range
+        if limits is not None and not limits.low <= value <= limits.high:
+            wanted = f"give a value from {limits.low:g} to {limits.high:g}"
+            raise InputError(f"{where}: {setting.name} is {value:g}, {wanted}")
+
+
+def _plain(word: str) -> Any:
+    """A number, true, false or a word."""
+    try:
+        value = yaml.safe_load(word)
+    except yaml.YAMLError:
+        return word
+    return value if isinstance(value, bool | int | float) else word
+
+
+def _changed(values: Any) -> list[str]:
+    assert is_dataclass(values)
+    differing = [f.name for f in fields(values) if getattr(values, f.name) != f.default]
+    return [f"{name} {getattr(values, name)}" for name in differing]

@@ -1,0 +1,50 @@
+"""Wrong calibrations: what is told differs from what made the images by what was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.geometry import rotation_angle_rad
+from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair
+from ispom.types import Sequence
+from tests.simulation.scenario.conftest import pair
+
+
+def test_the_told_lens_is_off_by_what_is_asked(plain: Sequence) -> None:
+    was = plain.rig.camera("video")
+    told = WrongLens(focal_percent=2, centre_x_px=3, k1=0.1).on(plain, 0).rig.camera("video")
+    assert (told.fx, told.fy) == pytest.approx((1.02 * was.fx, 1.02 * was.fy))
+    assert (told.cx - was.cx, told.cy - was.cy) == pytest.approx((3, 0))
+    assert told.distortion[0] - was.distortion[0] == pytest.approx(0.1)
+    both = WrongLens(camera="stereo", focal_percent=-1).on(plain, 0).rig
+    assert both.camera("left").fx == both.camera("right").fx == pytest.approx(0.99 * plain.rig.camera("left").fx)
+
+
+def test_the_told_baseline_is_off_by_its_percentage(plain: Sequence) -> None:
+    assert WrongBaseline(percent=5).on(plain, 0).rig.baseline_m == pytest.approx(1.05 * plain.rig.baseline_m)
+
+
+def test_the_told_mount_is_off_by_angle_and_shift(plain: Sequence) -> None:
+    told = WrongMount(yaw_deg=0.7, x_m=0.03).on(plain, 0).rig.rig_from_video
+    off = plain.rig.rig_from_video.inverse() @ told
+    assert np.degrees(rotation_angle_rad(off.rotation)) == pytest.approx(0.7)
+    np.testing.assert_allclose(off.translation, [0.03, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("asked", "axis", "sign"), [({"yaw_deg": 2.0}, 0, -1), ({"yaw_deg": 0.0, "pitch_deg": 2.0}, 1, 1)]
+)
+def test_a_turned_right_camera_moves_its_image(plain: Sequence, asked: dict, axis: int, sign: int) -> None:
+    """A camera that looks further to the right (yaw > 0) shows things further to the left; pitch > 0 looks up."""
+    camera = plain.rig.camera("right")
+    seen = [pair(s, 0).right[..., 0] > 164 for s in (plain, WrongPair(**asked).on(plain, 0))]
+    before, after = (np.array(np.nonzero(mask)[::-1]).mean(axis=1)[axis] for mask in seen)
+    centre = (camera.cx, camera.cy)[axis]
+    angle = np.arctan((before - centre) / camera.fx) + sign * np.radians(2.0)
+    assert after == pytest.approx(centre + camera.fx * np.tan(angle), abs=0.6)
+
+
+def test_the_left_images_and_the_rig_stay(plain: Sequence) -> None:
+    found = WrongPair().on(plain, 0)
+    assert found.rig is plain.rig and np.array_equal(pair(found, 2).left, pair(plain, 2).left)
