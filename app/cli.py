@@ -17,7 +17,7 @@ from ispom.methods import faults
 from .bench.options import Bench
 from .calibrate.options import Calibrate, PrintTarget
 from .experiment.options import Experiment
-from .options import App, Demo, Diff, Evaluate, Export, Fork, Repair, Report, Run, Sources
+from .options import App, Demo, Diff, Evaluate, Export, Fork, Perturb, Repair, Report, Run, Sources
 from .run.playback import Builder
 
 Command = (
@@ -33,6 +33,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Perturb, tyro.conf.subcommand("perturb")]
     | Annotated[Repair, tyro.conf.subcommand("repair")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
@@ -119,6 +120,10 @@ def _execute(command: Command, arguments: Sequence[str], builder: Builder) -> in
         from .export import export
 
         return export(command)
+    if isinstance(command, Perturb):
+        from .perturb import perturb
+
+        return perturb(command, builder)
     if isinstance(command, Repair):
         from .repair import repair
 

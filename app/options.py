@@ -11,6 +11,7 @@ import tyro
 
 from ispom.errors import InputError
 from ispom.evaluation.ate import Alignment
+from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.io.files import expanded, is_folder
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
@@ -294,6 +295,22 @@ class Export(Programs):
     """Folder to write to; without it, export/FORMAT in the run's."""
     max_error_px: float = 3.0
     """COLMAP: largest reprojection error of an observation that a model keeps [px]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perturb(Programs):
+    """Predicts what an error of the calibration does to the trajectories of a run, from what the run saw. Without an
+    error: what one step of each would do."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder that `ispom run` wrote."""
+    wrong: Annotated[Perturbation, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Perturbation)
+    rerun: bool = False
+    """Run again with the wrong calibration, and show that beside the prediction."""
+    source: str | None = None
+    """Where the run's source is now, if it has been moved."""
+    out: Path | None = None
+    """Folder for the predicted trajectories (and those of the rerun), the perturbed rig.yaml, and all numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,9 +15,10 @@ from ispom.sequences.address import without_secrets
 from ..run.events import Finished
 from ..run.folder.results import Results, in_frame, metrics_text
 from ..run.folder.run_file import run_file
-from ..run.folder.run_folder import LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH, trajectory_file
+from ..run.folder.run_folder import CORRECTED_RIG, LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH, trajectory_file
 from ..run.folder.statistics import RunStatistics
 from ..run.folder.thumbnail import thumbnail
+from ..run.model.corrections import CorrectionMemory, corrected_text
 from ..run.model.map_memory import MapCollectors
 from .job import Job
 
@@ -47,8 +48,10 @@ def describe(job: Job, images_sha256: str | None = None) -> None:
     job.folder.write(RUN, found.text)
 
 
-def write_results(job: Job, finished: Finished, statistics: RunStatistics, maps: MapCollectors) -> None:
-    """Trajectories, metrics and landmarks."""
+def write_results(
+    job: Job, finished: Finished, statistics: RunStatistics, maps: MapCollectors, corrections: CorrectionMemory
+) -> None:
+    """Trajectories, metrics, landmarks, and the rig as the methods corrected it."""
     playback, sequence = job.playback, job.playback.sequence
     for method in job.methods:
         found = in_frame(finished.trajectories[method], sequence.rig, job.options.frame, playback.unit_m(method))
@@ -57,6 +60,8 @@ def write_results(job: Job, finished: Finished, statistics: RunStatistics, maps:
     results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)
     job.folder.write(METRICS, metrics_text(results, job.methods, statistics))
     job.folder.write(LANDMARKS, map_bytes(maps.scenes(finished.trajectories, job.methods, sequence.rig)))
+    if (rig := corrections.of(sequence.rig)) is not None:
+        job.folder.write(CORRECTED_RIG, corrected_text(rig))
     if picture := thumbnail(sequence, playback.position):
         with suppress(OSError):  # the run is whole without
             replace_whole(job.folder.path / THUMBNAIL, picture)

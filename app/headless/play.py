@@ -11,6 +11,7 @@ from ..run.folder.journal import PoseJournal
 from ..run.folder.run_folder import trajectory_file
 from ..run.folder.statistics import RunStatistics
 from ..run.folder.step_log import StepLog
+from ..run.model.corrections import CorrectionMemory
 from ..run.model.map_memory import MapCollectors
 from ..run.signals import Signals, ended_by_interrupt
 from .job import Job
@@ -32,6 +33,7 @@ class Played:
 def play(job: Job, signals: Signals) -> Played:
     """Steps through the sequence. Raises what ends that early, after what was computed has been written."""
     playback, folder, maps, statistics = job.playback, job.folder, MapCollectors(), RunStatistics()
+    corrections = CorrectionMemory()
     with ExitStack() as stack:
         record = stack.enter_context(Recording(job, signals) if job.options.recording else NoRecording())
         log, journal = stack.enter_context(StepLog(folder)), PoseJournal(folder, playback.unit_m)
@@ -44,6 +46,7 @@ def play(job: Job, signals: Signals) -> Played:
                 while playback.more():
                     event = playback.step()
                     maps.add(event.steps)
+                    corrections.add(event.steps)
                     for consumer in (statistics, log, journal, record, job.placements, job.watch):
                         consumer.add(event)
                     advance()
@@ -54,7 +57,7 @@ def play(job: Job, signals: Signals) -> Played:
             signals.hold()
             finished = playback.finish()
             record.add(finished)
-            write_results(job, finished, statistics, maps)
+            write_results(job, finished, statistics, maps, corrections)
             journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
     signals.check()
     return Played(finished, statistics.images.hexdigest(), record.failure)

@@ -73,6 +73,7 @@ def message_of(state: State) -> dict[str, Any]:
         "look": state.look,
         "flicker": _flicker(state),
         "integration": [state.integration.method, state.integration.stage] if state.integration else None,
+        "effect": _effect(state),
         "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
@@ -93,6 +94,15 @@ def _flicker(state: State) -> list[Any] | None:
     if state.flicker is None:
         return None
     return ["b" if state.flicker.on_b else "a", state.flicker.shown.branch, state.flicker.shown.method]
+
+
+def _effect(state: State) -> dict[str, Any] | None:
+    """What is wrong with the calibration, and how far that moves each method: as predicted, and in the rerun [m]."""
+    if state.effect is None:
+        return None
+    predicted = {each.method: each.shift_m for each in state.effect.predictions}
+    found = {each.prediction.method: each.shift_m for each in state.effect.outcomes}
+    return {"wrong": state.effect.wrong.said, "predicted": predicted, "rerun": found}
 
 
 def _method(method: str, state: State) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.methods import Config
 
 from ..inspect.colouring import Colouring
@@ -119,6 +120,18 @@ class CompareBranch:
     """Look for the first differences between the branch that is shown and another one."""
 
     number: int
+
+
+@dataclass(frozen=True)
+class Predict:
+    """What this error of the calibration would do to the run that is shown, as far as it is computed."""
+
+    wrong: Perturbation
+
+
+@dataclass(frozen=True)
+class RunPerturbed:
+    """Run it again from the first exposure, as a branch, with the error that was predicted last."""
 
 
 @dataclass(frozen=True)
@@ -289,6 +302,7 @@ class Plot:
 Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
 OfLook = Select | Pick | ColourBy | LookAt
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
+OfCalibration = Predict | RunPerturbed
 OfViews = FlickerBetween | Flick | StopFlicker | ShowIntegration | StepIntegration
 Command = (
     Moves
@@ -298,6 +312,7 @@ Command = (
     | Plot
     | Restart
     | OfBranches
+    | OfCalibration
     | OfLook
     | PutBookmark
     | ToggleBookmark

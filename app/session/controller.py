@@ -16,6 +16,7 @@ from .bookmarks.notes import notes_of, put
 from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
+from .effects import EffectDesk
 from .player import Player
 from .plotting import plotted
 from .recording.desk import RecordingDesk
@@ -58,7 +59,7 @@ class Controller:
         """`first` is opened at the start; `methods` None means the usual ones of each source."""
         self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
         self._repairs, self._known = Repairs(recordings.folder), Known(recordings.folder)
-        self._bookmarks = BookmarkDesk(store, recordings.folder)
+        self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay = first, autoplay
         self._wanted, self._history_bytes = methods, history_bytes
@@ -112,6 +113,13 @@ class Controller:
                 self._branches.delete(number)
             case do.CompareBranch(number):
                 self._branches.compare(number)
+            case do.Predict(wrong):
+                self._effects.predict(store, player.run, wrong)
+            case do.RunPerturbed():
+                again, name = self._effects.perturbed(store.state, player.run, self._history_bytes)
+                self._show(*self._branches.add(again, name, 0, (name,)))
+                self._effects.began(store, again)
+                store.set(playing=True)
             case do.FlickerBetween(a, b):
                 store.set(flicker=flicker.between(self._branches.sides, a, b))
             case do.Flick() if store.state.flicker is None:
@@ -163,6 +171,7 @@ class Controller:
             self._player.advance()
         finally:
             self._branches.compare_on()
+            self._effects.watch(self._store)
             self._viewers.check()
             self._compiling.watch()
             self._watch_recordings()

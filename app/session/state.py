@@ -19,6 +19,7 @@ from ..run.history.record import ExposureRecord, MethodStatus
 from ..run.model.tally import Tally
 from .branching.branches import FIRST, Branch
 from .branching.comparing import Comparison
+from .effects import Effect
 from .flicker import Flicker
 from .integration import Integration
 
@@ -122,6 +123,8 @@ class State:
     """Two methods or branches of which one is drawn at a time; None for all as usual."""
     integration: Integration | None = None
     """The integration that is looked at step by step."""
+    effect: Effect | None = None
+    """What an error of the calibration would do."""
     loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
@@ -245,7 +248,7 @@ Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
-_CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration"}
+_CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
 
@@ -274,6 +277,7 @@ def reduce(state: State, event: Event) -> State:
                 comparison=None,
                 flicker=None,
                 integration=None,
+                effect=None,
                 loop=None,
                 marked=None,
                 selected="",

@@ -67,7 +67,7 @@ class Worker:
         self._guarded(self._job.end)
 
     def _turn(self) -> None:
-        for command in newest_seek(self._commands()):
+        for command in newest(self._commands()):
             if isinstance(command, do.Shutdown):
                 self._closing = True
             else:
@@ -95,7 +95,9 @@ class Worker:
                 log.exception("the session worker could not report: %r", fault)
 
 
-def newest_seek(commands: list[do.Command]) -> list[do.Command]:
-    """The commands without the seeks that another one follows."""
-    seeks = [i for i, command in enumerate(commands) if isinstance(command, do.Seek)]
-    return [command for i, command in enumerate(commands) if i not in seeks[:-1]]
+def newest(commands: list[do.Command]) -> list[do.Command]:
+    """The commands without the seeks, and the predictions, that another one follows: a slider asks for many."""
+    dropped = set[int]()
+    for kind in (do.Seek, do.Predict):
+        dropped |= set([i for i, command in enumerate(commands) if isinstance(command, kind)][:-1])
+    return [command for i, command in enumerate(commands) if i not in dropped]

@@ -40,6 +40,12 @@ class ConfigForm:
         finally:
             self._showing = False
 
+    def offer(self, names: frozenset[str]) -> None:
+        """Only the inputs of these fields; the others keep their values, out of sight."""
+        for name, handle in self._inputs.items():
+            if handle.visible != (name in names):
+                handle.visible = name in names
+
     def _read(self, name: str) -> Any:
         """What an input says, as its field has it; what is empty or 0 is None where that is possible."""
         kind, value = self._kinds[name], self._inputs[name].value

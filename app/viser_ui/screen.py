@@ -23,6 +23,7 @@ from .panels.bookmarks import BookmarksPanel
 from .panels.break_point import BreakPointPanel
 from .panels.compare.branches import BranchesPanel
 from .panels.compare.differences import DifferencesPanel
+from .panels.compare.effect import EffectPanel
 from .panels.compare.error_curves import ErrorCurvesPanel
 from .panels.compare.flicker import FlickerPanel
 from .panels.integration import IntegrationPanel
@@ -43,6 +44,7 @@ Panel = (
     | MethodsPanel
     | BranchesPanel
     | DifferencesPanel
+    | EffectPanel
     | ErrorCurvesPanel
     | FlickerPanel
     | IntegrationPanel
@@ -121,6 +123,7 @@ class Screen:
             curves = ErrorCurvesPanel(gui, self._session)
             differences = DifferencesPanel(gui, self._session)
             flicker = FlickerPanel(gui, self._session)
+            effect = EffectPanel(gui, self._session)
         with tabs.add_tab("Break"):
             break_point = BreakPointPanel(gui, self._session)
         with tabs.add_tab("View"):
@@ -129,7 +132,7 @@ class Screen:
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
             bookmarks = BookmarksPanel(gui, self._session)
-        of_branches: list[Panel] = [branches, curves, differences, flicker]
+        of_branches: list[Panel] = [branches, curves, differences, flicker, effect]
         of_views: list[Panel] = [self._steps, view, record, bookmarks]
         return [run, source, why, self._look, methods, *of_branches, break_point, *of_views]
 

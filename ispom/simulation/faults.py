@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.geometry import Array, Pose
-from ispom.types import Exposure, Sequence, Trajectory, VideoFrame
+from ispom.types import Sequence
 
 
 def with_late_video(sequence: Sequence, late_s: float) -> Sequence:
@@ -21,29 +21,7 @@ def with_video_clock(sequence: Sequence, late_s: float, drift: float = 0.0) -> S
 
     Stamps, and with them the order of the exposures, change; the truth is stamped like what it is the truth of.
     """
-    since_ns = sequence.times_ns - sequence.times_ns[0]
-    shift_ns = round(late_s * 1e9) + np.rint(drift * since_ns).astype(np.int64)
-    video = np.array([kind == "video" for kind in sequence.kinds])
-    times_ns = sequence.times_ns - np.where(video, shift_ns, 0)
-    # A stereo pair comes before the video frame of the same time.
-    order = np.lexsort((video, times_ns))
-
-    def load(i: int) -> Exposure:
-        exposure = sequence.load(int(order[i]))
-        return replace(exposure, time_ns=int(times_ns[order[i]])) if isinstance(exposure, VideoFrame) else exposure
-
-    truth = sequence.truth
-    if truth is not None:
-        stamps = zip(times_ns, sequence.times_ns, strict=True)
-        truth = Trajectory.of([(int(t), pose) for t, was in stamps if (pose := truth.at(int(was))) is not None])
-    return replace(
-        sequence,
-        times_ns=times_ns[order],
-        kinds=tuple(sequence.kinds[i] for i in order),
-        load=load,
-        truth=truth,
-        prepare=None,
-    )
+    return sequence.with_video_later(-late_s, -drift)
 
 
 def with_turned_video(sequence: Sequence, turn_deg: Array) -> Sequence:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.types.camera import Rig
-from ispom.types.exposure import Exposure, Kind
+from ispom.types.exposure import Exposure, Kind, VideoFrame
 from ispom.types.trajectory import Trajectory
 
 
@@ -43,6 +43,28 @@ class Sequence:
 
     def __getitem__(self, i: int) -> Exposure:
         return self.load(i)
+
+    def with_video_later(self, by_s: float, drift: float = 0.0) -> Sequence:
+        """With the stamps of the video increased by so many seconds, and by `drift` of the time since the first one.
+
+        The truth is stamped like what it is the truth of. A stereo pair comes before the video frame of the same time.
+        Nothing is fetched ahead.
+        """
+        video = np.array([kind == "video" for kind in self.kinds])
+        shift_ns = round(by_s * 1e9) + np.rint(drift * (self.times_ns - self.times_ns[0])).astype(np.int64)
+        times_ns = self.times_ns + np.where(video, shift_ns, 0)
+        order = np.lexsort((video, times_ns))
+
+        def load(i: int) -> Exposure:
+            exposure = self.load(int(order[i]))
+            return replace(exposure, time_ns=int(times_ns[order[i]])) if isinstance(exposure, VideoFrame) else exposure
+
+        truth = self.truth
+        if truth is not None:
+            stamps = zip(times_ns, self.times_ns, strict=True)
+            truth = Trajectory.of([(int(t), pose) for t, was in stamps if (pose := truth.at(int(was))) is not None])
+        kinds = tuple(self.kinds[i] for i in order)
+        return replace(self, times_ns=times_ns[order], kinds=kinds, load=load, truth=truth, prepare=None)
 
     def truncated(self, count: int) -> Sequence:
         """The first `count` exposures."""

@@ -18,6 +18,8 @@ from .lock import LOCK, locked
 MARKER = "INCOMPLETE"
 """The file that says that a run is not complete, and in its first line why."""
 RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
+CORRECTED_RIG = "rig_corrected.yaml"
+"""The rig as the methods corrected it; only where they did."""
 NOTES = "notes.yaml"
 """A note, and bookmarks, of a person who looked at the run."""
 THUMBNAIL = "thumbnail.jpg"
@@ -143,7 +145,7 @@ def _require_free(path: Path) -> list[Path]:
         if (path / RUN).exists():
             raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
         raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
-    own = {MARKER, RUN, RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, THUMBNAIL}
+    own = {MARKER, RUN, RIG, CORRECTED_RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, THUMBNAIL}
     own |= set(map(trajectory_file, names()))
     foreign = [e for e in present if (e.name not in own and not e.name.startswith(PART)) or not e.is_file()]
     if foreign:

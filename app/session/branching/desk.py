@@ -51,23 +51,21 @@ class BranchDesk:
             raise InputError("a live source cannot be forked while it runs: wait for its end, or open its recording")
         if state.index + 1 >= state.total:
             raise InputError("this is the last exposure, after which nothing is left to run: step back before forking")
-        if len(self._runs) >= MOST:
-            raise InputError(f"there are {MOST} branches: delete one first")
         before = run.playback
         methods = in_order(methods)
         fork = run.forked(state.index + 1, methods, config)
-        number, self._next = self._next, self._next + 1
-        self._runs[number] = fork
         differences = changes((before.methods, before.config), (methods, config))
-        branch = Branch(
-            number,
-            _name(name) or f"branch {number}",
-            state.branch,
-            state.index + 1,
-            differences,
-            len(fork.history),
-            fork.tally,
-        )
+        return self.add(fork, name, state.index + 1, differences)
+
+    def add(self, run: CurrentRun, name: str, at: int, differences: tuple[str, ...]) -> tuple[CurrentRun, Resumed]:
+        """A run as a branch of the one that is shown, from exposure `at` on; as `show`. InputError beyond MOST."""
+        state = self._store.state
+        if len(self._runs) >= MOST:
+            raise InputError(f"there are {MOST} branches: delete one first")
+        number, self._next = self._next, self._next + 1
+        self._runs[number] = run
+        named = _name(name) or f"branch {number}"
+        branch = Branch(number, named, state.branch, at, differences, len(run.history), run.tally)
         self._store.set(branches=(*state.branches, branch))
         return self.show(number)
 

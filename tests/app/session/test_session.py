@@ -60,7 +60,7 @@ def test_a_step_back_from_the_start_stays_there(paused: Session):
     go(paused, do.StepBy(1), 1)
 
 
-def test_seeking_ahead_computes_up_to_there_and_the_newest_seek_wins(paused: Session):
+def test_seeking_ahead_computes_up_to_there_and_the_newest_wins(paused: Session):
     for index in (19, 18, 7):
         paused.post(do.Seek(index))
     wait_for(lambda: paused.state.index == 7 and paused.state.target is None, "the newest seek")

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 from ispom_app.session import commands as do
-from ispom_app.session.worker import Worker, newest_seek
+from ispom_app.session.worker import Worker, newest
 
 
 class Job:
@@ -66,5 +66,5 @@ def test_a_report_that_fails_is_logged_and_the_worker_lives_on(caplog: pytest.Lo
 
 def test_of_several_seeks_the_newest_counts_and_all_else_stays() -> None:
     commands = [do.Seek(3), do.StepBy(1), do.Seek(5), do.Play(True)]
-    assert newest_seek(commands) == [do.StepBy(1), do.Seek(5), do.Play(True)]
-    assert newest_seek([do.Play()]) == [do.Play()]
+    assert newest(commands) == [do.StepBy(1), do.Seek(5), do.Play(True)]
+    assert newest([do.Play()]) == [do.Play()]

@@ -14,6 +14,7 @@ import numpy as np
 
 from ispom.estimators.modern.integrated.adjust import adjusted, limited
 from ispom.estimators.modern.integrated.covariance import newest_covariance
+from ispom.estimators.modern.integrated.joint_report import rig_covariance
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.locate import located
 from ispom.estimators.modern.integrated.observe import observed, with_stereo, with_video
@@ -120,6 +121,7 @@ class ModernIntegrated:
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
             decisions=(*limits, *decisions),
             parts=(part,),
+            calibration=_calibration(state.window),
             spline=spline.moved(stereo_from_window(setup, state)) if spline is not None else None,
         )
 
@@ -150,6 +152,13 @@ class ModernIntegrated:
         if found is None:
             return np.zeros(0)
         return found.residuals[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
+
+
+def _calibration(window: JointWindow) -> dict[str, Array]:
+    """What was found to be wrong with the video camera's place and clock."""
+    if not window.rig.free.any() or not window.rig_estimates:
+        return {}
+    return {"rig": window.rig.minus(window.calibrated), "rig_covariance": rig_covariance(window)}
 
 
 def _landmarks(window: JointWindow, onto: Pose, exposure: Exposure, part: Step) -> Landmarks:

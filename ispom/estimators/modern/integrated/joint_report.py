@@ -59,12 +59,18 @@ def _medians(errors: Array, exposure: NDArray[np.int64], count: int) -> Array:
     return np.array([np.median(found) if len(found) else np.nan for found in at])
 
 
+def rig_covariance(window: JointWindow) -> Array:
+    """(7, 7) of the change of the rig, 0 for what is held, by the estimates so far, of which there is one at least."""
+    covariance, free = np.zeros((RIG, RIG)), np.flatnonzero(window.rig.free)
+    inside = np.ix_(free, free)
+    covariance[inside] = np.linalg.inv(window.rig_estimates[-1].information[inside])
+    return covariance
+
+
 def _rig_report(window: JointWindow) -> tuple[Decision, ...]:
     """What is found to be wrong with the calibration of the video camera, beside twice its standard deviation."""
     rig, change = window.rig, window.rig.minus(window.calibrated)
-    covariance = np.zeros((RIG, RIG))
-    free = np.ix_(np.flatnonzero(rig.free), np.flatnonzero(rig.free))
-    covariance[free] = np.linalg.inv(window.rig_estimates[-1].information[free])
+    covariance = rig_covariance(window)
     found = []
     parts = (
         (checks.VIDEO_TURNED, slice(0, 3), 180 / np.pi),

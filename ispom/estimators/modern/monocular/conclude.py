@@ -11,6 +11,7 @@ from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import as_tracks, next_live_tracks
 from ispom.frontends.buckets import detect_spread
+from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, TrackStatus, Trajectory, VideoFrame, colours_at
 
 CORNER_DISTANCE = 0.011
@@ -88,8 +89,18 @@ def as_step(
         outcome.decisions,
         restarted=outcome.restarted,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
-        calibration={} if after.map is None else {"lens": after.map.extra},
+        calibration=_calibration(after),
     )
+
+
+def _calibration(after: ModernMonocularState) -> dict[str, Array]:
+    """What was found to be wrong with the lens."""
+    if after.map is None:
+        return {}
+    found = {"lens": after.map.extra}
+    if after.uncertainty is not None and after.uncertainty.extra.any():
+        found["lens_covariance"] = after.uncertainty.extra @ after.uncertainty.extra.T
+    return found
 
 
 def _landmarks(exposure: VideoFrame, after: ModernMonocularState) -> Landmarks:

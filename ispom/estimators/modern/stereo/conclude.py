@@ -14,6 +14,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
 from ispom.geometry import Array, Pose
+from ispom.solvers.window.prior import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
 
 MOST_SHOWN_PX = 1e4
@@ -74,8 +75,16 @@ def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
         _revised(setup, after) if outcome.key_frame else Trajectory.empty(),
         decisions=outcome.decisions,
         restarted=outcome.restarted,
-        calibration={"pair": after.map.extra, "pair_rate": after.map.rate_for_lag(after.last.rate)},
+        calibration=_calibration(setup, after),
     )
+
+
+def _calibration(setup: Setup, after: ModernStereoState) -> dict[str, Array]:
+    """What was found to be wrong with the pair."""
+    found = {"pair": after.map.extra, "pair_rate": after.map.rate_for_lag(after.last.rate)}
+    if setup.self_calibration and after.map.covariance is not None:
+        found["pair_covariance"] = after.map.covariance[-PAIR:, -PAIR:]
+    return found
 
 
 def _in_rig(setup: Setup, covariance: Array | None) -> Array | None:

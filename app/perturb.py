@@ -1,0 +1,119 @@
+"""`ispom perturb`: what an error of the calibration does to the trajectories of a run."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict, fields
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from ispom.ensemble import build
+from ispom.errors import InputError
+from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.io.rig import rig_text
+from ispom.io.tum import tum_text
+from ispom.io.whole import write_whole
+from ispom.methods import with_asked
+from ispom.settings import check
+from ispom.types import Trajectory
+
+from .options import Perturb
+from .outputs import claim_folder
+from .review.origin import source_of, source_options
+from .run import warmup
+from .run.console import progress, wait_for_compiler
+from .run.folder.run_file import read_run_file
+from .run.playback import Builder, Playback
+from .sensitivity.predictor import Prediction, Predictor
+from .sensitivity.ran import ran_in
+from .sensitivity.rerun import Compared, compared
+from .sensitivity.words import UNIT_STEPS, column, said
+
+WIDTH = 120
+
+
+def perturb(options: Perturb, builder: Builder = build) -> int:
+    """Prints the predictions, and with --rerun what became of them. InputError where the run lacks what it takes."""
+    wrong = options.wrong
+    check(wrong, "")
+    if options.rerun and not wrong.said:
+        raise InputError("--rerun needs an error of the calibration: give one, such as --baseline-percent 1")
+    predictor = Predictor.of(ran_in(options.run))
+    if not wrong.said:
+        _print(_each(predictor))
+        return 0
+    predictions = predictor.predict(wrong)
+    again = _rerun(options, builder) if options.rerun else {}
+    outcomes = {each.prediction.method: each for each in compared(predictor, predictions, again, wrong)}
+    _print(_of(predictions, outcomes, wrong))
+    if options.out is not None:
+        claim_folder(options.out, "perturb")
+        write_whole(options.out / "rig.yaml", rig_text(wrong.of_rig(predictor.ran.rig)))
+        for each in predictions:
+            write_whole(options.out / f"{each.method}.predicted.tum", tum_text(each.trajectory))
+        for method, trajectory in again.items():
+            write_whole(options.out / f"{method}.rerun.tum", tum_text(trajectory))
+        numbers = [_numbers(each, outcomes.get(each.method)) for each in predictions]
+        text = json.dumps({"perturbation": asdict(wrong), "methods": numbers}, indent=2)
+        write_whole(options.out / "perturb.json", text + "\n")
+    return 0
+
+
+def _rerun(options: Perturb, builder: Builder) -> dict[str, Trajectory]:
+    """The final trajectories with the wrong calibration."""
+    run = read_run_file(options.run)
+    sequence = options.wrong.of_sequence(source_options(run).open(source_of(run, options.source)))
+    methods = with_asked(run.methods)
+    playback = Playback(sequence, methods, run.configs(), builder)
+    warmup.start(methods, run.configs())
+    wait_for_compiler()
+    with progress(len(sequence)) as advance:
+        while playback.more():
+            playback.step()
+            advance()
+    return dict(playback.finish().trajectories)
+
+
+def _of(predictions: Iterable[Prediction], outcomes: dict[str, Compared], wrong: Perturbation) -> Table:
+    """One perturbation: a row for each method."""
+    table = Table(title=said(wrong))
+    names = ["method", "moves by", "ATE of the run", "predicted ATE", "linear"]
+    for name in names + ["rerun moves by", "its ATE", "predicted / rerun"] * bool(outcomes):
+        table.add_column(name, justify="left" if name == "method" else "right")
+    for each in predictions:
+        cells = [each.method, column(each.shift_m), column(each.rmse_m), column(each.predicted_rmse_m)]
+        cells.append("yes" if each.linear else f"no ({each.nonlinearity:.1f})")
+        outcome = outcomes.get(each.method)
+        if outcome is not None:
+            cells += [column(outcome.shift_m), column(outcome.rmse_m), f"{outcome.ratio:.2f}"]
+        table.add_row(*cells)
+    return table
+
+
+def _each(predictor: Predictor) -> Table:
+    """Without a perturbation: how far each one moves the trajectories, by so much of it."""
+    table = Table(title="How far an error of the calibration moves the trajectories (root mean square)")
+    table.add_column("error")
+    methods = [each.method for each in predictor.predict(Perturbation())]
+    for method in methods:
+        table.add_column(method, justify="right")
+    for field in fields(Perturbation):
+        wrong = Perturbation(**{field.name: UNIT_STEPS[field.name]})
+        table.add_row(said(wrong), *(column(each.shift_m) for each in predictor.predict(wrong)))
+    return table
+
+
+def _numbers(each: Prediction, outcome: Compared | None) -> dict[str, Any]:
+    found: dict[str, Any] = {name: getattr(each, name) for name in ("method", "shift_m", "rmse_m", "predicted_rmse_m")}
+    found |= {"linear": each.linear, "nonlinearity": each.nonlinearity}
+    if outcome is not None:
+        found |= {"rerun_shift_m": outcome.shift_m, "rerun_rmse_m": outcome.rmse_m, "held": outcome.held}
+    return found
+
+
+def _print(table: Table) -> None:
+    Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH).print(table)

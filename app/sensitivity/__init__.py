@@ -1,0 +1,1 @@
+"""What errors of the calibration do to the trajectories of a run."""

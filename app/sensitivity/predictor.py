@@ -1,0 +1,116 @@
+"""Predictions for all methods of a run: linearised once, then a product for each perturbation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA
+from ispom.estimators.modern.monocular.covariance import LOSS
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.evaluation.association import associate
+from ispom.evaluation.ate import Alignment, aligned, ate_m
+from ispom.evaluation.metrics import MIN_POSES
+from ispom.evaluation.sensitivity.carried import carried
+from ispom.evaluation.sensitivity.effect import Sensitivity, shift_m
+from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.evaluation.sensitivity.scene import Adjustment, Scene
+from ispom.methods import method as registered
+from ispom.solvers.window.prior import LENS, PAIR
+from ispom.types import Trajectory
+
+from .ran import Ran
+
+LINEAR = 0.3
+"""A second step of more than this share of the first: the effect is no longer linear."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Of one method."""
+
+    method: str
+    shift_m: float
+    """Root mean square distance from the run [m, or the method's unit where that is unknown]."""
+    rmse_m: float | None
+    """Of the run, against the ground truth; None without one."""
+    predicted_rmse_m: float | None
+    nonlinearity: float
+    trajectory: Trajectory
+    """In the world of the run."""
+
+    @property
+    def linear(self) -> bool:
+        return self.nonlinearity <= LINEAR
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Of one run."""
+
+    ran: Ran
+    sensitivities: Mapping[str, Sensitivity]
+    """Of the methods that see with their own cameras; others are carried by those."""
+
+    @staticmethod
+    def of(ran: Ran) -> Predictor:
+        """InputError where no method has seen enough by now."""
+        found = {}
+        for method, scene in ran.scenes.items():
+            if registered(method).asks or len(scene.key_frames) < MIN_POSES or not len(scene.landmarks):
+                continue
+            seen = Scene.of(scene, ran.rig)
+            found[method] = Sensitivity.of(seen, adjustment_of(ran.config.of(method), seen))
+        if not found:
+            raise InputError("no method has key frames with points yet: let the run go on")
+        return Predictor(ran, found)
+
+    def predict(self, wrong: Perturbation) -> tuple[Prediction, ...]:
+        """Of each method of which something can be said, in their order."""
+        found: dict[str, Prediction] = {}
+        for method in self.ran.methods:
+            run = self.ran.trajectories[method]
+            if len(run) < MIN_POSES:
+                continue
+            if method in self.sensitivities:
+                of = self.sensitivities[method]
+                found[method] = self._prediction(method, of.predicted(run, wrong), of.nonlinearity(wrong))
+            elif (pairs := found.get(registered(method).asks.get("stereo", ""))) is not None:
+                path = carried(run, pairs.trajectory, self.ran.rig, wrong)
+                found[method] = self._prediction(method, path, pairs.nonlinearity)
+        return tuple(found.values())
+
+    def _prediction(self, method: str, predicted: Trajectory, nonlinearity: float) -> Prediction:
+        run, metric = self.ran.trajectories[method], registered(method).unit == "metric"
+        unit_m = 1.0 if metric else self.ran.units_m.get(method, 1.0)
+        shift = unit_m * shift_m(run, predicted, "none" if metric else "sim3")
+        now, then = self.rmse_m(method, run), self.rmse_m(method, predicted)
+        return Prediction(method, shift, now, then, nonlinearity, predicted)
+
+    def rmse_m(self, method: str, trajectory: Trajectory) -> float | None:
+        """Against the ground truth, aligned as in metrics.json; None without truth."""
+        truth, rig = self.ran.truth, self.ran.rig
+        if truth is None:
+            return None
+        kind: Alignment = "se3" if registered(method).unit == "metric" else "sim3"
+        own, reference = associate(trajectory, truth.moved(right=rig.rig_from(trajectory.frame)))
+        return ate_m(aligned(own, reference, kind), reference) if len(own) >= MIN_POSES else None
+
+
+def adjustment_of(config: Any, scene: Scene) -> Adjustment:
+    """What a method of these settings corrects in its own cameras, and over how many key frames."""
+    match config:
+        case ModernStereoConfig():
+            px = 1 / scene.rig.camera("left").fx
+            offset, bend = config.offset_sigma_px * px, config.bend_sigma_px * px
+            sigmas = config.self_calibration * np.array([offset, config.lag_sigma_s, bend, bend])
+            return Adjustment(tuple(sigmas.tolist()), config.loss_px, config.window)
+        case ModernMonocularConfig():
+            sigmas = config.self_calibration * LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA])
+            return Adjustment(tuple(sigmas.tolist()), LOSS * config.noise_px, config.key_frames)
+    return Adjustment((0.0,) * (PAIR if scene.is_pair else LENS))

@@ -1,0 +1,37 @@
+"""Perturbations and their effects in words."""
+
+from __future__ import annotations
+
+from ispom.evaluation.sensitivity.perturbation import Perturbation
+
+NAMES = {
+    "video_focal_percent": "video focal length {:+g} %",
+    "video_centre_x_px": "video principal point x {:+g} px",
+    "video_centre_y_px": "video principal point y {:+g} px",
+    "pair_focal_percent": "pair focal length {:+g} %",
+    "pair_centre_x_px": "pair principal point x {:+g} px",
+    "pair_centre_y_px": "pair principal point y {:+g} px",
+    "baseline_percent": "baseline {:+g} %",
+    "turn_x_deg": "video pitch on the rig {:+g}°",
+    "turn_y_deg": "video yaw on the rig {:+g}°",
+    "turn_z_deg": "video roll on the rig {:+g}°",
+    "shift_x_m": "video place on the rig x {:+g} m",
+    "shift_y_m": "video place on the rig y {:+g} m",
+    "shift_z_m": "video place on the rig z {:+g} m",
+    "clock_ms": "video clock {:+g} ms",
+}
+"""By field of a Perturbation."""
+UNIT_STEPS = {name: 0.1 if name.endswith("deg") else 0.01 if name.endswith("_m") else 1.0 for name in NAMES}
+"""By field: what is one step of it in a list of all."""
+
+
+def said(wrong: Perturbation) -> str:
+    """What is wrong, one phrase for each."""
+    return ", ".join(NAMES[name].format(value) for name, value in wrong.said.items()) or "nothing changed"
+
+
+def column(value_m: float | None) -> str:
+    """A length for a table: millimetres below 1 m."""
+    if value_m is None:
+        return "no truth"
+    return f"{1000 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.3f} m"

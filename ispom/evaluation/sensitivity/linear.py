@@ -1,0 +1,144 @@
+"""How poses follow a small error of the calibration: one Gauss-Newton step of the adjustment of what was seen.
+
+Poses, points and the method's own corrections are at their optimum in the run. There, by the implicit function
+theorem, they move by -H^-1 J' W d(errors)/d(calibration), H = J' W J; points are eliminated (Triggs et al. 2000).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from ispom.evaluation.sensitivity.scene import Adjustment, Scene
+from ispom.geometry import Array, Pose, skew
+
+JOINED = 1e-4
+"""Information [1/scale^2 of the loss, over 1 m and 1 rad] that key frames which share no point move together;"""
+HELD = 1e8
+"""and that what the data leave open (where the world begins, and its unit) stays as it was."""
+RIDGE = 1e-9
+"""Of a point's largest information: what is added where the point is seen without parallax."""
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """What is adjusted."""
+
+    rotations: Array
+    """(K, 3, 3) camera_from_world."""
+    translations: Array
+    """(K, 3)."""
+    xyz_in_world: Array
+    """(M, 3)."""
+    extra: Array
+    """(E,)."""
+
+    @property
+    def places(self) -> Array:
+        """(K, 3) of the cameras in the world."""
+        return -np.einsum("kji,kj->ki", self.rotations, self.translations)
+
+    def moved(self, poses: Array, points: Array, extra: Array) -> Values:
+        """After twists (K, 6) of the cameras in the world, shifts (M, 3) of the points, and changes (E,)."""
+        back = [Pose.exp(-twist) for twist in poses]
+        rotations = self.rotations @ np.stack([pose.rotation for pose in back])
+        away = np.stack([pose.translation for pose in back])
+        translations = np.einsum("kij,kj->ki", self.rotations, away) + self.translations
+        return Values(rotations, translations, self.xyz_in_world + points, self.extra + extra)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Solutions for several right sides, side by side."""
+
+    poses: Array
+    """(K, 6, P)."""
+    points: Array
+    """(M, 3, P)."""
+    extra: Array
+    """(E, P)."""
+
+
+def start(scene: Scene, adjustment: Adjustment) -> Values:
+    """Where the run came to."""
+    extra = np.zeros(len(adjustment.sigmas))
+    return Values(scene.rotations, scene.translations, scene.xyz_in_world, extra)
+
+
+def solve(scene: Scene, values: Values, adjustment: Adjustment, errors: Array, sides: Array) -> Steps:
+    """The steps -H^-1 J' W side for right sides (N, 2 or 3, P), linearised at `values`, where the errors are `errors`.
+
+    The first key frame is held and, with one camera, how far those of the first window went from it: the unit.
+    """
+    q = scene.in_camera(values.rotations, values.translations, values.xyz_in_world)
+    per = (scene.rig.camera(scene.camera).fx / adjustment.loss_px) ** 2
+    root = np.sqrt(per / (1 + (errors**2).sum(1) * per))[:, None, None]
+    rotations = values.rotations[scene.view]
+    by_point = root * (scene.by_point(q) @ rotations)
+    xyz = values.xyz_in_world[scene.point]
+    by_pose = np.concatenate([-by_point, by_point @ _skews(xyz)], axis=2)
+    free = np.array(adjustment.sigmas) > 0
+    by_extra = root * scene.by_extra(q) * free
+    count, points = len(scene.times_ns), len(values.xyz_in_world)
+    of_poses = _blocks(by_pose, scene.view, count)
+    of_rest = sparse.csr_array(by_extra.reshape(-1, len(free)))
+    jacobian = sparse.hstack([of_poses, of_rest], format="csr")
+    of_points = _blocks(by_point, scene.point, points)
+    information = np.zeros((points, 3, 3))
+    np.add.at(information, scene.point, np.swapaxes(by_point, 1, 2) @ by_point)
+    information += (RIDGE * np.trace(information, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
+    inverse = sparse.bsr_array(
+        (np.linalg.inv(information), np.arange(points), np.arange(points + 1)), shape=(3 * points, 3 * points)
+    )
+    mixed = jacobian.T @ of_points
+    side = (root * sides).reshape(-1, sides.shape[2])
+    reduced = jacobian.T @ jacobian - mixed @ inverse @ mixed.T + _prior(scene, values, adjustment)
+    right = jacobian.T @ side - mixed @ (inverse @ (of_points.T @ side))
+    right[6 * count :] += (_information(adjustment) * values.extra)[:, None]
+    step = -splu(sparse.csc_array(reduced)).solve(right)
+    shift = -(inverse @ (of_points.T @ side + mixed.T @ step))
+    cut, p = 6 * count, sides.shape[2]
+    return Steps(step[:cut].reshape(count, 6, p), shift.reshape(points, 3, p), step[cut:])
+
+
+def _prior(scene: Scene, values: Values, adjustment: Adjustment) -> sparse.csr_array:
+    """What holds what the data leave open, and the corrections near none."""
+    count = len(scene.times_ns)
+    chain = sparse.eye_array(count - 1, count) - sparse.eye_array(count - 1, count, k=1)
+    joined = JOINED * sparse.kron(chain.T @ chain, sparse.eye_array(6))
+    held = sparse.lil_array((6 * count, 6 * count))
+    held[:6, :6] = HELD * np.eye(6)
+    if not scene.is_pair:
+        places = values.places
+        far = min(adjustment.window, count) - 1
+        away = places[far] - places[0]
+        way = away / max(float((away**2).sum()), 1e-12)
+        row = np.concatenate([way, np.cross(places[far], way)])
+        held[6 * far : 6 * far + 6, 6 * far : 6 * far + 6] += HELD * np.outer(row, row)
+    return sparse.csr_array(sparse.block_diag([joined + held, sparse.diags_array(_information(adjustment))]))
+
+
+def _information(adjustment: Adjustment) -> Array:
+    """(E,) of the corrections before any data; 1 for those that are held."""
+    sigmas = np.array(adjustment.sigmas)
+    return np.where(sigmas > 0, sigmas, 1.0) ** -2.0
+
+
+def _blocks(values: Array, column: NDArray[np.int64], count: int) -> sparse.csr_array:
+    """A block (R, C) for each observation (N, R, C), in the block column that it is of."""
+    n, rows, width = values.shape
+    index = np.arange(n * rows).reshape(n, rows, 1), (width * column)[:, None, None] + np.arange(width)
+    where = [np.broadcast_to(each, values.shape).ravel() for each in index]
+    return sparse.csr_array((values.ravel(), (where[0], where[1])), shape=(n * rows, width * count))
+
+
+def _skews(xyz: Array) -> Array:
+    """(N, 3, 3) [x]x."""
+    out = np.zeros((len(xyz), 3, 3))
+    for i, axis in enumerate(np.eye(3)):
+        out += xyz[:, i, None, None] * skew(axis)
+    return out

@@ -1,0 +1,67 @@
+"""`ispom perturb`: predictions from a run's folder, beside reruns of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from ispom_app.cli import main
+
+from ispom.io.rig import read_rig
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("perturb") / "run"
+    assert main(["run", "sim:tiny", "--methods", "stereo", "integrated", "--no-recording", "--out", str(out)]) == 0
+    return out
+
+
+def test_without_an_error_all_are_listed(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert main(["perturb", str(run)]) == 0
+    printed = capsys.readouterr().out
+    assert "baseline +1 %" in printed and "video clock +1 ms" in printed
+    assert "stereo" in printed and "integrated" in printed
+
+
+def test_the_rerun_stands_beside_the_prediction_and_near_it(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    arguments = ["perturb", str(run), "--baseline-percent", "2", "--clock-ms", "4", "--rerun", "--out", str(out)]
+    assert main(arguments) == 0
+    written = json.loads((out / "perturb.json").read_text())
+    stereo = next(each for each in written["methods"] if each["method"] == "stereo")
+    assert stereo["linear"] and stereo["held"]
+    assert stereo["rerun_shift_m"] == pytest.approx(stereo["shift_m"], rel=0.3)
+    assert {f"{m}.{kind}.tum" for m in ("stereo", "integrated") for kind in ("predicted", "rerun")} <= {
+        path.name for path in out.iterdir()
+    }
+    assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(1.02 * read_rig(run / "rig.yaml").baseline_m)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--rerun"], "--rerun needs an error of the calibration"),
+        (["--baseline-percent", "70"], "baseline"),
+    ],
+)
+def test_a_mistake_is_one_sentence(
+    run: Path, options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["perturb", str(run), *options]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["perturb", str(tmp_path)]) == 2
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_the_run_leaves_the_rig_as_its_methods_corrected_it(run: Path) -> None:
+    text = (run / "rig_corrected.yaml").read_text()
+    assert "# right camera yaw" in text and "+-" in text
+    assert read_rig(run / "rig_corrected.yaml").baseline_m == pytest.approx(
+        read_rig(run / "rig.yaml").baseline_m, rel=1e-3
+    )

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ispom.errors import InputError
+from ispom.evaluation.corrected_rig import corrected
+from ispom.geometry import Pose
+from ispom.simulation.cameras import simulated_rig
+
+RIG = simulated_rig()
+SURE = 1e-12
+RAYS = np.column_stack([np.random.default_rng(0).uniform(-0.5, 0.5, (50, 2)), np.ones(50)])
+
+
+def test_the_corrected_lens_sees_what_the_correction_says() -> None:
+    f, k = 0.004, -0.02
+    found = corrected(RIG, {"lens": np.array([f, k]), "lens_covariance": SURE * np.eye(2)})
+    stretch = 1 + f + k * (RAYS[:, :2] ** 2).sum(1, keepdims=True)
+    wanted = RIG.camera("video").project(np.column_stack([RAYS[:, :2] * stretch, RAYS[:, 2]]))
+    np.testing.assert_allclose(found.rig.camera("video").project(RAYS), wanted, atol=0.1)
+    assert found.any_applied and found.rig.left == RIG.left
+
+
+@pytest.mark.parametrize(("offset", "square"), [(0.002, 0.0), (0.001, 0.001), (-0.001, 0.003)])
+def test_the_corrected_right_camera_sees_x_as_the_correction_says(offset: float, square: float) -> None:
+    pair, covariance = np.array([offset, 0.0, square, 0.0]), SURE * np.eye(4)
+    found = corrected(RIG, {"pair": pair, "pair_covariance": covariance}).rig
+    far = 1e6 * RAYS
+    in_right = (found.rig_from_right.inverse() @ RIG.rig_from_right).apply(far)
+    seen = RIG.camera("right").normalise(found.camera("right").project(in_right))[:, 0]
+    x = RAYS[:, 0]
+    np.testing.assert_allclose(seen, x + offset + square * x**2, atol=2e-5)
+
+
+def test_the_video_camera_is_turned_and_moved_as_it_was_found_to_be() -> None:
+    change = np.array([0.01, -0.02, 0.005, 0.01, 0.0, -0.02, 0.003])
+    found = corrected(RIG, {"rig": change, "rig_covariance": SURE * np.eye(7)})
+    turn = RIG.rig_from_video.rotation.T @ found.rig.rig_from_video.rotation
+    np.testing.assert_allclose(Pose(turn, np.zeros(3)).rotvec, change[:3], atol=1e-12)
+    moved = found.rig.rig_from_video.translation - RIG.rig_from_video.translation
+    np.testing.assert_allclose(moved, change[3:6], atol=1e-12)
+    clock = found.findings[-1]
+    assert not clock.applied and "+3 +-" in str(clock) and "(not applied)" in str(clock)
+
+
+def test_what_chance_explains_changes_nothing_and_is_told() -> None:
+    said = {"lens": np.array([0.001, 0.0]), "lens_covariance": np.eye(2)}
+    found = corrected(RIG, said)
+    assert found.rig.video == RIG.video and not found.any_applied
+    assert [finding.what for finding in found.findings] == ["video focal length", "video radial distortion"]
+
+
+def test_what_is_held_is_not_told() -> None:
+    covariance = np.diag([0.0] * 6 + [SURE])
+    (clock,) = corrected(RIG, {"rig": np.zeros(7), "rig_covariance": covariance}).findings
+    assert clock.what == "video clock late"
+
+
+def test_a_run_without_corrections_is_refused_in_one_sentence() -> None:
+    with pytest.raises(InputError, match="no method corrected"):
+        corrected(replace(RIG, video=None), {"pair": np.zeros(4)})
