@@ -17,6 +17,8 @@ LABELS = {
     "step_scale_end_over_start": "step scale, end over start",
     "between_stereo_rmse_m": "between stereo, RMSE [m]",
     "spline_between_stereo_rmse_m": "spline between stereo, RMSE [m]",
+    "between_over_spline": "between stereo, over spline's",
+    "m_per_unit": "metres per unit (sim3)",
     "rate_hz": "poses [Hz]",
     "poses": "poses",
     "located": "exposures located",

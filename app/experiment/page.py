@@ -67,7 +67,8 @@ def _bounds(outcome: Outcome) -> str:
         what += f" on {said.over_source}" if said.over_source is not None else ""
     limits = [f"≤ {said.at_most:g}"] if said.at_most is not None else []
     limits += [f"≥ {said.at_least:g}"] if said.at_least is not None else []
-    return f"{what}: {' and '.join(limits)}" + (f" in {100 * said.share:g} % of the runs" if said.share < 1 else "")
+    limits += ["or none"] if said.or_fails else []
+    return f"{what}: {' '.join(limits)}" + (f" in {100 * said.share:g} % of the runs" if said.share < 1 else "")
 
 
 def _values_text(outcome: Outcome) -> str:

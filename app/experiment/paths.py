@@ -8,17 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ispom.evaluation.association import associate
 from ispom.evaluation.ate import alignment, placed
-from ispom.evaluation.metrics import MIN_POSES
 from ispom.evaluation.step_scale import StepScale, step_scale
 from ispom.geometry import Similarity
-from ispom.io.files import exists
-from ispom.io.tum import read_tum
 from ispom.methods import method as registered
 from ispom.types import Trajectory
 
-from ..run.folder.run_folder import TRUTH, trajectory_file
+from .associated import compared, paths_of
 from .plan import Run
 from .row import Row
 
@@ -39,20 +35,15 @@ class Drawn:
 
 def drawn(rows: Sequence[Row], out: Path) -> list[Drawn]:
     """Those runs that have a truth and a path."""
-    found = []
-    for row in rows:
-        folder = out / row.run.folder
-        if row.failure is None and exists(folder / TRUTH):
-            truth = read_tum(folder / TRUTH)
-            own = read_tum(folder / trajectory_file(row.run.line.method))
-            found += [placed_run] if (placed_run := _placed(row.run, own, truth)) is not None else []
-    return found
+    every = [_placed(row.run, out / row.run.folder) for row in rows if row.failure is None]
+    return [found for found in every if found is not None]
 
 
-def _placed(run: Run, own: Trajectory, truth: Trajectory) -> Drawn | None:
-    pairs, partners = associate(own, truth)
-    if len(pairs) < MIN_POSES:
+def _placed(run: Run, folder: Path) -> Drawn | None:
+    paths, both = paths_of(run, folder), compared(run, folder)
+    if paths is None or both is None:
         return None
+    (own, truth), (pairs, partners) = paths, both
     scale, unit, metric = step_scale(pairs, partners), 1.0, registered(run.line.method).unit == "metric"
     if not metric:
         unit = 1 / scale.first if scale is not None else alignment(pairs, partners, "sim3").scale

@@ -37,6 +37,8 @@ class Statement:
     over_source: str | None = None
     at_most: float | None = None
     at_least: float | None = None
+    or_fails: bool = False
+    """A run that finds no motion counts as holding."""
     share: float = 1.0
     """Of the runs, 0..1, in which it must hold."""
 

@@ -39,6 +39,7 @@ class StatementEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     over_source: str | None = None
     at_most: float | None = None
     at_least: float | None = None
+    or_fails: bool = False
     share: float = 1.0
 
 

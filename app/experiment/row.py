@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ispom.evaluation.ate import alignment
+from ispom.evaluation.step_scale import step_scale
 from ispom.io.files import exists
 
 from ..run.folder.run_file import RunFile, read_run_file
 from ..run.folder.run_folder import METRICS, RUN, is_incomplete
+from .associated import compared
 from .plan import Run
 
 
@@ -34,7 +37,8 @@ def row_of(run: Run, folder: Path) -> Row | None:
         return None
     written = read_run_file(folder)
     report = json.loads((folder / METRICS).read_text(encoding="utf-8"))
-    return Row(run, None, _values(report, run.line.method, written), written.images_sha256)
+    values = _values(report, run.line.method, written) | _scales(run, folder)
+    return Row(run, None, values, written.images_sha256)
 
 
 def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[str, float | None]:
@@ -49,6 +53,23 @@ def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[st
         "rate_hz": entry["poses"] / written.duration_s if written.duration_s else None,
         "located_percent": 100 * entry["located"] / exposures if exposures else None,
         "segments": float(len(entry.get("segments", [0]))),
+        "between_over_spline": _ratio(entry.get("between_stereo_rmse_m"), entry.get("spline_between_stereo_rmse_m")),
+    }
+
+
+def _ratio(one: float | None, other: float | None) -> float | None:
+    return one / other if one is not None and other else None
+
+
+def _scales(run: Run, folder: Path) -> dict[str, float | None]:
+    """Of every method, metric or not: how its unit changes, and what it is."""
+    found = compared(run, folder)
+    if found is None:
+        return {}
+    scale = step_scale(*found)
+    return {
+        "step_scale_end_over_start": scale and scale.end_over_start,
+        "m_per_unit": alignment(*found, "sim3").scale,
     }
 
 

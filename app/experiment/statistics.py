@@ -61,7 +61,7 @@ class Outcome:
     values: tuple[float, ...]
     """Of its runs, in the order of the seeds."""
     missing: int
-    """Runs without the quantity: none of them counts as holding."""
+    """Runs without the quantity: none of them counts as holding, unless the statement says so."""
     holding: int
 
     @property
@@ -117,7 +117,8 @@ def outcomes(plan: Plan, rows: Sequence[Row]) -> list[Outcome]:
                 value = _ratio(own, over, seed)
                 missing += value is None
                 values += [value] if value is not None else []
-        found.append(Outcome(said, tuple(values), missing, sum(_within(said, value) for value in values)))
+        holding = sum(_within(said, value) for value in values)
+        found.append(Outcome(said, tuple(values), missing, holding + (missing if said.or_fails else 0)))
     return found
 
 

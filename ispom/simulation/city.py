@@ -27,12 +27,17 @@ def build_city(seed: int) -> Scene:
     """A street along z, 108 m long and 18-22 m wide; |x| < 3.5 m is free up to 4.5 m above ground."""
     builder = SceneBuilder(np.random.default_rng([seed, 2]))
     _ground(builder)
-    for side in (-1, 1):
-        _houses(builder, side)
-        _kerb_lane(builder, side)
-        _pavement_lane(builder, side)
+    line_street(builder, STREET_FROM_M, STREET_TO_M)
     _horizon(builder)
     return builder.build()
+
+
+def line_street(builder: SceneBuilder, start_m: float, end_m: float) -> None:
+    """What stands on both sides of a street along z, from `start_m` to `end_m`."""
+    for side in (-1, 1):
+        _houses(builder, side, start_m, end_m)
+        _kerb_lane(builder, side, start_m, end_m)
+        _pavement_lane(builder, side, start_m, end_m)
 
 
 def _pick(builder: SceneBuilder, colours: tuple[Colour, ...]) -> Colour:
@@ -54,11 +59,11 @@ def _ground(builder: SceneBuilder) -> None:
         builder.box((side * (half + 20.3), middle), (40.0, 0.14, length), Material.PAVING, (158, 148, 138))
 
 
-def _houses(builder: SceneBuilder, side: int) -> None:
+def _houses(builder: SceneBuilder, side: int, start_m: float, end_m: float) -> None:
     """Fronts 9-11 m from the middle with gaps between them, through which a second row shows."""
     rng = builder.rng
-    z = STREET_FROM_M + rng.uniform(0, 2)
-    while z < STREET_TO_M - 6:
+    z = start_m + rng.uniform(0, 2)
+    while z < end_m - 6:
         width, depth, height = rng.uniform(6.5, 12.5), rng.uniform(8, 11), rng.uniform(7.5, 15)
         front, middle = rng.uniform(9, 11), z + width / 2
         style, bay, floor = float(rng.integers(3)), rng.uniform(2.1, 3.1), rng.uniform(2.9, 3.5)
@@ -125,10 +130,10 @@ def _between(builder: SceneBuilder, low: float, high: float) -> float:
     return float(builder.rng.uniform(low, max(low, high)))
 
 
-def _kerb_lane(builder: SceneBuilder, side: int) -> None:
+def _kerb_lane(builder: SceneBuilder, side: int, start_m: float, end_m: float) -> None:
     """Parked cars and crates at the edge of the road."""
-    rng, z = builder.rng, STREET_FROM_M + 2.0
-    while z < STREET_TO_M - 16:
+    rng, z = builder.rng, start_m + 2.0
+    while z < end_m - 16:
         if rng.random() < 0.6:
             _car(builder, side * rng.uniform(4.75, 4.95), z + 2.2, rng.uniform(-0.05, 0.05))
             z += 4.4 + rng.uniform(0.8, 3.5)
@@ -158,10 +163,10 @@ def _car(builder: SceneBuilder, x: float, z: float, yaw: float) -> None:
         builder.box(wheel, (1.76, 0.6, 0.62), Material.PAINT, (44, 44, 48), yaw_rad=yaw)
 
 
-def _pavement_lane(builder: SceneBuilder, side: int) -> None:
+def _pavement_lane(builder: SceneBuilder, side: int, start_m: float, end_m: float) -> None:
     """Trees, lamps, kiosks, poster pillars and planters between kerb and fronts."""
-    rng, z = builder.rng, STREET_FROM_M + 3.0
-    while z < STREET_TO_M - 14:
+    rng, z = builder.rng, start_m + 3.0
+    while z < end_m - 14:
         x, what = side * rng.uniform(6.9, 7.4), rng.random()
         if what < 0.35:
             _tree(builder, x, z)

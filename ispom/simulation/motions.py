@@ -11,6 +11,7 @@ import numpy as np
 from ispom.geometry import Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.path import Path
+from ispom.simulation.town import Loop
 
 SLOWER = 0.02
 """Of the flight: 3 cm/s along the street, 1 mm from a video frame to the next."""
@@ -77,6 +78,7 @@ MOTIONS: Mapping[str, Callable[[Path], Motion]] = {
     "tiny-steps": TinySteps,
     "rotation": PureRotation,
     "sideways": Sideways,
+    "loop": Loop,
 }
 """By name, made of the seed's flight."""
 

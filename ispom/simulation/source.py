@@ -14,6 +14,7 @@ from ispom.simulation.city import build_city
 from ispom.simulation.motions import motion_of
 from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.scene import Scene
+from ispom.simulation.town import build_town
 from ispom.simulation.walls import build_wall
 from ispom.types import Frame, Image, Kind
 
@@ -22,6 +23,7 @@ BLUR_EXPOSURE_S = 0.008
 BLUR_SAMPLES = 5
 PLACES: Mapping[str, Callable[[int], Scene]] = {
     "city": build_city,
+    "town": build_town,
     "wall": lambda seed: build_wall(seed, "wall"),
     "blank": lambda seed: build_wall(seed, "blank"),
     "tiles": lambda seed: build_wall(seed, "tiles"),

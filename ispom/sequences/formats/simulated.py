@@ -26,10 +26,22 @@ class Preset:
     scale: float
     """Of the images: 1 is 640x480 video and 1280x960 stereo."""
     duration_s: float
+    longest_s: float = 20.0
+    place: str = "city"
+    motion: str = "flight"
+
+    def rendered(self, world: World) -> tuple[str, str, int]:
+        """What the renderer is told of a world: of this scene where it says nothing else."""
+        place, motion = (self.place, self.motion)
+        return (
+            place if world.place == "own" else world.place,
+            motion if world.motion == "own" else world.motion,
+            round(1e6 * world.right_late_ms),
+        )
 
 
 _PLAIN = World()
-PRESETS = {"city": Preset(1.0, 20.0), "tiny": Preset(0.5, 3.0)}
+PRESETS = {"city": Preset(1.0, 20.0), "tiny": Preset(0.5, 3.0), "town": Preset(1.0, 85.0, 180.0, "town", "loop")}
 
 
 def open_words(text: str, seed: int) -> Sequence:
@@ -69,11 +81,11 @@ def open_simulated(
     duration_s: float | None = None,
     world: World = _PLAIN,
 ) -> Sequence:
-    """The simulated sequence `name`: "city", or "tiny" (the same place, small images, 3 s: for tests).
+    """The simulated sequence `name`: "city", "tiny" (the same place, small images, 3 s: for tests), or "town".
 
     `world` says where and how one moves, instead. World: x right, y down, z along the street, ground at y = 0.
     `cache_dir` replaces the user's cache folder, `duration_s` [s] the preset's. InputError for an unknown name, and for
-    a duration outside 0.1-20 s.
+    a duration that the scene is too small for.
     """
     if name not in PRESETS:
         raise InputError(
@@ -81,10 +93,11 @@ def open_simulated(
         )
     preset = PRESETS[name]
     duration_s = preset.duration_s if duration_s is None else duration_s
-    if not 0.1 <= duration_s <= 20.0:
-        raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to 20 s")
-    rig, path, stamps = simulated_rig(preset.scale), motion_of(world.motion, seed), Timing(duration_s).exposures()
-    other = () if (asked := _rendered(world)) == _rendered(_PLAIN) else asked
+    if not 0.1 <= duration_s <= preset.longest_s:
+        raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to {preset.longest_s:g} s")
+    asked = preset.rendered(world)
+    rig, path, stamps = simulated_rig(preset.scale), motion_of(asked[1], seed), Timing(duration_s).exposures()
+    other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked
     shaping = (seed, motion_blur, preset.scale)
     libraries = [version(name) for name in ("numpy", "opencv-python-headless")]
     ahead = AheadRenderer(
@@ -110,8 +123,3 @@ def open_simulated(
         ("simulated: rendered images with sensor noise, exact truth",),
         ahead.prepare,
     )
-
-
-def _rendered(world: World) -> tuple[str, str, int]:
-    """What of a world the renderer must be told."""
-    return world.place, world.motion, round(1e6 * world.right_late_ms)

@@ -39,12 +39,13 @@ FAULTS: Mapping[str, type] = {
 class World:
     """What is rendered."""
 
-    place: Literal["city", "wall", "blank", "tiles"] = "city"
-    """city: the street; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same."""
-    motion: Literal["flight", "still", "tiny-steps", "rotation", "sideways"] = "flight"
-    """flight: along the street; still; tiny-steps: fifty times slower; rotation: about the video camera's centre;
-    sideways: along a wall."""
-    duration_s: Annotated[float, Range(0, 20)] = 0.0
+    place: Literal["own", "city", "town", "wall", "blank", "tiles"] = "own"
+    """own: that of the scene; city: a street; town: streets around a block; wall: one textured plane; blank: without
+    texture; tiles: every 0.5 m the same."""
+    motion: Literal["own", "flight", "loop", "still", "tiny-steps", "rotation", "sideways"] = "own"
+    """own: that of the scene; flight: along the street; loop: around the town's block; still; tiny-steps: fifty times
+    slower; rotation: about the video camera's centre; sideways: along a wall."""
+    duration_s: Annotated[float, Range(0, 600)] = 0.0
     """[s], from 0.1; 0: that of the scene."""
     motion_blur: bool = False
     """The shutter is open for 8 ms."""

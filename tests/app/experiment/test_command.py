@@ -44,6 +44,7 @@ def test_every_run_is_a_folder_and_a_row(plan: Path, tmp_path: Path, capsys: pyt
         entry = json.loads((out / r["run"] / "metrics.json").read_text())["methods"][r["method"]]
         assert float(r["ate_m"]) == entry["ate_m"]
         assert float(r["ate_percent"]) == pytest.approx(100 * entry["ate_m"] / float(r["path_length_m"]))
+        assert float(r["m_per_unit"]) > 0
     assert found[0]["images_sha256"] == found[1]["images_sha256"] != ""
     assert found[1]["stereo.max_tracks"] == "400"
     assert not (out / found[0]["run"] / "run.rrd").exists()

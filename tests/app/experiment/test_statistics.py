@@ -64,6 +64,13 @@ def test_a_statement_can_compare_two_sources() -> None:
     assert found.values == (3.0,) and found.holds
 
 
+def test_a_statement_may_say_that_a_run_fails() -> None:
+    rows = [row(A, 0, located_percent=80.0), row(A, 1, located_percent=20.0), row(A, 2)]
+    statements = [said(quantity="located_percent", at_most=50, or_fails=fails) for fails in (True, False)]
+    found = outcomes(plan(statements=tuple(statements)), rows)
+    assert [(o.holding, o.runs) for o in found] == [(2, 3), (1, 3)]
+
+
 def test_a_statement_without_runs_does_not_hold() -> None:
     (found,) = outcomes(plan(statements=(said(at_most=1.0),)), [])
     assert not found.holds

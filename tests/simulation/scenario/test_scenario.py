@@ -56,7 +56,7 @@ def test_every_fault_is_a_value_with_defaults(name: str) -> None:
         ("tiny?fault=darkness:factor=low", "factor is 'low', not a number"),
         ("tiny?fault=darkness:colour=1", "has 'colour', which is no setting"),
         ("tiny?motion=jump", "motion is 'jump', not one of flight"),
-        ("tiny?duration_s=60", "duration_s is 60, give a value from 0 to 20"),
+        ("tiny?duration_s=60", "sim:tiny cannot last 60 s, give a duration from 0.1 to 20 s"),
         ("?motion=still", "there is no simulated sequence sim:"),
         ("tiny?motion=still#x", "after # comes a seed"),
     ],
