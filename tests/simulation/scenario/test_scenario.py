@@ -55,7 +55,7 @@ def test_every_fault_is_a_value_with_defaults(name: str) -> None:
         ("tiny?fault=darkness:factor=2", "darkness: factor is 2, give a value from 0.001 to 1"),
         ("tiny?fault=darkness:factor=low", "factor is 'low', not a number"),
         ("tiny?fault=darkness:colour=1", "has 'colour', which is no setting"),
-        ("tiny?motion=jump", "motion is 'jump', not one of flight"),
+        ("tiny?motion=jump", "motion is 'jump', not one of own, flight"),
         ("tiny?duration_s=60", "sim:tiny cannot last 60 s, give a duration from 0.1 to 20 s"),
         ("?motion=still", "there is no simulated sequence sim:"),
         ("tiny?motion=still#x", "after # comes a seed"),
