@@ -34,7 +34,7 @@ HISTORY_BYTES = 20_000_000
 """So little that the history's budget is used up early, and memory is compared after that."""
 MOST = 1.1
 """The goal: time of the last exposures over that of the early ones."""
-TRACKS = {"max_tracks": 80, "max_points": 80}
+TRACKS = {"max_tracks": 80, "max_points": 300}
 """Settings for small images, of the methods that have them."""
 
 
