@@ -67,9 +67,11 @@ def test_a_closed_file_verifies(run, tmp_path):
     file.write(run.finish())
     file.close()
     file.close()
-    verified = rerun("rrd", "verify", str(file.path))
-    assert verified.returncode == 0, verified.stderr
     assert file.failure is None and file.size_bytes == file.path.stat().st_size > 10_000
+    verified = rerun("rrd", "verify", str(file.path))
+    if "shared libraries" in verified.stderr:
+        pytest.skip(f"Rerun's own program does not start here: {verified.stderr.strip()}")
+    assert verified.returncode == 0, verified.stderr
 
 
 def test_every_exposure_is_readable_while_the_file_grows(run, tmp_path, monkeypatch):
