@@ -30,13 +30,31 @@ class Played:
     """Why the recording ended early, one sentence; None where it did not."""
 
 
+class Steps:
+    """The exposures of a run, one at a time, and what is kept of each."""
+
+    def __init__(self, job: Job, signals: Signals, until_end: ExitStack) -> None:
+        """Files stay open until `until_end` is closed."""
+        self._playback, self.maps, self.statistics = job.playback, MapCollectors(), RunStatistics()
+        self.corrections = CorrectionMemory()
+        recording = Recording(job, signals) if job.options.recording else NoRecording()
+        self.record, log = until_end.enter_context(recording), until_end.enter_context(StepLog(job.folder))
+        self.journal = PoseJournal(job.folder, job.playback.unit_m)
+        self._consumers = (self.statistics, log, self.journal, self.record, job.placements, job.watch)
+
+    def step(self) -> None:
+        event = self._playback.step()
+        self.maps.add(event.steps)
+        self.corrections.add(event.steps)
+        for consumer in self._consumers:
+            consumer.add(event)
+
+
 def play(job: Job, signals: Signals) -> Played:
     """Steps through the sequence. Raises what ends that early, after what was computed has been written."""
-    playback, folder, maps, statistics = job.playback, job.folder, MapCollectors(), RunStatistics()
-    corrections = CorrectionMemory()
+    playback, folder = job.playback, job.folder
     with ExitStack() as stack:
-        record = stack.enter_context(Recording(job, signals) if job.options.recording else NoRecording())
-        log, journal = stack.enter_context(StepLog(folder)), PoseJournal(folder, playback.unit_m)
+        steps = Steps(job, signals, stack)
         if playback.sequence.prepare:
             playback.sequence.prepare(0)
         total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures
@@ -44,11 +62,7 @@ def play(job: Job, signals: Signals) -> Played:
             wait_for_compiler()
             with ended_by_interrupt(playback.sequence), progress(total, job.quiet) as advance:
                 while playback.more():
-                    event = playback.step()
-                    maps.add(event.steps)
-                    corrections.add(event.steps)
-                    for consumer in (statistics, log, journal, record, job.placements, job.watch):
-                        consumer.add(event)
+                    steps.step()
                     advance()
                     signals.check()
                     if job.watch.stop is not None:
@@ -56,8 +70,8 @@ def play(job: Job, signals: Signals) -> Played:
         finally:
             signals.hold()
             finished = playback.finish()
-            record.add(finished)
-            write_results(job, finished, statistics, maps, corrections)
-            journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
+            steps.record.add(finished)
+            write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
+            steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
     signals.check()
-    return Played(finished, statistics.images.hexdigest(), record.failure)
+    return Played(finished, steps.statistics.images.hexdigest(), steps.record.failure)

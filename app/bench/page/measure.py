@@ -21,7 +21,7 @@ SAMPLES = 200
 QUIET_S = 0.2
 """Without a message of viser, the panels are as they will stay."""
 MOST_MS, MOST_RATIO = 100.0, 1.1
-"""The goals: from a command to the page, and the worker's time over that of the same run without an app."""
+"""The goals: from a command to the page, and the worker's time over that of the same run headless."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ ATTENDANCES = (
 
 
 def attended(served: Served, attendance: Attendance) -> dict[str, Any]:
-    """CPU time of the worker per exposure [ms], that of the same run without a session, and whether both gave the same
+    """CPU time of the worker per exposure [ms], that of the same run headless, and whether both gave the same
     trajectories to the byte."""
     with serving(served) as app, visitors(app, attendance.count, attendance.reads) as present:
 
@@ -111,7 +111,7 @@ async def _show(visitor: Visitor, place: int) -> tuple[float, float]:
 
 
 def print_attended(console: Console, found: list[dict[str, Any]]) -> None:
-    table = Table("CPU time per exposure", "app's worker", "without an app", "ratio", "trajectories", box=None)
+    table = Table("CPU time per exposure", "app's worker", "headless", "ratio", "trajectories", box=None)
     for row in found:
         ratio = row["worker_ms"] / row["headless_ms"]
         times = f"{row['worker_ms']:.2f} ms", f"{row['headless_ms']:.2f} ms"

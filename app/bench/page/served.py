@@ -10,6 +10,7 @@ import json
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,9 +21,15 @@ from ispom.methods import default_methods
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
 
+from ...expressions.until import Until
+from ...headless.job import Job
+from ...headless.play import Steps
+from ...options import Run
 from ...page.server import Serving, serve
 from ...run.events import Finished
+from ...run.folder.run_folder import RunFolder
 from ...run.playback import Playback
+from ...run.signals import Signals
 from ...session import commands as do
 from ...session.session import Session
 from .drive import to_and_fro
@@ -39,7 +46,7 @@ class Served:
     methods: tuple[str, ...] = ()
     """None given means the usual ones."""
     headless: bool = False
-    """Run the same without a session as well, exposure by exposure by turns."""
+    """Run the same as `ispom run` does, too, exposure by exposure by turns."""
     branch_at: int | None = None
     """Fork there, with nothing changed, when the run is over."""
 
@@ -49,16 +56,20 @@ class Served:
 
 
 class Meter:
-    """Hears of each new state in the worker's thread; the run without a session goes on there, too: so both meet the
-    machine in the same mood."""
+    """Hears of each new state in the worker's thread; the headless run goes on there, too: so both meet the machine in
+    the same mood."""
 
-    def __init__(self, session: Session, served: Served) -> None:
+    def __init__(self, session: Session, served: Served, folder: Path, until_end: ExitStack) -> None:
+        """`folder` is the headless run's, whose files stay open until `until_end` is closed."""
         self._session, self._branch_at, self._runs = session, served.branch_at, 0
         self._headless: Playback | None = None
         if served.headless:
             sequence = served.open()
             methods = session.state.methods or served.methods or default_methods(sequence.rig)
             self._headless = Playback(sequence, methods)
+            options = Run(source=served.source, methods=methods, out=folder)
+            job = Job(options, methods, None, self._headless, Until(None), until_end.enter_context(RunFolder(folder)))
+            self._steps = Steps(job, Signals(), until_end)
         self._computed, self._since_s = 0, 0.0
         self._ms: dict[str, list[float]] = {"worker_ms": [], "headless_ms": []}
 
@@ -80,7 +91,7 @@ class Meter:
         if self._computed:  # the first one waits for what is compiled and opened
             self._ms["worker_ms"].append(1e3 * (now - self._since_s))
         if self._headless is not None:
-            self._headless.step()
+            self._steps.step()
             if self._computed:
                 self._ms["headless_ms"].append(1e3 * (time.thread_time() - now))
         self._since_s = time.thread_time()
@@ -99,18 +110,18 @@ def _texts(finished: Finished) -> dict[str, str]:
 def main(argument: str) -> int:
     task = json.loads(argument)
     served = Served(**(task | {"methods": tuple(task.get("methods", ()))}))
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as until_end:
 
         def session(live) -> Session:
             found = Session(
                 lambda *_: served.open(),
                 served.source,
-                Path(folder),
+                Path(folder, "app"),
                 live=live,
                 autoplay=False,
                 methods=served.methods or None,
             )
-            found.changes.add(Meter(found, served))
+            found.changes.add(Meter(found, served, Path(folder, "headless"), until_end))
             found.post(do.Speed(None))
             return found
 

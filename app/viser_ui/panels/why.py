@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import viser
 
+from ispom.methods import Config
+
+from ...session.branching.branches import changes
 from ...session.state import State
 from ..markup import render
 from .card import cards
@@ -16,7 +19,7 @@ class WhyPanel:
         """What the text was made from."""
 
     def show(self, state: State) -> None:
-        shown = (state.displayed, state.plotted, state.methods, _coming(state))
+        shown = (state.displayed, state.plotted, state.methods, state.config, _coming(state))
         if shown != self._shown:
             self._shown = shown
             self._html.content = report(state)
@@ -30,6 +33,7 @@ def report(state: State) -> str:
         record=record,
         methods=len(state.methods),
         cards=cards(record) if record is not None else (),
+        settings=changes((state.methods, Config()), (state.methods, state.config)),
         plotted=state.plotted,
         coming=_coming(state),
     )

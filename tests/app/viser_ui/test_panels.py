@@ -19,6 +19,7 @@ from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
 from ispom_app.viser_ui.panels.view import ViewPanel, legend
 from ispom_app.viser_ui.panels.why import WhyPanel, report
 
+from ispom.methods import Config
 from ispom.types import Decision, Status, Step
 
 HOSTILE = '<iframe srcdoc="<script>parent.hit = 1</script>"></iframe>'
@@ -99,6 +100,14 @@ def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
     triggers = [Decision(n, 0.1, 0.5, False, question="New key frame?", kind="trigger") for n in (HOSTILE, "turn")]
     text = report(replace(STATE, displayed=record(0, *triggers)))
     assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text
+
+
+def test_why_names_the_settings_that_are_not_the_defaults():
+    shown = replace(STATE, displayed=record(0), methods=("stereo",), config=Config())
+    assert "other than the defaults" not in report(shown)
+    settings = replace(Config().of("stereo"), max_tracks=123)
+    text = report(replace(shown, config=Config({"stereo": settings})))
+    assert "other than the defaults" in text and "123" in text and "stereo.max-tracks" in text
 
 
 def test_why_shows_the_exposure_as_it_is_counted_everywhere(gui):
