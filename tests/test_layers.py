@@ -36,8 +36,8 @@ APP_LAYERS = (
     {"session"},
     {"viser_ui"},
     {"page"},
-    {"bench", "calibrate", "evaluate", "export", "headless", "perturb", "repair", "report", "sources"},
-    {"experiment", "fork"},
+    {"calibrate", "evaluate", "export", "headless", "perturb", "repair", "report", "sources"},
+    {"bench", "experiment", "fork"},
     {"cli"},
     {"__main__"},
 )
