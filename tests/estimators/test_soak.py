@@ -17,7 +17,7 @@ from ispom.methods import method as registered
 from ispom.persistent_list import PersistentList
 from tests.alone import ALL
 
-EXPOSURES = 800
+EXPOSURES = 1_200
 MEASURED_EVERY = 10
 """Exposures: to walk a State takes about as long as a step."""
 GROWN = 1.1
@@ -39,7 +39,7 @@ def test_a_state_does_not_grow(method: str, scenario: Scenario) -> None:
         state, _ = ensemble.step(state, exposure)
         if i % MEASURED_EVERY == 0:
             sizes.append(size(state))
-    early, late = (np.array(sizes[a:b]).max(axis=0) for a, b in ((40, 60), (60, 80)))
+    early, late = (np.array(sizes[a:b]).max(axis=0) for a, b in ((60, 90), (90, 120)))
     assert (late <= GROWN * early).all(), f"values and bytes of arrays: {early} at first, {late} in the end"
 
 
