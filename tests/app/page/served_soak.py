@@ -1,6 +1,7 @@
 """The app of `soak`, as a process of its own: it holds what a user's does, and nothing that only tests need.
 
-`python -m tests.app.page.served_soak FOLDER SOURCE COUNT`
+`python -m tests.app.page.served_soak FOLDER SOURCE COUNT [BRANCH_AT]` forks there, with nothing changed, when the run
+is over.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from ispom.sequences import open_sequence
 from ispom.types import Sequence
 
 
-def serve_soak(folder: Path, source: str, count: int) -> int:
+def serve_soak(folder: Path, source: str, count: int, branch_at: int | None = None) -> int:
     """The app, as a process of its own."""
 
     def opener(source: str, options: SourceOptions | None = None) -> Sequence:
@@ -27,10 +28,19 @@ def serve_soak(folder: Path, source: str, count: int) -> int:
     def session(live) -> Session:
         found = Session(opener, source, folder, live=live)
         found.post(do.Speed(None))
+
+        def fork() -> None:
+            state = found.state
+            if branch_at is not None and state.ended and state.branch == 0 and len(state.branches) == 1:
+                found.changes.remove(fork)
+                found.post(do.Seek(branch_at - 1))
+                found.post(do.Fork(state.methods, state.config))
+
+        found.changes.add(fork)
         return found
 
     return serve(session, Serving(port=0, open_browser=False))
 
 
 if __name__ == "__main__":
-    sys.exit(serve_soak(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])))
+    sys.exit(serve_soak(Path(sys.argv[1]), sys.argv[2], *map(int, sys.argv[3:])))

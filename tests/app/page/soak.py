@@ -1,8 +1,9 @@
 """The page after a long drive: what browser and app hold of memory, and how fast it steps back.
 
-`python -m tests.app.page.soak FOLDER_OF_A_DRIVE [COUNT]` goes to and fro over the drive until there are COUNT exposures
-(5,000), plays them as fast as they are computed with the page open in Chromium, and prints a line every 15 s; at the
-end it steps back 50 times, from exposures all over the run. It takes some ten minutes.
+`python -m tests.app.page.soak FOLDER_OF_A_DRIVE [COUNT [BRANCH_AT]]` goes to and fro over the drive until there are
+COUNT exposures (5,000), plays them as fast as they are computed with the page open in Chromium, and prints a line every
+15 s; then it runs a branch from exposure BRANCH_AT to the end, where that is given; at the end it steps back 50 times,
+from exposures all over the run. It takes some ten minutes without a branch.
 """
 
 from __future__ import annotations
@@ -46,12 +47,13 @@ HEAPS = """async () => [
 """Of the renderer's memory [bytes]: the Rerun viewer's, which never shrinks, and JavaScript's."""
 
 
-def sampled(page: Page, app: App, say: Callable[[str], object]) -> None:
-    """Prints until the run has ended and is drawn."""
+def sampled(page: Page, app: App, say: Callable[[str], object], branch: int) -> None:
+    """Prints until this branch has ended and is drawn."""
     began, due = time.monotonic(), 0.0
     while not page.state["notices"]:
         state, behind = page.state, page.tab.locator("#behind").inner_text()
-        if time.monotonic() >= due or (state["ended"] and not behind):
+        over = state["ended"] and state["address"]["branch"] == branch and not behind
+        if time.monotonic() >= due or over:
             due = time.monotonic() + EVERY_S
             browser, own = memory.of_browser(), memory.of_app(app.process.pid)
             viewers, script = page.tab.evaluate(HEAPS)
@@ -63,23 +65,23 @@ def sampled(page: Page, app: App, say: Callable[[str], object]) -> None:
                 f"  app {own.total() / 1e6:5.0f} MB"
                 f"  both {(browser + own).total() / 1e6:5.0f} MB"
             )
-            if state["ended"] and not behind:
+            if over:
                 return
         page.tab.wait_for_timeout(1000)
 
 
-def main(source: str, count: int = COUNT) -> int:
+def main(source: str, count: int = COUNT, *branch_at: int) -> int:
     def say(text: str) -> None:
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as p:
-        command = [sys.executable, "-m", "tests.app.page.served_soak", folder, source, str(count)]
+        command = [sys.executable, "-m", "tests.app.page.served_soak", folder, source, *map(str, (count, *branch_at))]
         app = launched(command, Path(folder))
         try:
             browser = p.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             page = Page(browser, app.url)
-            sampled(page, app, say)
+            sampled(page, app, say, len(branch_at))
             places = np.linspace(count - 1, 5, STEPS).astype(int)
             ms = np.array([page.tab.evaluate(STEP_BACK, int(i)) for i in np.random.default_rng(0).permutation(places)])
             say(f"step back: median {np.median(ms):.1f} ms, 95 % below {np.percentile(ms, 95):.1f} ms, of {len(ms)}")
