@@ -127,7 +127,7 @@ class Serve(Options):
     """Path under which a proxy in front of ISPOM offers it, such as /ispom/."""
     browser: bool = True
     """Open the page in a browser."""
-    history_mb: int = 500
+    history_mb: int = 300
     """Memory for the exposures of a run that can be stepped back to [MB]. Older ones are kept on disk."""
     root: Path | None = None
     """Folder to which the page's sources are restricted, links followed; without it, any path can be opened there."""

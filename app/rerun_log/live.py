@@ -33,6 +33,9 @@ from .tape import Tape
 log = logging.getLogger(__name__)
 SHARED_S = 0.1
 """Longest time whose exposures go to the tape together."""
+SETTLE_S = 0.3
+"""Before what is known already is drawn again: the page's own panels come first, and a branch that is shown but for a
+moment costs nothing."""
 FLUSH_S = 5.0
 """Longest wait for Rerun's own threads."""
 
@@ -107,6 +110,8 @@ class LiveStream:
                 blueprint.send(encoder.lasting, recorder.opened)
                 encoder.send(recorder.opening())
                 self._append(tape, encoder)
+                if len(feed.history):
+                    feed.pause(SETTLE_S)
                 due_s = 0.0
                 while (event := feed.take()) is not None:
                     encoder.send(recorder.batch(event))
@@ -135,7 +140,8 @@ class _Encoder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for stream in self._streams:
+        for stream, unread in self._streams.items():
+            unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
             stream.disconnect()
 
     def send(self, batch: Batch) -> None:

@@ -69,8 +69,11 @@ class Checkpoints:
 
     def _thin(self) -> None:
         while self.used_bytes > self._budget_bytes and len(self._kept) > 1:
-            self.interval *= 2
-            self._kept = {p: kept for p, kept in self._kept.items() if p % self.interval == 0}
+            at_least = float(self.used_bytes)  # of which each halving leaves half, and all that they share
+            while at_least > self._budget_bytes and len(self._kept) > 1:
+                at_least /= 2
+                self.interval *= 2
+                self._kept = {p: kept for p, kept in self._kept.items() if p % self.interval == 0}
             self._count()
 
     def _count(self) -> None:

@@ -61,6 +61,11 @@ class Feed:
             self._closed = True
             self._news.notify()
 
+    def pause(self, seconds: float) -> None:
+        """Waits so long, or until it is closed."""
+        with self._news:
+            self._news.wait_for(lambda: self._closed, seconds)
+
     @property
     def ending(self) -> bool:
         """Whether the last event is known."""

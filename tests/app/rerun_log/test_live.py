@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import psutil
 import pytest
 import rerun as rr
 from ispom_app.rerun_log import blueprint, live, rrd, tape
+from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.run.events import Stepped
 from ispom_app.run.history.feed import IMAGES_WAITING
 from ispom_app.run.history.history import History
@@ -175,3 +177,12 @@ def test_streams_are_joined_to_one_that_rerun_reads(tmp_path):
         content += rrd.messages(binary.read(flush_timeout_sec=5))
     assert index_counts(content, tmp_path)["/value"] == 5
     assert rrd.messages(binary.read(flush_timeout_sec=5)) == b""
+
+
+def test_a_run_that_is_left_half_way_says_nothing_on_the_terminal(run, capfd):
+    recorder = Recorder(run.opened)
+    with live._Encoder(recorder) as encoder:
+        encoder.send(recorder.opening())
+    del encoder
+    gc.collect()
+    assert not capfd.readouterr().err

@@ -102,3 +102,12 @@ def test_images_that_were_taken_are_not_kept(run: Playback) -> None:
     del event
     gc.collect()
     assert [ref() for ref in kept] == [None] * 4
+
+
+def test_a_pause_ends_when_it_is_closed(run: Playback) -> None:
+    feed = Feed(run.opened, History(), rereads=False)
+    pausing = Thread(target=lambda: feed.pause(3600.0), daemon=True)
+    pausing.start()
+    feed.close()
+    pausing.join(60.0)
+    assert not pausing.is_alive()
