@@ -17,6 +17,7 @@ from ispom.methods import faults
 from .bench.options import Bench
 from .calibrate.options import Calibrate, PrintTarget
 from .experiment.options import Experiment
+from .map.options import Map
 from .options import App, Demo, Diff, Evaluate, Export, Fork, Perturb, Repair, Report, Run, Sources
 from .run.playback import Builder
 
@@ -33,6 +34,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Report, tyro.conf.subcommand("report")]
+    | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Perturb, tyro.conf.subcommand("perturb")]
     | Annotated[Repair, tyro.conf.subcommand("repair")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
@@ -120,6 +122,10 @@ def _execute(command: Command, arguments: Sequence[str], builder: Builder) -> in
         from .export import export
 
         return export(command)
+    if isinstance(command, Map):
+        from .map.command import make_map
+
+        return make_map(command)
     if isinstance(command, Perturb):
         from .perturb import perturb
 

@@ -99,6 +99,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
         "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
+        "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
     images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in ("video", "left")}

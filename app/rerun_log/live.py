@@ -68,9 +68,9 @@ class LiveStream:
         threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
         self.grown.notify()
 
-    def replay(self, recording: Path) -> None:
-        """Shows a finished recording in place of a run. InputError where it cannot be read."""
-        tape = StoredTape(recording)
+    def replay(self, *recordings: Path) -> None:
+        """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
+        tape = StoredTape(*recordings)
         self.close()
         self._failure = None
         self.tape = tape

@@ -14,6 +14,7 @@ from ispom.methods import Config
 from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
 
 from .beside.placed import Beside
+from .folder.made_map import MadeMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,8 @@ class Opened:
     """Of this run, in all that is recorded of it: by it a viewer tells runs apart."""
     beside: tuple[Beside, ...] = ()
     """Trajectories of other programs over the same sequence."""
+    map: MadeMap | None = None
+    """What `ispom map` made of this run, where it is over."""
 
 
 @dataclass(frozen=True, eq=False)

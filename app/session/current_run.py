@@ -12,6 +12,7 @@ from ..diff.compare import divergences
 from ..diff.order import record_rows
 from ..review.stored import Stored
 from ..run.events import Finished, Opened, Stepped
+from ..run.folder.made_map import made_map
 from ..run.history.checkpoints import Checkpoint, Checkpoints
 from ..run.history.held import Held
 from ..run.history.history import History, Past
@@ -68,7 +69,8 @@ class CurrentRun:
         methods = stored.playback.methods
         run = CurrentRun(stored.playback, memory_bytes, Past(history, len(history), methods), None, series)
         run.stored = stored
-        run.opened = replace(run.opened, recording_id=stored.recording_id or run.opened.recording_id)
+        recording_id = stored.recording_id or run.opened.recording_id
+        run.opened = replace(run.opened, recording_id=recording_id, map=made_map(stored.path))
         run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in methods})
         return run
 

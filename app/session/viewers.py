@@ -22,8 +22,8 @@ class EventSink(Protocol):
         """Begins another run. What `history` of it holds is drawn first, without images."""
         ...
 
-    def replay(self, recording: Path) -> None:
-        """Shows a finished recording in place of a run. InputError where it cannot be read."""
+    def replay(self, *recordings: Path) -> None:
+        """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
         ...
 
     def write(self, event: Event) -> None: ...
@@ -46,7 +46,8 @@ class Viewers:
     def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
         """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
         self._sink, self._restarts = self._wanted, RESTARTS
-        self._begin = lambda sink: sink.open(opened, history) if recording is None else sink.replay(recording)
+        files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
+        self._begin = lambda sink: sink.replay(*files) if files else sink.open(opened, history)
         self._guarded(self._begin)
 
     def write(self, event: Event) -> None:

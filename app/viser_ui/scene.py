@@ -21,6 +21,7 @@ from .beside_scene import BesideScene
 from .branch_scene import BranchScene
 from .flicker_scene import FlickerScene
 from .integration.scene import IntegrationScene
+from .map_scene import MapScene
 from .method_scene import MethodScene, add_line
 
 
@@ -39,6 +40,7 @@ class Scene:
         self._truth: viser.FrameHandle | None = None
         self._branches = BranchScene(api)
         self._beside: BesideScene | None = None
+        self._map = MapScene(api, None)
         self._flicker, self._integration = FlickerScene(api, run_of, seek), IntegrationScene(api)
 
     def start(self, opened: Opened) -> None:
@@ -51,6 +53,7 @@ class Scene:
             add_line(self._api, "/truth/line", truth.translations, colours.TRUTH)
         self._methods = {m: MethodScene(self._api, m, opened, self._seek) for m in opened.methods}
         self._branches, self._beside = BranchScene(self._api), BesideScene(self._api, opened)
+        self._map = MapScene(self._api, opened.map)
         self._flicker = FlickerScene(self._api, self._run_of, self._seek)
         self._integration = IntegrationScene(self._api)
 
@@ -63,6 +66,7 @@ class Scene:
             method.show(model.times, model.methods[name], placement, record.index, hidden)
         if self._beside is not None:
             self._beside.show(model, record, hidden)
+        self._map.show(hidden)
 
     def show_flicker(self, flicker: Flicker | None, index: int, hidden: frozenset[str]) -> None:
         """The two sides of a flicker, as of an exposure."""

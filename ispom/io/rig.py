@@ -1,4 +1,4 @@
-"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA."""
+"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; of a laser where it is."""
 
 from __future__ import annotations
 
@@ -20,15 +20,23 @@ _CAMERAS = ("video", "left", "right")
 def rig_text(rig: Rig) -> str:
     """The file's content."""
     present = [name for name in _CAMERAS if getattr(rig, name) is not None]
-    return yaml.safe_dump({name: _camera_entry(rig, name) for name in present}, sort_keys=False)
+    content = {name: _camera_entry(rig, name) for name in present}
+    if rig.rig_from_laser is not None:
+        content["laser"] = {"rig_from_laser": _pose_entry(rig.rig_from_laser)}
+    return yaml.safe_dump(content, sort_keys=False)
 
 
 def read_rig(path: Path) -> Rig:
     """The rig of a file; InputError names the entry that is missing or wrong."""
     content = read_mapping(path)
-    if not content or not set(content) <= set(_CAMERAS):
-        raise InputError(f"{path} must hold entries called video, left or right, and no others: correct it")
+    if not set(content) & set(_CAMERAS) or not set(content) <= {*_CAMERAS, "laser"}:
+        raise InputError(
+            f"{path} must hold entries called video, left or right, perhaps laser, and no others: correct it"
+        )
     fields: dict[str, Any] = {}
+    if "laser" in content:
+        laser = content.pop("laser")
+        fields["rig_from_laser"] = _pose(path, "laser", laser if isinstance(laser, dict) else {})
     for name, entry in content.items():
         fields[name], fields[f"rig_from_{name}"] = _camera(path, name, entry)
     return Rig(**fields)
@@ -41,17 +49,22 @@ def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
         **{key: getattr(camera, key) for key in SIZES},
         **{key: float(getattr(camera, key)) for key in INTRINSICS},
         "distortion": [float(v) for v in camera.distortion],
-        f"rig_from_{name}": {
-            "translation_m": rig_from_camera.translation.tolist(),
-            "rotation_xyzw": rig_from_camera.xyzw.tolist(),
-        },
+        f"rig_from_{name}": _pose_entry(rig_from_camera),
     }
+
+
+def _pose_entry(pose: Pose) -> dict[str, Any]:
+    return {"translation_m": pose.translation.tolist(), "rotation_xyzw": pose.xyzw.tolist()}
 
 
 def _camera(path: Path, name: str, entry: Any) -> tuple[Camera, Pose]:
     if not isinstance(entry, dict):
         raise InputError(f"{path}: {name} must hold the camera's values: correct it")
-    camera = camera_of(path, entry, f"{name}.")
+    return camera_of(path, entry, f"{name}."), _pose(path, name, entry)
+
+
+def _pose(path: Path, name: str, entry: dict[Any, Any]) -> Pose:
+    """rig_from_NAME."""
     pose = entry.get(f"rig_from_{name}")
     if not isinstance(pose, dict):
         raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw")
@@ -59,4 +72,4 @@ def _camera(path: Path, name: str, entry: Any) -> tuple[Camera, Pose]:
     xyzw = finite_numbers(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
     if abs(np.linalg.norm(xyzw) - 1) > 0.01:
         raise InputError(f"{path}: {name}.rig_from_{name}.rotation_xyzw is not of length 1: correct it")
-    return camera, Pose.from_xyzw(np.array(xyzw), np.array(translation))
+    return Pose.from_xyzw(np.array(xyzw), np.array(translation))

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.geometry import Pose
 from ispom.types import Camera, Image, Trajectory
 
 Side = Literal["left", "right"]
@@ -32,3 +33,5 @@ class Recording:
     """world_from_left."""
     notes: tuple[str, ...] = ()
     """What a person must know about it: images without a partner, a gap in time."""
+    left_from_laser: Pose | None = None
+    """Of another sensor, where one is known."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import cv2
@@ -32,8 +33,10 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
     rig, notes = Rig.single(video), recording.notes
     if recording.baseline_m is not None:
         stereo = Rig.stereo(recording.camera, recording.baseline_m)
-        rig = Rig(video, stereo.left, stereo.right, stereo.rig_from_left, stereo.rig_from_left, stereo.rig_from_right)
+        rig = replace(stereo, video=video, rig_from_video=stereo.rig_from_left)
         notes = (_emulation(stereo_every, video_scale), *notes)
+    if recording.left_from_laser is not None:
+        rig = replace(rig, rig_from_laser=rig.rig_from_left @ recording.left_from_laser)
     plan: list[tuple[int, Kind]] = []
     for i in range(len(recording.times_ns)):
         if rig.has_stereo and i % stereo_every == 0:

@@ -31,13 +31,13 @@ class RayCaster:
         self.hits(np.zeros(3), np.ones((1, 3), np.float32))
 
     def hits(self, origin: Array, directions: Rays, threads: int = 1) -> NDArray[np.int32]:
-        """(N,) indices of what rays from `origin` (3,) [m] along `directions` (N, 3) hit first, or NOTHING."""
+        """(N,) indices of what rays from `origin` (3,) or (N, 3) [m] along `directions` (N, 3) hit, or NOTHING."""
         out = np.empty(len(directions), np.int32)
-        origins = np.broadcast_to(np.asarray(origin, np.float32), (min(_BAND_RAYS, len(directions)), 3))
+        origins = np.broadcast_to(np.asarray(origin, np.float32), directions.shape)
 
         def cast(start: int) -> None:
-            band = directions[start : start + _BAND_RAYS]
-            out[start : start + len(band)] = self._cast(origins[: len(band)], band)
+            band = slice(start, start + _BAND_RAYS)
+            out[band] = self._cast(origins[band], directions[band])
 
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(cast, range(0, len(directions), _BAND_RAYS)))

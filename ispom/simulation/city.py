@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ispom.simulation.materials import Material
@@ -13,7 +15,7 @@ _WALLS: tuple[Colour, ...] = (
     (176, 92, 70), (198, 170, 128), (150, 118, 96), (205, 196, 178), (168, 176, 184), (190, 142, 96), (140, 148, 130),
     (196, 128, 112),
 )  # fmt: skip
-_PAINTS: tuple[Colour, ...] = (
+PAINTS: tuple[Colour, ...] = (
     (170, 40, 38), (36, 70, 132), (200, 198, 190), (52, 92, 62), (212, 164, 48), (78, 80, 88), (120, 52, 96),
     (40, 122, 130),
 )  # fmt: skip
@@ -23,12 +25,16 @@ _METAL: Colour = (92, 98, 104)
 _STONE: Colour = (166, 160, 150)
 
 
-def build_city(seed: int) -> Scene:
-    """A street along z, 108 m long and 18-22 m wide; |x| < 3.5 m is free up to 4.5 m above ground."""
+def build_city(seed: int, more: Callable[[SceneBuilder], None] = lambda _: None) -> Scene:
+    """A street along z, 108 m long and 18-22 m wide; |x| < 3.5 m is free up to 4.5 m above ground.
+
+    `more` adds faces after all others, which stay as they are.
+    """
     builder = SceneBuilder(np.random.default_rng([seed, 2]))
     _ground(builder)
     line_street(builder, STREET_FROM_M, STREET_TO_M)
     _horizon(builder)
+    more(builder)
     return builder.build()
 
 
@@ -40,7 +46,7 @@ def line_street(builder: SceneBuilder, start_m: float, end_m: float) -> None:
         _pavement_lane(builder, side, start_m, end_m)
 
 
-def _pick(builder: SceneBuilder, colours: tuple[Colour, ...]) -> Colour:
+def pick_colour(builder: SceneBuilder, colours: tuple[Colour, ...]) -> Colour:
     """One of the colours, slightly varied."""
     base = np.array(colours[builder.rng.integers(len(colours))])
     r, g, b = np.clip(base * builder.rng.uniform(0.85, 1.15) + builder.rng.uniform(-10, 10, 3), 15, 235)
@@ -67,7 +73,7 @@ def _houses(builder: SceneBuilder, side: int, start_m: float, end_m: float) -> N
         width, depth, height = rng.uniform(6.5, 12.5), rng.uniform(8, 11), rng.uniform(7.5, 15)
         front, middle = rng.uniform(9, 11), z + width / 2
         style, bay, floor = float(rng.integers(3)), rng.uniform(2.1, 3.1), rng.uniform(2.9, 3.5)
-        colour = _pick(builder, _WALLS)
+        colour = pick_colour(builder, _WALLS)
         x = side * (front + depth / 2)
         builder.box(
             (x, middle),
@@ -87,7 +93,7 @@ def _houses(builder: SceneBuilder, side: int, start_m: float, end_m: float) -> N
             (side * (front + 22 + rng.uniform(0, 6)), middle + rng.uniform(-2, 2)),
             (10.0, rng.uniform(12, 22), rng.uniform(7, 11)),
             Material.FACADE,
-            _pick(builder, _WALLS),
+            pick_colour(builder, _WALLS),
             float(rng.integers(3)),
             2.6,
             3.2,
@@ -100,7 +106,7 @@ def _front_details(builder: SceneBuilder, side: int, front: float, z: float, wid
     rng, board = builder.rng, _between(builder, 2.5, min(5.5, width - 1.5))
     place = z + width / 2 + rng.uniform(-0.5, 0.5) * (width - board - 1)
     builder.box(
-        (side * (front - 0.06), place), (0.12, 0.75, board), Material.SIGN, _pick(builder, _PAINTS), bottom=2.95
+        (side * (front - 0.06), place), (0.12, 0.75, board), Material.SIGN, pick_colour(builder, PAINTS), bottom=2.95
     )
     if rng.random() < 0.6:
         reach = rng.uniform(0.8, 1.4)
@@ -108,21 +114,25 @@ def _front_details(builder: SceneBuilder, side: int, front: float, z: float, wid
             (side * (front - reach / 2), place),
             (reach, 0.12, board * 0.9),
             Material.STRIPES,
-            _pick(builder, _PAINTS),
+            pick_colour(builder, PAINTS),
             bottom=2.6,
         )
     builder.box(
         (side * (front - 0.6), z + rng.uniform(0.4, width - 0.4)),
         (1.1, rng.uniform(0.6, 1.6), 0.14),
         Material.SIGN if rng.random() < 0.5 else Material.POSTER,
-        _pick(builder, _PAINTS),
+        pick_colour(builder, PAINTS),
         bottom=rng.uniform(3.9, 5.0),
     )
     for _ in range(rng.integers(1, 4)):
         at, up = z + rng.uniform(1.2, width - 1.2), rng.uniform(4.4, max(4.5, height - 2.5))
         builder.box((side * (front - 0.4), at), (0.8, 0.14, 1.9), Material.STONE, _STONE, bottom=up)
         builder.box(
-            (side * (front - 0.78), at), (0.06, 0.85, 1.9), Material.WOOD, _pick(builder, _PAINTS), bottom=up + 0.14
+            (side * (front - 0.78), at),
+            (0.06, 0.85, 1.9),
+            Material.WOOD,
+            pick_colour(builder, PAINTS),
+            bottom=up + 0.14,
         )
 
 
@@ -135,7 +145,7 @@ def _kerb_lane(builder: SceneBuilder, side: int, start_m: float, end_m: float) -
     rng, z = builder.rng, start_m + 2.0
     while z < end_m - 16:
         if rng.random() < 0.6:
-            _car(builder, side * rng.uniform(4.75, 4.95), z + 2.2, rng.uniform(-0.05, 0.05))
+            add_car(builder, side * rng.uniform(4.75, 4.95), z + 2.2, rng.uniform(-0.05, 0.05))
             z += 4.4 + rng.uniform(0.8, 3.5)
         else:
             for _ in range(rng.integers(1, 4)):
@@ -151,8 +161,9 @@ def _kerb_lane(builder: SceneBuilder, side: int, start_m: float, end_m: float) -
             z += rng.uniform(0.5, 3.0)
 
 
-def _car(builder: SceneBuilder, x: float, z: float, yaw: float) -> None:
-    colour = _pick(builder, _PAINTS)
+def add_car(builder: SceneBuilder, x: float, z: float, yaw: float) -> None:
+    """Four boxes and wheels, standing at (x, z) and turned by `yaw` [rad]; x is across."""
+    colour = pick_colour(builder, PAINTS)
     length, shape = builder.rng.uniform(3.8, 4.5), builder.rng.uniform(0.5, 0.66)
     forward = np.array([np.sin(yaw), np.cos(yaw)])
     builder.box((x, z), (1.72, 0.62, length), Material.PAINT, colour, bottom=0.3, yaw_rad=yaw)
@@ -173,13 +184,17 @@ def _pavement_lane(builder: SceneBuilder, side: int, start_m: float, end_m: floa
         elif what < 0.5:
             builder.box((x, z), (0.18, 4.6, 0.18), Material.PAINT, _METAL)
             builder.box((x - side * 0.5, z), (1.3, 0.16, 0.3), Material.PAINT, _METAL, bottom=4.6)
-            builder.box((x, z), (0.08, 1.3, 0.7), Material.POSTER, _pick(builder, _PAINTS), bottom=2.5)
+            builder.box((x, z), (0.08, 1.3, 0.7), Material.POSTER, pick_colour(builder, PAINTS), bottom=2.5)
         elif what < 0.65:
-            colour, size = _pick(builder, _PAINTS), (1.5, 2.3, rng.uniform(1.6, 2.4))
+            colour, size = pick_colour(builder, PAINTS), (1.5, 2.3, rng.uniform(1.6, 2.4))
             builder.box((x, z), size, Material.WOOD, colour)
             builder.box((x, z), (2.0, 0.14, size[2] + 0.5), Material.STRIPES, colour, bottom=2.3)
             builder.box(
-                (x - side * 0.78, z), (0.06, 0.5, size[2] - 0.3), Material.SIGN, _pick(builder, _PAINTS), bottom=1.7
+                (x - side * 0.78, z),
+                (0.06, 0.5, size[2] - 0.3),
+                Material.SIGN,
+                pick_colour(builder, PAINTS),
+                bottom=1.7,
             )
             z += 1.2
         elif what < 0.8:
@@ -187,7 +202,7 @@ def _pavement_lane(builder: SceneBuilder, side: int, start_m: float, end_m: floa
                 (x, z),
                 (0.9, 2.5, 0.9),
                 Material.POSTER,
-                _pick(builder, _PAINTS),
+                pick_colour(builder, PAINTS),
                 yaw_rad=rng.uniform(0, 1.5),
                 bottom=0.15,
             )
@@ -217,7 +232,7 @@ def _tree(builder: SceneBuilder, x: float, z: float) -> None:
 def _horizon(builder: SceneBuilder) -> None:
     """What closes the street at both ends, and a bridge across it."""
     rng = builder.rng
-    colour = _pick(builder, _WALLS)
+    colour = pick_colour(builder, _WALLS)
     builder.box((0.0, STREET_TO_M), (26.0, 15.0, 8.0), Material.FACADE, colour, 2.0, 2.9, 3.3)
     builder.box(
         (rng.uniform(-4, 4), STREET_TO_M + 2), (6.0, 26.0, 6.0), Material.FACADE, (188, 178, 160), 2.0, 2.4, 3.6
@@ -228,7 +243,7 @@ def _horizon(builder: SceneBuilder) -> None:
             (x, STREET_TO_M + 8),
             (16.0, rng.uniform(12, 20), 8.0),
             Material.FACADE,
-            _pick(builder, _WALLS),
+            pick_colour(builder, _WALLS),
             1.0,
             2.5,
             3.0,
@@ -236,7 +251,7 @@ def _horizon(builder: SceneBuilder) -> None:
     bridge = rng.uniform(42, 50)
     builder.box((0.0, bridge), (24.0, 0.5, 2.6), Material.STONE, _STONE, bottom=5.0)
     for z in (bridge - 1.3, bridge + 1.3):
-        builder.box((0.0, z), (24.0, 1.0, 0.12), Material.PAINT, _pick(builder, _PAINTS), bottom=5.5)
+        builder.box((0.0, z), (24.0, 1.0, 0.12), Material.PAINT, pick_colour(builder, PAINTS), bottom=5.5)
     builder.box(
-        (rng.uniform(-2, 2), bridge - 1.42), (5.0, 0.9, 0.08), Material.SIGN, _pick(builder, _PAINTS), bottom=5.5
+        (rng.uniform(-2, 2), bridge - 1.42), (5.0, 0.9, 0.08), Material.SIGN, pick_colour(builder, PAINTS), bottom=5.5
     )

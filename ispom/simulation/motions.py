@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
 from ispom.geometry import Pose, so3_exp
+from ispom.simulation.building import Walk
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.path import Path
+from ispom.simulation.route import WORD, Route
 from ispom.simulation.town import Loop
 
 SLOWER = 0.02
@@ -79,10 +82,14 @@ MOTIONS: Mapping[str, Callable[[Path], Motion]] = {
     "rotation": PureRotation,
     "sideways": Sideways,
     "loop": Loop,
+    "walk": Walk,
 }
 """By name, made of the seed's flight."""
 
 
+@lru_cache(maxsize=8)
 def motion_of(name: str, seed: int) -> Motion:
-    """KeyError for a name that is none."""
+    """KeyError for a name that is none; InputError for a route whose file is gone."""
+    if name.startswith(WORD):
+        return Route(name)
     return MOTIONS[name](Path.seeded(seed))

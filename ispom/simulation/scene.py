@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array, so3_exp
 from ispom.simulation.caster import RayCaster
@@ -29,6 +30,11 @@ class Scene:
     surfaces: Surfaces
     caster: RayCaster
     """Face q is triangles 2q and 2q + 1."""
+
+    @property
+    def triangles(self) -> NDArray[np.float32]:
+        """(2Q, 3, 3) their corners [m]."""
+        return _triangles(self.corner, self.axes, np.stack(self.surfaces.size, axis=1))
 
 
 @dataclass
@@ -80,11 +86,16 @@ class SceneBuilder:
         """The scene with every face lit and seeded."""
         corner, axes = np.array(self.corners), np.array(self.axes)
         parameters = np.array(self.parameters)
-        u, v = axes[:, 0] * parameters[:, :1], axes[:, 1] * parameters[:, 1:2]
-        vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1)
-        triangles = vertices[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+        triangles = _triangles(corner, axes, parameters[:, :2])
         sun = np.clip(axes[:, 2] @ (SUN / np.linalg.norm(SUN)), 0, 1)
         light = 0.66 + 0.42 * sun - 0.12 * np.clip(axes[:, 2, 1], 0, 1)
         seeds = self.rng.integers(1, 2**31, len(corner))
         surfaces = Surfaces.of(np.array(self.materials), seeds, parameters)
-        return Scene(corner, axes, light.astype(np.float32), surfaces, RayCaster(triangles.astype(np.float32)))
+        return Scene(corner, axes, light.astype(np.float32), surfaces, RayCaster(triangles))
+
+
+def _triangles(corner: Array, axes: Array, size: Array) -> NDArray[np.float32]:
+    """(2Q, 3, 3) of faces (Q) with widths and heights (Q, 2)."""
+    u, v = axes[:, 0] * size[:, :1], axes[:, 1] * size[:, 1:]
+    vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1)
+    return vertices[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3).astype(np.float32)

@@ -1,29 +1,38 @@
-"""The simulated experiment's images: which camera sees what when, with motion blur and sensor noise."""
+"""The simulated experiment's images: which camera sees what when; motion blur, rolling shutter, sensor noise."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ispom.simulation.building import build_building
 from ispom.simulation.cameras import NOISE_SIGMA, simulated_rig
 from ispom.simulation.city import build_city
+from ispom.simulation.meshes import WORD, MeshPlace, mesh_place
+from ispom.simulation.moon import build_moon
 from ispom.simulation.motions import motion_of
+from ispom.simulation.movers import Traffic, city_with_traffic
 from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.scene import Scene
 from ispom.simulation.town import build_town
 from ispom.simulation.walls import build_wall
-from ispom.types import Frame, Image, Kind
+from ispom.types import Camera, Frame, Image, Kind
 
 BLUR_EXPOSURE_S = 0.008
 """How long the shutter is open where motion blur is asked for; times are those of its middle."""
 BLUR_SAMPLES = 5
-PLACES: Mapping[str, Callable[[int], Scene]] = {
+STRIP_ROWS = 12
+"""Rows that a rolling shutter exposes together: 0.5 ms of 20 ms in a video image."""
+PLACES: Mapping[str, Callable[[int], Scene | MeshPlace]] = {
     "city": build_city,
     "town": build_town,
+    "indoor": build_building,
+    "moon": build_moon,
     "wall": lambda seed: build_wall(seed, "wall"),
     "blank": lambda seed: build_wall(seed, "blank"),
     "tiles": lambda seed: build_wall(seed, "tiles"),
@@ -42,6 +51,11 @@ class Source:
     motion: str = "flight"
     right_late_ns: int = 0
     """How long after the left camera the right one exposes [ns]."""
+    rolling_ns: int = 0
+    """How long after the first row the last one is exposed [ns]; times are those of the middle row."""
+    vehicles: int = 0
+    """That drive in the street, of the city only."""
+    people: int = 0
 
     def render(self, time_ns: int, kind: Kind, threads: int) -> Image:
         """The video image, or the left image above the right one. The same bytes for any number of threads."""
@@ -49,15 +63,53 @@ class Source:
         return np.concatenate([self._camera(name, time_ns, threads) for name in names])
 
     @cached_property
-    def _renderer(self) -> Renderer:
-        return Renderer(PLACES[self.place](self.seed))
+    def scene(self) -> Scene | MeshPlace:
+        """The place, without what moves in it."""
+        return mesh_place(self.place) if self.place.startswith(WORD) else PLACES[self.place](self.seed)
+
+    @cached_property
+    def traffic(self) -> Traffic | None:
+        """What moves in the place; None where nothing does."""
+        some = self.vehicles or self.people
+        return city_with_traffic(self.seed, self.vehicles, self.people) if some else None
+
+    @cached_property
+    def _still(self) -> Renderer | MeshPlace:
+        """Of the place at rest."""
+        scene = self.scene if self.traffic is None else self.traffic.scene
+        return scene if isinstance(scene, MeshPlace) else Renderer(scene)
+
+    def _renderer(self, time_ns: int) -> Renderer | MeshPlace:
+        """Of the place as it is at a time."""
+        if self.traffic is None or isinstance(self._still, MeshPlace):
+            return self._still
+        return replace(self._still, scene=self.traffic.at(time_ns))  # with the views of the place at rest
 
     def _camera(self, name: Frame, time_ns: int, threads: int) -> Image:
-        rig, path = simulated_rig(self.scale), motion_of(self.motion, self.seed)
-        late_ns = self.right_late_ns if name == "right" else 0
+        exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
+        renderer, camera = self._renderer(exposed_ns), simulated_rig(self.scale).camera(name)
+        strips = self.strips(camera)
+        light = [self._rows(renderer, name, strip, exposed_ns + late_ns, threads) for strip, late_ns in strips]
+        noise_seed = zlib.crc32(f"{self.seed} {time_ns} {name}".encode())
+        return exposed(np.concatenate(light), noise_seed, NOISE_SIGMA)
+
+    def strips(self, camera: Camera) -> list[tuple[Camera, int]]:
+        """The rows that are exposed together, as cameras from the top, and how long after the middle row [ns]."""
+        if not self.rolling_ns:
+            return [(camera, 0)]
+        found = []
+        for first in range(0, camera.height, STRIP_ROWS):
+            rows = min(STRIP_ROWS, camera.height - first)
+            share = (first + (rows - 1) / 2) / (camera.height - 1) - 0.5
+            found.append((replace(camera, height=rows, cy=camera.cy - first), round(share * self.rolling_ns)))
+        return found
+
+    def _rows(
+        self, renderer: Renderer | MeshPlace, name: Frame, camera: Camera, time_ns: int, threads: int
+    ) -> NDArray[np.float32]:
+        """What a camera on the rig sees while its shutter is open around a time."""
+        rig_from_camera, path = simulated_rig(self.scale).rig_from(name), motion_of(self.motion, self.seed)
         count = BLUR_SAMPLES if self.motion_blur else 1
         offsets_s = BLUR_EXPOSURE_S * ((np.arange(count) + 0.5) / count - 0.5)
-        poses = [path.pose_at(time_ns + late_ns + round(s * 1e9)) @ rig.rig_from(name) for s in offsets_s]
-        images = [self._renderer.image(rig.camera(name), pose, threads) for pose in poses]
-        noise_seed = zlib.crc32(f"{self.seed} {time_ns} {name}".encode())
-        return exposed(np.mean(images, axis=0), noise_seed, NOISE_SIGMA)
+        poses = [path.pose_at(time_ns + round(s * 1e9)) @ rig_from_camera for s in offsets_s]
+        return np.mean([renderer.image(camera, pose, threads) for pose in poses], axis=0)

@@ -102,6 +102,8 @@ class Rig:
     rig_from_video: Pose = field(default_factory=Pose)
     rig_from_left: Pose = field(default_factory=Pose)
     rig_from_right: Pose = field(default_factory=Pose)
+    rig_from_laser: Pose | None = None
+    """Of another sensor, whose points the poses place; None where nothing is said of one."""
 
     @property
     def has_stereo(self) -> bool:

@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from ispom.errors import InputError
+from ispom.io.files import expanded
 from ispom.sequences.address import MAX_SEED
+from ispom.sequences.formats.scenario import looks_like_scenario
 from ispom.simulation.ahead import AheadRenderer
 from ispom.simulation.cache import ImageCache, default_folder, source_key
 from ispom.simulation.cameras import Timing, simulated_rig
+from ispom.simulation.meshes import mesh_name
 from ispom.simulation.motions import motion_of
 from ispom.simulation.process import render_pool
+from ispom.simulation.route import Route, route_name
 from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
+from ispom.simulation.source import Source
 from ispom.types import Exposure, Sequence, StereoPair, Trajectory, VideoFrame
 
 
@@ -30,18 +35,43 @@ class Preset:
     place: str = "city"
     motion: str = "flight"
 
-    def rendered(self, world: World) -> tuple[str, str, int]:
-        """What the renderer is told of a world: of this scene where it says nothing else."""
-        place, motion = (self.place, self.motion)
+    def rendered(self, world: World) -> tuple[str, str, int, int, int, int]:
+        """What the renderer is told of a world: of this scene where it says nothing else.
+
+        InputError for files that are not there, and for what the place does not have.
+        """
+        place = self.place if world.place == "own" else world.place
+        motion = self.motion if world.motion == "own" else world.motion
+        if (world.vehicles or world.people) and place != "city":
+            raise InputError(f"vehicles and people are in the city only: give place=city, not {place or 'a mesh'}")
+        if world.mesh and not world.route:
+            raise InputError("a mesh needs a route through it: give route=FILE, poses world_from_rig as a TUM file")
         return (
-            place if world.place == "own" else world.place,
-            motion if world.motion == "own" else world.motion,
+            mesh_name(world.mesh) if world.mesh else place,
+            route_name(world.route) if world.route else motion,
             round(1e6 * world.right_late_ms),
+            round(1e6 * world.rolling_shutter_ms),
+            world.vehicles,
+            world.people,
         )
+
+    def length_s(self, world: World) -> tuple[float, float]:
+        """How long it lasts, and how long at most."""
+        if not world.route:
+            return self.duration_s, self.longest_s
+        whole_s = Route(route_name(world.route)).duration_s
+        return min(whole_s, LONGEST_ROUTE_S), min(whole_s, LONGEST_ROUTE_S)
 
 
 _PLAIN = World()
-PRESETS = {"city": Preset(1.0, 20.0), "tiny": Preset(0.5, 3.0), "town": Preset(1.0, 85.0, 180.0, "town", "loop")}
+LONGEST_ROUTE_S = 600.0
+PRESETS = {
+    "city": Preset(1.0, 20.0),
+    "tiny": Preset(0.5, 3.0),
+    "town": Preset(1.0, 85.0, 180.0, "town", "loop"),
+    "indoor": Preset(1.0, 30.0, 30.0, "indoor", "walk"),
+    "moon": Preset(1.0, 30.0, 60.0, "moon"),
+}
 
 
 def open_words(text: str, seed: int) -> Sequence:
@@ -49,24 +79,46 @@ def open_words(text: str, seed: int) -> Sequence:
 
     InputError where any of it is wrong.
     """
-    words, _, own_seed = text.partition("#")
-    if own_seed and not (own_seed.isdecimal() and len(own_seed) <= len(str(MAX_SEED)) and int(own_seed) <= MAX_SEED):
-        raise InputError(f"sim:{text}: after # comes a seed, a whole number up to {MAX_SEED}: give sim:{words}#3")
-    return open_scenario(scenario_of_words(words), int(own_seed or seed))
+    return open_scenario(*_of_words(text, seed))
 
 
 def open_scenario_file(path: Path, seed: int) -> Sequence:
     """The scenario of a YAML file, with its own seed where it names one; InputError where the file is wrong."""
+    return open_scenario(*_of_file(path, seed))
+
+
+def rendered_source(address: str, seed: int) -> Source | None:
+    """Place and motion of a simulation, by the `sim:TEXT` or the scenario's file that opens it; None for what is none.
+
+    InputError where any of it is wrong.
+    """
+    if address.startswith("sim:"):
+        scenario, seed = _of_words(address.removeprefix("sim:"), seed)
+    elif looks_like_scenario(expanded(address)):
+        scenario, seed = _of_file(expanded(address), seed)
+    else:
+        return None
+    preset = PRESETS[scenario.scene]
+    return Source(seed, scenario.world.motion_blur, preset.scale, *preset.rendered(scenario.world))
+
+
+def _of_words(text: str, seed: int) -> tuple[Scenario, int]:
+    words, _, own_seed = text.partition("#")
+    if own_seed and not (own_seed.isdecimal() and len(own_seed) <= len(str(MAX_SEED)) and int(own_seed) <= MAX_SEED):
+        raise InputError(f"sim:{text}: after # comes a seed, a whole number up to {MAX_SEED}: give sim:{words}#3")
+    return scenario_of_words(words), int(own_seed or seed)
+
+
+def _of_file(path: Path, seed: int) -> tuple[Scenario, int]:
     scenario = scenario_of_file(path)
-    return open_scenario(scenario, seed if scenario.seed is None else scenario.seed)
+    return scenario, seed if scenario.seed is None else scenario.seed
 
 
 def open_scenario(scenario: Scenario, seed: int, cache_dir: Path | None = None) -> Sequence:
     """The scene as it moves and is seen in the scenario, with its faults; InputError for a scene that is none."""
     world, preset = scenario.world, PRESETS.get(scenario.scene)
-    sequence = open_simulated(
-        scenario.scene, seed, cache_dir, world.motion_blur, world.duration_s or (preset and preset.duration_s), world
-    )
+    length_s = world.duration_s or (preset and preset.length_s(world)[0])
+    sequence = open_simulated(scenario.scene, seed, cache_dir, world.motion_blur, length_s, world)
     if not scenario.words:
         return sequence
     named = replace(sequence, name=f"{sequence.name}, {scenario.words}")
@@ -81,7 +133,7 @@ def open_simulated(
     duration_s: float | None = None,
     world: World = _PLAIN,
 ) -> Sequence:
-    """The simulated sequence `name`: "city", "tiny" (the same place, small images, 3 s: for tests), or "town".
+    """The simulated sequence `name`: "city", "tiny" (the same place, small images, 3 s: for tests), "town" ...
 
     `world` says where and how one moves, instead. World: x right, y down, z along the street, ground at y = 0.
     `cache_dir` replaces the user's cache folder, `duration_s` [s] the preset's. InputError for an unknown name, and for
@@ -93,8 +145,9 @@ def open_simulated(
         )
     preset = PRESETS[name]
     duration_s = preset.duration_s if duration_s is None else duration_s
-    if not 0.1 <= duration_s <= preset.longest_s:
-        raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to {preset.longest_s:g} s")
+    longest_s = preset.length_s(world)[1]
+    if not 0.1 <= duration_s <= longest_s:
+        raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to {longest_s:g} s")
     asked = preset.rendered(world)
     rig, path, stamps = simulated_rig(preset.scale), motion_of(asked[1], seed), Timing(duration_s).exposures()
     other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked

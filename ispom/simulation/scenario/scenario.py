@@ -39,18 +39,28 @@ FAULTS: Mapping[str, type] = {
 class World:
     """What is rendered."""
 
-    place: Literal["own", "city", "town", "wall", "blank", "tiles"] = "own"
-    """own: that of the scene; city: a street; town: streets around a block; wall: one textured plane; blank: without
-    texture; tiles: every 0.5 m the same."""
-    motion: Literal["own", "flight", "loop", "still", "tiny-steps", "rotation", "sideways"] = "own"
-    """own: that of the scene; flight: along the street; loop: around the town's block; still; tiny-steps: fifty times
-    slower; rotation: about the video camera's centre; sideways: along a wall."""
+    place: Literal["own", "city", "town", "indoor", "moon", "wall", "blank", "tiles"] = "own"
+    """own: that of the scene; city: a street; town: streets around a block; indoor: corridor, stairs and hall; moon:
+    craters; wall: one textured plane; blank: without texture; tiles: every 0.5 m the same."""
+    motion: Literal["own", "flight", "loop", "walk", "still", "tiny-steps", "rotation", "sideways"] = "own"
+    """own: that of the scene; flight: along the street; loop: around the town's block; walk: through the building;
+    still; tiny-steps: fifty times slower; rotation: about the video camera's centre; sideways: along a wall."""
+    route: str = ""
+    """TUM file of poses world_from_rig, moved through from the first one on, instead of a motion."""
+    mesh: str = ""
+    """PLY, OBJ or glTF file with a texture or with colours, instead of a place; it takes a route."""
     duration_s: Annotated[float, Range(0, 600)] = 0.0
     """[s], from 0.1; 0: that of the scene."""
     motion_blur: bool = False
     """The shutter is open for 8 ms."""
     right_late_ms: Annotated[float, Range(-100, 100)] = 0.0
     """How long after the left camera the right one exposes [ms]."""
+    rolling_shutter_ms: Annotated[float, Range(0, 100)] = 0.0
+    """How long after the first row the last one is exposed, in all cameras [ms]; times are those of the middle row."""
+    vehicles: Annotated[int, Range(0, 40)] = 0
+    """That drive in the city's street, at 5 to 10 m/s in both directions."""
+    people: Annotated[int, Range(0, 200)] = 0
+    """That walk on the city's pavements."""
 
 
 @dataclass(frozen=True)

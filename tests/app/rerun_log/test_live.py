@@ -11,6 +11,7 @@ import pytest
 import rerun as rr
 from ispom_app.rerun_log import blueprint, live, rrd, tape
 from ispom_app.rerun_log.recorder import Recorder
+from ispom_app.rerun_log.stored_tape import StoredTape
 from ispom_app.run.events import Stepped
 from ispom_app.run.history.feed import IMAGES_WAITING
 from ispom_app.run.history.history import History
@@ -166,6 +167,29 @@ def test_the_files_of_a_tape_have_no_name(tmp_path):
     found.append(b"x", b"y")
     assert not list(tmp_path.iterdir())
     found.close()
+
+
+def test_several_files_are_read_as_one_recording(tmp_path):
+    """A run's, and that of its map beside it."""
+    for name, values in (("run", (1.0, 2.0)), ("map", (3.0,))):
+        recording = rr.RecordingStream("ispom", recording_id="same")
+        recording.save(tmp_path / f"{name}.rrd")
+        for value in values:
+            recording.log(f"{name}/value", rr.Scalars([value]), static=True)
+            recording.flush()
+        recording.disconnect()
+    found = StoredTape(tmp_path / "run.rrd", tmp_path / "map.rrd")
+    content, at = b"", 0
+    while True:
+        piece, after = found.read(at, 50)
+        if after == at:
+            break
+        content, at = content + piece, after
+    (tmp_path / "both.rrd").write_bytes(rrd.HEADER + content)
+    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "both.rrd").stream().collect()}
+    assert {"/run/value", "/map/value"} <= paths
+    found.close()
+    assert found.read(0, ALL) == (b"", 0)
 
 
 def test_streams_are_joined_to_one_that_rerun_reads(tmp_path):
