@@ -71,8 +71,8 @@ def measured(ran: Ran, laser: str, seed: int) -> Measured:
         if simulated is None:
             raise InputError(f"{ran.file.source} is no simulation: give --laser as a file of the laser's points")
         motion = motion_of(simulated.motion, simulated.seed)
-        ends = (int(t) for t in (ran.sequence.times_ns[0], ran.sequence.times_ns[-1]))
-        found = Profiler().scan(simulated.scene, motion.pose_at, *ends, simulated.seed)
+        start_ns, end_ns = int(ran.sequence.times_ns[0]), int(ran.sequence.times_ns[-1])
+        found = Profiler().scan(simulated.scene, motion.pose_at, start_ns, end_ns, simulated.seed)
         return Measured(found, Profiler().rig_from_laser, surface)
     points = read_timed_points(expanded(laser))
     placed = ran.sequence.rig.rig_from_laser

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,19 +64,19 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
         raise InputError(f"{path} holds no triangles: give a mesh, not points")
     faces = np.asarray(loaded.faces)
     triangles = np.asarray(loaded.vertices, np.float32)[faces]
-    uv, image = getattr(loaded.visual, "uv", None), _texture(loaded.visual)
+    visual: Any = loaded.visual
+    uv, image = getattr(visual, "uv", None), _texture(visual)
     if uv is not None and image is not None:
         white = np.full((*faces.shape, 3), 255, np.uint8)
         return ColouredMesh(triangles, white, np.asarray(uv, np.float32)[faces], image)
-    colours = loaded.visual if loaded.visual.kind in ("vertex", "face") else None
-    if colours is None:
-        return ColouredMesh(triangles, np.broadcast_to(np.array(PLAIN, np.uint8), (*faces.shape, 3)))
-    if colours.kind == "face":
-        return ColouredMesh(triangles, np.repeat(np.asarray(colours.face_colors)[:, None, :3], 3, axis=1))
-    return ColouredMesh(triangles, np.asarray(colours.vertex_colors)[faces][..., :3].astype(np.uint8))
+    if visual.kind == "vertex":
+        return ColouredMesh(triangles, np.asarray(visual.vertex_colors)[faces][..., :3].astype(np.uint8))
+    if visual.kind == "face":
+        return ColouredMesh(triangles, np.repeat(np.asarray(visual.face_colors)[:, None, :3], 3, axis=1))
+    return ColouredMesh(triangles, np.broadcast_to(np.array(PLAIN, np.uint8), (*faces.shape, 3)))
 
 
-def _texture(visual: object) -> Image | None:
+def _texture(visual: Any) -> Image | None:
     material = getattr(visual, "material", None)
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     return None if image is None else np.asarray(image.convert("RGB"), np.uint8)

@@ -45,6 +45,8 @@ def _csv(path: Path) -> dict[str, NDArray]:
     header = [name.strip().lower() for name in next(csv.reader(lines[:1]), [])]
     _require(path, header)
     wanted = {name: header.index(name) for name in (*COORDINATES, _time_name(header))}
+    if not any(line.strip() for line in lines[1:]):
+        raise InputError(f"{path} holds no point: give the laser's points")
     try:  # an integer of nanoseconds has more digits than a float
         kinds = [(name, np.int64 if name == "time_ns" else float) for name in wanted]
         found = np.loadtxt(

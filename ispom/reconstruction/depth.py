@@ -68,9 +68,9 @@ class DenseStereo:
         for _ in range(self.refinements):
             seen = cv2.remap(other, x - found, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
             # The mean of both slopes converges where noise would bias one of them.
-            slope = 0.25 * cv2.Sobel(seen + one, cv2.CV_32F, 1, 0, ksize=1)
-            difference = one - seen
-            difference = difference - self._mean(difference)  # cameras need not have the same gain
+            slope = cv2.Sobel(np.asarray(seen) + one, cv2.CV_32F, 1, 0, ksize=1, scale=0.25)
+            difference = one - np.asarray(seen)
+            difference -= self._mean(difference)  # cameras need not have the same gain
             texture = self._mean(slope * slope)
             step = self._mean(slope * difference) / np.maximum(texture, 1e-6)
             known &= texture > self.min_texture
@@ -78,5 +78,5 @@ class DenseStereo:
         known &= np.abs(found - start) <= self.max_step_px
         return np.where(known, found, np.nan).astype(np.float32)
 
-    def _mean(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _mean(self, values: cv2.typing.MatLike) -> NDArray[np.float32]:
         return np.asarray(cv2.blur(values, (self.refine_px, self.refine_px)), np.float32)

@@ -127,7 +127,8 @@ def _of_texture(mesh: ColouredMesh, texture: Image) -> Colour:
     while len(levels) < _LEVELS and min(levels[-1].shape[:2]) > 1:
         height, width = levels[-1].shape[:2]
         size = (max(1, width // 2), max(1, height // 2))
-        levels.append(cv2.resize(levels[-1], size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], 3))
+        smaller = np.asarray(cv2.resize(levels[-1], size, interpolation=cv2.INTER_AREA), np.float32)
+        levels.append(smaller.reshape(size[1], size[0], 3))
     texels_per_m = _texels_per_m(mesh, uv, texture)
 
     def colour(triangle: NDArray[np.intp], weights: Array, xyz: Array, width_m: Array) -> Array:

@@ -63,7 +63,7 @@ def _heights(x: Array, z: Array, rng: np.random.Generator) -> Array:
         bowl = np.where(away < 1, 0.34 * (away**2 - 1), 0.0)
         height += radius * (bowl + 0.09 * np.exp(-(((away - 1) / 0.28) ** 2)))
     beyond = np.maximum(np.abs(x) - 35, 0) / 25 + np.maximum(z - 115, 0) / 35
-    return height + 9 * beyond**2
+    return height + 8 * np.minimum(beyond, 1.2) ** 2
 
 
 def _rocks(rng: np.random.Generator) -> tuple[Array, Array]:

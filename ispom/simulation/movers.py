@@ -11,8 +11,8 @@ from ispom.simulation.city import PAINTS, STREET_FROM_M, STREET_TO_M, add_car, b
 from ispom.simulation.materials import Material
 from ispom.simulation.scene import Scene, SceneBuilder
 
-LANE_M = 3.15
-"""From the middle of the street: free of parked cars, and of the flight."""
+LANE_M = 2.98
+"""From the middle of the street: between the parked cars and the flight."""
 PAVEMENT_M = (6.2, 6.7)
 DRIVING_M_S, WALKING_M_S = (5.0, 10.0), (0.9, 1.7)
 _CLOTHES, _SKIN = (64, 68, 84), (188, 144, 116)

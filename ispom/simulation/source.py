@@ -62,6 +62,12 @@ class Source:
         names: tuple[Frame, ...] = {"video": ("video",), "stereo": ("left", "right")}[kind]
         return np.concatenate([self._camera(name, time_ns, threads) for name in names])
 
+    def light(self, name: Frame, time_ns: int, threads: int) -> NDArray[np.float32]:
+        """(H, W, 3) what falls on a camera's sensor in an exposure at a time, 0-255."""
+        exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
+        renderer, strips = self._renderer(exposed_ns), self.strips(simulated_rig(self.scale).camera(name))
+        return np.concatenate([self._rows(renderer, name, rows, exposed_ns + ns, threads) for rows, ns in strips])
+
     @cached_property
     def scene(self) -> Scene | MeshPlace:
         """The place, without what moves in it."""
@@ -86,12 +92,8 @@ class Source:
         return replace(self._still, scene=self.traffic.at(time_ns))  # with the views of the place at rest
 
     def _camera(self, name: Frame, time_ns: int, threads: int) -> Image:
-        exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
-        renderer, camera = self._renderer(exposed_ns), simulated_rig(self.scale).camera(name)
-        strips = self.strips(camera)
-        light = [self._rows(renderer, name, strip, exposed_ns + late_ns, threads) for strip, late_ns in strips]
         noise_seed = zlib.crc32(f"{self.seed} {time_ns} {name}".encode())
-        return exposed(np.concatenate(light), noise_seed, NOISE_SIGMA)
+        return exposed(self.light(name, time_ns, threads), noise_seed, NOISE_SIGMA)
 
     def strips(self, camera: Camera) -> list[tuple[Camera, int]]:
         """The rows that are exposed together, as cameras from the top, and how long after the middle row [ns]."""

@@ -24,7 +24,7 @@ def measured(times_ns: np.ndarray, xyz_in_world: np.ndarray) -> TimedPoints:
 
 
 def test_a_point_lands_where_it_was_measured() -> None:
-    times_ns = RNG.integers(0, 2_000_000_000, 300)
+    times_ns = RNG.integers(100_000_000, 1_900_000_000, 300)
     xyz = RNG.normal(0, 5, (300, 3))
     found = registered(measured(times_ns, xyz), PATH, RIG_FROM_LASER, "spline")
     assert len(found) == 300
