@@ -1,11 +1,13 @@
 """rig.yaml: what is written is read back, and mistakes are named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ispom.errors import InputError
+from ispom.geometry import Pose
 from ispom.io.rig import read_rig, rig_text
 from ispom.types import Camera, Rig
 from tests import doubles
@@ -18,6 +20,20 @@ def test_a_rig_is_read_back(rig: Rig, tmp_path: Path) -> None:
     assert (found.video, found.left, found.right) == (rig.video, rig.left, rig.right)
     for name in ("video", "left", "right"):
         np.testing.assert_allclose(found.rig_from(name).matrix, rig.rig_from(name).matrix, atol=1e-15)
+
+
+def test_a_laser_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> None:
+    path, pose = tmp_path / "rig.yaml", Pose.from_rotvec(np.array([0.1, 0.2, -0.3]), np.array([1.0, 2.0, 3.0]))
+    path.write_text(rig_text(replace(doubles.rig(), rig_from_laser=pose)))
+    found = read_rig(path).rig_from_laser
+    assert found is not None
+    np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
+    path.write_text(path.read_text().replace("rig_from_laser", "somewhere"))
+    with pytest.raises(InputError, match=r"laser\.rig_from_laser is missing"):
+        read_rig(path)
+    path.write_text("laser: {rig_from_laser: {translation_m: [0, 0, 0], rotation_xyzw: [0, 0, 0, 1]}}\n")
+    with pytest.raises(InputError, match="video, left or right"):
+        read_rig(path)
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,13 @@ def test_rays_hit_what_geometry_says() -> None:
     assert 0.1 < (hits == NOTHING).mean() < 0.9
 
 
+def test_each_ray_may_have_an_origin_of_its_own() -> None:
+    some, caster = DIRECTIONS[:70_000], RayCaster(TRIANGLES)
+    origins = np.where(np.arange(len(some))[:, None] % 2, ORIGIN, -ORIGIN)
+    expected = np.where(np.arange(len(some)) % 2, caster.hits(ORIGIN, some), caster.hits(-ORIGIN, some))
+    assert np.array_equal(caster.hits(origins, some), expected)
+
+
 def test_the_number_of_threads_changes_nothing() -> None:
     caster = RayCaster(TRIANGLES)
     one = caster.hits(ORIGIN, DIRECTIONS)

@@ -8,16 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.cli import main
+from ispom_app.review.folder import read_stored
 from ispom_app.review.recording import identity
 from ispom_app.run.folder.made_map import made_map
+from ispom_app.session.current_run import CurrentRun
 from rerun.chunk import RrdReader
 
+from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.io.meshes import GLTF_FROM_WORLD, read_coloured_mesh
 from ispom.io.open3d import open3d
 from ispom.io.timed_points import read_timed_points
 from ispom.reconstruction.model import Surface
 from ispom.simulation.city import build_city
+from ispom.simulation.path import Path as Flight
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +43,9 @@ def numbers(run: Path) -> dict:
 
 def test_the_surface_is_the_simulated_one(run: Path) -> None:
     mesh = read_coloured_mesh(run / "map" / "mesh.ply")
-    truth = json.loads(json.dumps(numbers(run)))["dense"]
-    assert truth["pairs"] == 9 and truth["triangles"] == len(mesh.triangles) > 20_000
-    # The world of the run begins at the true first pose of the rig, as the truth of its folder does.
-    from ispom.simulation.path import Path as Flight
-
-    start = Flight.seeded(0).pose_at(11_300_000)
+    dense = numbers(run)["dense"]
+    assert dense["pairs"] == 9 and dense["triangles"] == len(mesh.triangles) > 20_000
+    start = Flight.seeded(0).pose_at(11_300_000)  # the first pair: there the world of the run begins
     corners = start.apply(mesh.triangles[::20, 0].astype(float))
     far = Surface(build_city(0).triangles).distances(corners)
     assert np.median(far) < 0.03
@@ -100,9 +101,11 @@ def test_the_recording_belongs_to_the_runs(run: Path) -> None:
     assert {"world/integrated/map", "world/integrated/laser", "world/stereo/laser"} <= found
 
 
-def test_the_page_finds_the_map(run: Path, tmp_path: Path) -> None:
+def test_review_finds_the_map(run: Path, tmp_path: Path) -> None:
     made = made_map(run)
     assert made is not None and made.method == "integrated" and made.preview.stat().st_size > 100_000
+    stored = read_stored(run, lambda source, options: options.open(source), build)
+    assert CurrentRun.of_stored(stored, 1 << 26).opened.map == made
     assert made_map(tmp_path) is None
 
 

@@ -185,3 +185,19 @@ def test_no_change_of_a_small_file_is_more_than_an_input_error(name: str, tmp_pa
         check_only_input_errors(path)
 
     fuzz()
+
+
+def test_a_laser_stays_where_it_is_beside_the_cameras(tmp_path: Path) -> None:
+    """Also where the pair is rectified, and where the rig is made anew because no video is named."""
+    seen = []
+    for video in (True, False):
+        root = make_described(tmp_path / str(video), video=video)
+        pose = "{translation_m: [0.1, -0.2, 0.3], rotation_xyzw: [0, 0.6, 0, 0.8]}"
+        with (root / "rig.yaml").open("a") as file:
+            file.write(f"laser: {{rig_from_laser: {pose}}}\n")
+        rig = open_sequence(str(root)).rig
+        assert rig.rig_from_laser is not None
+        seen.append((rig.rig_from_left.inverse() @ rig.rig_from_laser).matrix)
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    given = own_folders.RIG.rig_from_left.translation - (0.1, -0.2, 0.3)
+    assert np.linalg.norm(seen[0][:3, 3]) == pytest.approx(np.linalg.norm(given))
