@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +12,13 @@ from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.tum import read_tum
 from ispom.methods import method as registered
-from ispom.types import Sequence, Trajectory
+from ispom.types import Sequence, Status, Trajectory
 
 from ..review.origin import source_of, source_options
 from ..run.folder.results import in_frame
 from ..run.folder.run_file import RunFile, read_run_file
 from ..run.folder.run_folder import trajectory_file
+from ..run.folder.step_reader import stored_steps
 
 PREFERRED = ("integrated", "stereo", "integrated.paper", "stereo.paper")
 
@@ -30,7 +31,7 @@ class Ran:
     file: RunFile
     sequence: Sequence
     paths: Mapping[str, Trajectory]
-    """world_from_rig of each metric method, at least one."""
+    """world_from_rig of each metric method, at least one; without the poses that it only held while it was lost."""
 
     def method(self, asked: str | None) -> str:
         """The one asked for, or that whose poses are best; InputError for one that has no metric poses in the run."""
@@ -43,6 +44,16 @@ class Ran:
         return asked
 
 
+def _lost(folder: Path, methods: Iterable[str]) -> dict[str, list[int]]:
+    """By method: the times [ns] at which it had no pose of its own."""
+    found: dict[str, list[int]] = {method: [] for method in methods}
+    with stored_steps(folder) as steps:
+        for step in steps:
+            if step.method in found and step.said.get("status") == Status.LOST:
+                found[step.method].append(step.time_ns)
+    return found
+
+
 def read_ran(folder: Path, source: str | None) -> Ran:
     """InputError where the folder holds no run with metric poses, or its source is gone or another one now."""
     run = read_run_file(folder)
@@ -51,6 +62,8 @@ def read_ran(folder: Path, source: str | None) -> Ran:
         raise InputError(f"{folder} has no metric poses: run stereo or integrated on a recording with a stereo pair")
     sequence = source_options(run).open(source_of(run, source))
     paths = {m: read_tum(folder / trajectory_file(m), run.frame) for m in metric}
+    lost = _lost(folder, metric)
+    paths = {m: path.select(~np.isin(path.times_ns, lost[m])) for m, path in paths.items()}
     paths = {m: in_frame(path, sequence.rig, "rig") for m, path in paths.items() if len(path) > 1}
     if not paths:
         raise InputError(f"{folder}: no metric method found two poses: run again on a recording with motion")

@@ -24,7 +24,7 @@ class DenseStereo:
     refinements: int = 3
     nearest_baselines: float = 4.0
     """Points nearer than so many baselines are not looked for."""
-    max_step_px: float = 0.75
+    max_step_px: float = 1.2
     """A pixel that the sub-pixel step would move farther is unknown."""
     min_texture: float = 4.0
     """Mean square gradient along the row [grey levels per pixel, squared] below which a pixel is unknown."""
@@ -58,8 +58,8 @@ class DenseStereo:
         return np.where(found > 0, found, np.nan)
 
     def _refined(self, left: Image, right: Image, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Gauss-Newton along the row (Lucas and Kanade 1981): the parabola through matching costs is drawn to whole
-        pixels, by up to a tenth of one."""
+        """Gauss-Newton along the row (Lucas and Kanade 1981): what matching finds between whole pixels is up to half a
+        pixel wrong, on rendered pairs of which the disparities are known."""
         one, other = left.astype(np.float32), right.astype(np.float32)
         height, width = one.shape
         x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))

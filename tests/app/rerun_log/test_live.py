@@ -186,7 +186,7 @@ def test_several_files_are_read_as_one_recording(tmp_path):
             break
         content, at = content + piece, after
     (tmp_path / "both.rrd").write_bytes(rrd.HEADER + content)
-    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "both.rrd").stream().collect()}
+    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "both.rrd").stream().to_chunks()}
     assert {"/run/value", "/map/value"} <= paths
     found.close()
     assert found.read(0, ALL) == (b"", 0)
