@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ispom.errors import UnreadableImage
 from ispom.types import Image
 
-from .images import Source
+from .images import Source, nearest
 
 LOOKED_AT = 600
 """Frames of a film that are looked at, evenly over its length."""
@@ -45,6 +45,14 @@ def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: No
     if len(new) > most:
         new = [new[j] for j in np.unique(np.linspace(0, len(new) - 1, most).astype(int))]
     return [int(looked[k]) for k in new]
+
+
+def near(video: Source, left: Source, within_s: float) -> Source:
+    """The images of a video that are so near in time to one of the left camera's."""
+    assert video.times_ns is not None
+    assert left.times_ns is not None
+    away_ns = np.abs(left.times_ns[nearest(left.times_ns, video.times_ns)] - video.times_ns)
+    return video.select(np.flatnonzero(away_ns <= within_s * 1e9).tolist())
 
 
 def _sharpness(image: Image) -> float:

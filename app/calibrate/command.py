@@ -14,9 +14,9 @@ from ispom.calibration.targets import Target, parse_target
 from ispom.errors import InputError, UnreadableImage, printable
 
 from ..outputs import require_own, write_file
-from .choose import best_frames
+from .choose import best_frames, near
 from .detecting import bar, detected
-from .images import Source, open_sources, paired
+from .images import Source, open_sources, own_clock, paired
 from .numbers import JSON_HEAD, numbers_text, redo_text
 from .options import Calibrate
 from .report import GENERATOR, page
@@ -24,6 +24,9 @@ from .saved import require_writable, save
 from .words import printed
 
 REDO = 1
+MOST_WITHIN_S = 120.0
+NEAR_S = 0.3
+"""Images of the video so much earlier and later than a pair say where the camera was between them."""
 
 
 def calibrate(options: Calibrate) -> int:
@@ -31,6 +34,8 @@ def calibrate(options: Calibrate) -> int:
     target = parse_target(options.target)
     if options.max_views < 3:
         raise InputError(f"--max-views is {options.max_views}: give 3 or more")
+    if not 0 <= options.clock_within <= MOST_WITHIN_S:
+        raise InputError(f"--clock-within is {options.clock_within:g}: give 0 to {MOST_WITHIN_S:g} seconds")
     _require_outputs(options)
     sources = _chosen(open_sources(options.what, options.images), options)
     views = detected(target, sources)
@@ -52,12 +57,19 @@ def _solved(target: Target, views: tuple[Views, ...], options: Calibrate) -> Cal
     """The pair first: it is the frame of the rig."""
     order = sorted(views, key=lambda each: each.name == "video")
     with Console(file=sys.stderr).status("solving") as status:
-        return solve(target, tuple(order), options.model, options.joint, status.update)
+        return solve(target, tuple(order), options.model, options.joint, status.update, options.clock_within)
 
 
 def _chosen(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]:
-    """Images of one number at the same time, not too many."""
-    sources = paired(sources)
+    """Images of one number at the same time, not too many; of a video with a clock of its own, all that may be near."""
+    if own_clock(sources):
+        video, *pair = sources
+        left, right = _best(paired(tuple(pair)), options)
+        return near(video, left, options.clock_within + NEAR_S), left, right
+    return _best(paired(sources), options)
+
+
+def _best(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]:
     with bar("choosing frames", None) as step:
         index = best_frames(next(iter(sources)), options.max_views, step)
     return tuple(source.select(index) for source in sources)

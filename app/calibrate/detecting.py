@@ -53,7 +53,7 @@ def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
         part = results[at : at + len(source)]
         at += len(source)
         size = _one_size(source, [size for size, _ in part])
-        out.append(Views(source.camera, size, source.names, tuple(found for _, found in part)))
+        out.append(Views(source.camera, size, source.names, tuple(found for _, found in part), source.times_ns))
     return tuple(out)
 
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.motion.course import LONGEST_S
 from ispom.errors import InputError
 from ispom.io.files import exists, expanded, is_folder, names, require_file
 from ispom.io.rows import increasing_times_ns, read_rows
@@ -23,6 +24,10 @@ from ispom.types import Image, as_grey
 
 CAMERAS = {"video": ("video",), "stereo": ("left", "right"), "rig": ("video", "left", "right")}
 _ALIASES = {"video": ("video", "mono"), "left": ("left", "cam0", "image_0"), "right": ("right", "cam1", "image_1")}
+
+
+SAME_NS = 100_000
+"""Images with stamps no farther apart were taken at once, by one trigger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +68,27 @@ def open_sources(what: str, given: tuple[Path, ...]) -> tuple[Source, ...]:
     if len(paths) == 1 and is_folder(paths[0]):
         return tuple(_inside(camera, paths[0]) for camera in wanted)
     raise InputError(f"{len(paths)} places were given for {_listed(wanted)}: give one for each, or one folder with all")
+
+
+def own_clock(sources: tuple[Source, ...]) -> bool:
+    """Whether the video camera of a rig takes its images at times of its own: films do, and images whose times are not
+    those of the pairs, where they follow each other closely enough."""
+    by_name = {source.camera: source for source in sources}
+    if set(by_name) != set(CAMERAS["rig"]):
+        return False
+    left, video = by_name["left"], by_name["video"]
+    if left.times_ns is None or video.times_ns is None or len(video) < 2:
+        return False
+    if float(np.median(np.diff(video.times_ns))) * 1e-9 > LONGEST_S:
+        return False
+    away = np.abs(video.times_ns[nearest(video.times_ns, left.times_ns)] - left.times_ns)
+    return video.is_film or int(away.max()) > SAME_NS
+
+
+def nearest(times_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(M,) index of the time (of N, increasing) that is nearest to each of those wanted."""
+    after = np.clip(np.searchsorted(times_ns, wanted_ns), 1, len(times_ns) - 1)
+    return after - (wanted_ns - times_ns[after - 1] < times_ns[after] - wanted_ns)
 
 
 def paired(sources: tuple[Source, ...]) -> tuple[Source, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ def numbers_text(found: Calibration) -> str:
         "reprojection_rms_px": found.solution.rms_px,
         "baseline_m": found.baseline_m,
         "row_error_rms_px": None if found.row_error is None else found.row_error.rms_px,
+        "clock": None if found.clock is None else asdict(found.clock),
         "undetermined": [f"{p.camera}.{p.name}" for p in found.undetermined],
         "cameras": {each.views.name: _camera(found, each, c) for c, each in enumerate(found.cameras)},
         "camera_from_first": {
@@ -66,7 +68,7 @@ def _camera(found: Calibration, each: CameraResult, c: int) -> dict[str, Any]:
     own = np.linalg.norm(solution.residuals_px[mine], axis=1)
     view = solution.seen.view[mine]
     errors = {
-        each.views.images[found.view_of[v]]: float(np.sqrt((own[view == v] ** 2).mean())) for v in np.unique(view)
+        each.views.images[found.image_of[v, c]]: float(np.sqrt((own[view == v] ** 2).mean())) for v in np.unique(view)
     }
     return {
         "model": model_of(camera), "width": camera.width, "height": camera.height,

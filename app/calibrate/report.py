@@ -49,7 +49,7 @@ def _camera(found: Calibration, each: CameraResult, c: int) -> dict[str, object]
     view = solution.seen.view[mine]
     views = np.unique(view)
     rms = [float(np.sqrt((away[view == v] ** 2).mean())) for v in views]
-    images = [each.views.images[found.view_of[v]] for v in views]
+    images = [each.views.images[found.image_of[v, c]] for v in views]
     counts, edges = np.histogram(away, bins=30)
     return {
         "name": each.views.name,

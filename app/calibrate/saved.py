@@ -11,6 +11,7 @@ from ispom.io.rig import rig_text
 
 from ..outputs import require_own, write_file
 from .options import Format
+from .words import clock_words
 
 SIGNATURE = "Written by `ispom calibrate`"
 
@@ -25,6 +26,8 @@ def require_writable(path: Path, form: Format) -> None:
 def save(found: Calibration, path: Path, form: Format) -> None:
     """Writes the file, or the files of a folder where the format has one for each camera."""
     comment = f"# {SIGNATURE}: {found.verdict.level}, reprojection error {found.solution.rms_px:.3f} px"
+    if found.clock is not None:
+        comment += f"\n# {clock_words(found.clock)}"
     if form == "rig":
         text = f"{comment}\n# poses are rig_from_CAMERA, x_rig = R x_camera + t [m]; see the README\n"
         write_file(path, text + rig_text(found.rig), SIGNATURE)

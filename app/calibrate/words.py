@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 
 from ispom.calibration.diagnostics.parameters import Parameter
-from ispom.calibration.result import Calibration, CameraResult
+from ispom.calibration.result import Calibration, CameraResult, Clock
 from ispom.errors import printable
 
 _UNITS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px", "x": "mm", "y": "mm", "z": "mm"}
@@ -35,12 +35,25 @@ def facts(found: Calibration) -> list[str]:
         out.append(f"baseline: {1000 * found.baseline_m:.3f} mm")
     if found.row_error is not None:
         out.append(f"rows of the rectified pair: {found.row_error.rms_px:.3f} px apart (root mean square)")
+    if found.clock is not None:
+        out.append(clock_words(found.clock))
     if found.halves_pose is not None:
         turn = np.degrees(np.linalg.norm(found.halves_pose.rotvec))
         apart = 1000 * float(np.linalg.norm(found.halves_pose.translation))
         second = found.cameras[1].views.name
         out.append(f"two halves of the views place the {second} camera {apart:.2f} mm and {turn:.3f} deg apart")
     return out
+
+
+def clock_words(clock: Clock) -> str:
+    """Where to write it, too."""
+    if not clock.determined:
+        return "video's clock: not determined by this motion"
+    offset, error = 1000 * clock.offset_s, 1000 * clock.standard_error_s
+    return (
+        f"video's clock: offset {offset:.3f} +- {error:.3f} ms "
+        f"(in sequence.yaml: video: {{..., offset_s: {clock.offset_s:.6f}}})"
+    )
 
 
 def parameter_words(parameter: Parameter) -> str:

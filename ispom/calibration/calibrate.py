@@ -12,12 +12,14 @@ from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
 from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve
 from ispom.calibration.adjust.start import start_of, with_views
+from ispom.calibration.detection import Detection
 from ispom.calibration.diagnostics.coverage import coverage
 from ispom.calibration.diagnostics.maps import difference_map, uncertainty_map
 from ispom.calibration.diagnostics.parameters import correlations, parameters
+from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
 from ispom.calibration.models import Choice, Trial, chosen, trials_of
 from ispom.calibration.pair import rectifying, require_order, row_error
-from ispom.calibration.result import Calibration, CameraResult, Redo, Rejected, Views
+from ispom.calibration.result import Calibration, CameraResult, Clock, Redo, Rejected, Views
 from ispom.calibration.targets import Target
 from ispom.calibration.verdict import verdict
 from ispom.errors import InputError
@@ -35,8 +37,11 @@ def calibrate(
     choice: Choice = "auto",
     joint: bool = True,
     progress: Progress = lambda _: None,
+    most_offset_s: float = 0.5,
 ) -> Calibration:
     """Of cameras whose images of the same number were taken at the same time; the first one is the frame of the rest.
+    Of left, right and video where the images have times: the video's are its own, by a clock that is off by
+    `most_offset_s` at most.
 
     With `joint`, interiors are adjusted together with the cameras' places; without, each camera's own views alone
     determine its interior. Raises Redo where there are too few views, InputError where the pair is the wrong way round.
@@ -48,17 +53,44 @@ def calibrate(
     alone = [_alone(target, each, choice, progress) for each in views]
     model = MODELS[max(MODELS.index(trial.model) for _, trial, _ in alone)]
     estimates = [_as_chosen(found, trial, model, each) for (found, trial, _), each in zip(alone, views, strict=True)]
-    used = np.flatnonzero([any(not v.detections[i].reason for v in views) for i in range(len(views[0].images))])
-    seen = Observations.of(target, [[each.detections[i] for i in used] for each in views])
+    begun = None
+    if own_times(views):
+        progress("comparing how the cameras turned")
+        views, begun = with_clock(target, views, [estimate.cameras[0] for estimate in estimates], most_offset_s)
+    image_of = _image_of(views, begun is not None)
+    nothing = Detection()
+    seen = Observations.of(
+        target,
+        [[each.detections[i] if i >= 0 else nothing for i in image_of[:, c]] for c, each in enumerate(views)],
+    )
     progress("solving all cameras together" if len(views) > 1 else "solving")
-    start = _together(target, views, estimates, seen)
-    unknowns = Unknowns.all_of(start, interior=joint or len(views) == 1)
+    apart = VIDEO if begun is not None else None
+    start = _together(target, views, estimates, seen, apart)
+    unknowns = Unknowns.all_of(start, interior=joint or len(views) == 1, apart=apart)
     found, keep = solve(start, seen, unknowns)
     if not joint and len(views) > 1:
-        found = solution(found.estimate, found.seen, Unknowns.all_of(start))
+        found = solution(found.estimate, found.seen, Unknowns.all_of(start, apart=apart))
     if len(views) > 1 and {views[0].name, views[1].name} == {"left", "right"}:
         require_order(found.estimate.camera_from_rig[1])
-    return _result(target, views, [trials for _, _, trials in alone], found, used, seen, keep, progress)
+    progress("solving two halves of the views apart")
+    halves = _halves(found)
+    clock = None
+    if begun is not None:
+        found, clock = with_video_placed(found, views, image_of, begun)
+    return _result(views, [trials for _, _, trials in alone], found, halves, image_of, seen, keep, clock, target)
+
+
+def _image_of(views: tuple[Views, ...], apart: bool) -> NDArray[np.int64]:
+    """(V, C) which image of each camera a view is, -1 for none; those in which no camera sees the target are none."""
+    good = [np.array([not d.reason for d in each.detections]) for each in views]
+    if not apart:
+        shown = np.flatnonzero(np.any(good, axis=0))
+        return np.repeat(shown[:, None], len(views), axis=1)
+    pairs, own = np.flatnonzero(good[0] | good[1]), np.flatnonzero(good[VIDEO])
+    out = np.full((len(pairs) + len(own), 3), -1)
+    out[: len(pairs), :VIDEO] = pairs[:, None]
+    out[len(pairs) :, VIDEO] = own
+    return out
 
 
 def _alone(
@@ -81,8 +113,11 @@ def _as_chosen(found: Solution, trial: Trial, model: Model, views: Views) -> Est
     return replace(found.estimate, cameras=(as_model(found.estimate.cameras[0], model),))
 
 
-def _together(target: Target, views: tuple[Views, ...], alone: list[Estimate], seen: Observations) -> Estimate:
-    """All cameras, where they sit by the views that two of them share, and the board's poses."""
+def _together(
+    target: Target, views: tuple[Views, ...], alone: list[Estimate], seen: Observations, apart: int | None
+) -> Estimate:
+    """All cameras, where they sit by the views that two of them share, and the board's poses; of a camera that takes
+    its views `apart` from the others, as if it sat in the first one."""
     cameras = tuple(estimate.cameras[0] for estimate in alone)
     count = int(seen.view.max()) + 1
     poses: list[list[Pose | None]] = []
@@ -95,6 +130,9 @@ def _together(target: Target, views: tuple[Views, ...], alone: list[Estimate], s
             poses[c][v] = own.rig_from_board(n)
     placed: list[Pose] = [Pose()]
     for c in range(1, len(cameras)):
+        if c == apart:
+            placed.append(Pose())
+            continue
         shared = [(poses[c][v], poses[0][v]) for v in range(count)]
         candidates = [own @ first.inverse() for own, first in shared if own is not None and first is not None]
         if not candidates:
@@ -116,18 +154,17 @@ def _most_agreed(candidates: list[Pose]) -> Pose:
 
 
 def _result(
-    target: Target,
     views: tuple[Views, ...],
     trials: list[tuple[Trial, ...]],
     found: Solution,
-    used: NDArray[np.int64],
+    halves: tuple[Estimate, Estimate] | None,
+    image_of: NDArray[np.int64],
     seen: Observations,
     keep: NDArray[np.bool_],
-    progress: Progress,
+    clock: Clock | None,
+    target: Target,
 ) -> Calibration:
     names = tuple(each.name for each in views)
-    progress("solving two halves of the views apart")
-    halves = _halves(found)
     cameras = tuple(_camera_result(target, each, c, trials[c], found, halves) for c, each in enumerate(views))
     rows = row_error(found.estimate, found.seen) if names[:2] == ("left", "right") else None
     listed = parameters(found, names)
@@ -136,8 +173,9 @@ def _result(
     if len(views) > 1 and halves is not None:
         between = halves[0].camera_from_rig[1] @ halves[1].camera_from_rig[1].inverse()
     return Calibration(
-        target, cameras, found, used, rig_of(found.estimate, names), listed, correlations(found),
-        _rejections(views, seen, keep, used), rows, between, verdict(found, cameras, listed, rows, of_images),
+        target, cameras, found, image_of, rig_of(found.estimate, names), listed, correlations(found),
+        _rejections(views, seen, keep, image_of), rows, between, clock,
+        verdict(found, cameras, listed, rows, of_images, clock),
     )  # fmt: skip
 
 
@@ -190,7 +228,7 @@ def _camera_result(
 
 
 def _rejections(
-    views: tuple[Views, ...], seen: Observations, keep: NDArray[np.bool_], used: NDArray[np.int64]
+    views: tuple[Views, ...], seen: Observations, keep: NDArray[np.bool_], image_of: NDArray[np.int64]
 ) -> tuple[Rejected, ...]:
     """Images and points that detection or the solution does not use."""
     out = []
@@ -200,7 +238,7 @@ def _rejections(
                 out.append(Rejected(each.name, image, None, found.reason))
                 continue
             out += [Rejected(each.name, image, point, reason) for point, reason in found.rejected]
-            mine = (seen.camera == c) & (used[seen.view] == i)
+            mine = (seen.camera == c) & (image_of[seen.view, c] == i)
             if not keep[mine].any():
                 out.append(Rejected(each.name, image, None, "does not fit the other images"))
             else:

@@ -36,6 +36,14 @@ class Views:
     images: tuple[str, ...]
     """Their names."""
     detections: tuple[Detection, ...]
+    times_ns: NDArray[np.int64] | None = None
+    """(N,) increasing, by the camera's own clock; None where they are not known."""
+
+    def select(self, index: NDArray[np.int64]) -> Views:
+        """Some of the images."""
+        times_ns = None if self.times_ns is None else self.times_ns[index]
+        images, detections = (tuple(values[i] for i in index) for values in (self.images, self.detections))
+        return Views(self.name, self.size, images, detections, times_ns)
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,17 @@ class RowError:
         return float(np.sqrt((self.rows_px**2).mean())) if len(self.rows_px) else float("nan")
 
 
+@dataclass(frozen=True)
+class Clock:
+    """Of the video camera, against that of the stereo pair."""
+
+    offset_s: float
+    """The video's time stamps are to be increased by it: `offset_s` of its entry in sequence.yaml."""
+    standard_error_s: float
+    determined: bool
+    """Whether the motion tells it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Of one camera, a pair, or all three."""
@@ -95,8 +114,8 @@ class Calibration:
     cameras: tuple[CameraResult, ...]
     solution: Solution
     """In its estimate the first camera is the rig."""
-    view_of: NDArray[np.int64]
-    """(V,) of each view of the solution, which of the images it was."""
+    image_of: NDArray[np.int64]
+    """(V, C) of each view of the solution, which image of each camera it was; -1 for none."""
     rig: Rig
     """As it is written to a file."""
     parameters: tuple[Parameter, ...]
@@ -106,6 +125,8 @@ class Calibration:
     row_error: RowError | None
     halves_pose: Pose | None
     """How differently the two halves place the second camera: pose of the one after the inverse of the other."""
+    clock: Clock | None
+    """Where the video's images were taken at times of their own; None where all were taken at the same time."""
     verdict: Verdict
 
     @property

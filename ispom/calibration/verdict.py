@@ -6,7 +6,7 @@ import numpy as np
 
 from ispom.calibration.adjust.solve import Solution
 from ispom.calibration.diagnostics.parameters import Parameter
-from ispom.calibration.result import CameraResult, RowError, Verdict
+from ispom.calibration.result import CameraResult, Clock, RowError, Verdict
 from ispom.geometry import Array
 
 GOOD_RMS, USABLE_RMS = 1 / 1000, 1 / 250
@@ -29,6 +29,7 @@ def verdict(
     parameters: tuple[Parameter, ...],
     rows: RowError | None,
     used: dict[str, int],
+    clock: Clock | None = None,
 ) -> Verdict:
     """`used` has how many images of each camera are used."""
     redo = _undetermined(parameters)
@@ -55,6 +56,8 @@ def verdict(
             minor.append(f"{name}: {used[name]} views only")
     if rows is not None and rows.rms_px > GOOD_ROWS_PX:
         minor.append(f"rows of the rectified pair differ by {rows.rms_px:.2f} px")
+    if clock is not None and not clock.determined:
+        minor.append("video: the clock offset is not determined: move the cameras while they film")
     advice = tuple(dict.fromkeys(f"{each.views.name}: {text}" for each in cameras for text in each.coverage.advice))
     if redo:
         return Verdict("redo", tuple(redo), advice)

@@ -6,6 +6,7 @@ Everything is exact truth; `board.py` makes pictures of it, and adding noise to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,10 +74,14 @@ class Filming:
 
     def left_from_board_at(self, time_s: float) -> Pose:
         """At a time [s] of the pair's clock."""
+        rotations, positions = self._splines
+        return Pose(rotations(time_s).as_matrix(), positions(time_s))
+
+    @cached_property
+    def _splines(self) -> tuple[RotationSpline, CubicSpline]:
         times = PAUSE_S * np.arange(len(self.left_from_board))
         rotations = RotationSpline(times, Rotation.from_matrix([p.rotation for p in self.left_from_board]))
-        positions = CubicSpline(times, [p.translation for p in self.left_from_board])
-        return Pose(rotations(time_s).as_matrix(), positions(time_s))
+        return rotations, CubicSpline(times, [p.translation for p in self.left_from_board])
 
     def video_from_board_at(self, video_time_s: float) -> Pose:
         """At a time [s] of the video camera's clock."""

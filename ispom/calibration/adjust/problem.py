@@ -114,10 +114,11 @@ class Unknowns:
     """Whether the camera's pose on the rig is free."""
 
     @staticmethod
-    def all_of(estimate: Estimate, interior: bool = True) -> Unknowns:
-        """Everything but the first camera's pose, or without the interiors."""
+    def all_of(estimate: Estimate, interior: bool = True, apart: int | None = None) -> Unknowns:
+        """Everything but the first camera's pose, or without the interiors; `apart` shares no view with the others, so
+        that these say nothing about its pose."""
         free = tuple(np.arange(len(vector_of(camera)) if interior else 0) for camera in estimate.cameras)
-        return Unknowns(free, tuple(c > 0 for c in range(len(estimate.cameras))))
+        return Unknowns(free, tuple(c > 0 and c != apart for c in range(len(estimate.cameras))))
 
     @property
     def places(self) -> tuple[tuple[slice, slice], ...]:

@@ -49,12 +49,11 @@ class Solution:
         """Root mean square distance of predicted from seen points, as OpenCV's calibrateCamera returns it."""
         return float(np.sqrt((self.residuals_px**2).sum(1).mean()))
 
-    def view_covariances(self) -> Array:
-        """(V, 6, 6) of each view's pose (left twist of rig_from_board: [m], [rad]), the shared parameters' included."""
+    def view_uncertainties(self) -> tuple[Array, Array]:
+        """Of each view's pose (left twist of rig_from_board: [m], [rad]): its covariance (V, 6, 6) where the shared
+        parameters are given, and (V, 6, G) how it follows them."""
         _, _, inverse = self.equations.reduced(0.0)
-        gain = np.einsum("vij,vgj->vig", inverse, self.equations.mixed)
-        finite = np.where(np.isfinite(self.covariance), self.covariance, 0.0)
-        return self.unit_sigma**2 * inverse + gain @ finite @ gain.transpose(0, 2, 1)
+        return self.unit_sigma**2 * inverse, -np.einsum("vij,vgj->vig", inverse, self.equations.mixed)
 
 
 def adjusted(

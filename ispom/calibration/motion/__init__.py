@@ -1,0 +1,1 @@
+"""The pose of a camera on the rig, and its clock, from how the cameras moved."""

@@ -1,0 +1,96 @@
+"""How one camera moved: its poses over time, and between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, so3_exp, so3_log
+from ispom.types import Trajectory
+
+NEIGHBOURS = 4
+"""Poses that one between them is made of: a cubic through the two before it and the two after."""
+GAP = 2.5
+"""Over a longer interval, in medians of all, nothing is interpolated,"""
+LONGEST_S = 0.25
+"""nor over one longer than this: hands and vehicles shake at several hertz."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """world_from_camera at times; the unit of the positions may be the camera's own."""
+
+    times_s: Array
+    """(N,) increasing."""
+    rotations: Array
+    """(N, 3, 3)."""
+    positions: Array
+    """(N, 3)."""
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    @staticmethod
+    def of(trajectory: Trajectory) -> Course:
+        """Times count from the same zero as the trajectory's."""
+        return Course(trajectory.times_ns * 1e-9, trajectory.rotations, trajectory.translations)
+
+    def select(self, index: NDArray) -> Course:
+        """The poses of a slice, boolean mask or index array."""
+        return Course(self.times_s[index], self.rotations[index], self.positions[index])
+
+    def at(self, times_s: Array) -> Between:
+        """Poses at times (E,), by cubics through the four nearest."""
+        first = np.clip(np.searchsorted(self.times_s, times_s, side="right") - 2, 0, max(len(self) - NEIGHBOURS, 0))
+        index = first[:, None] + np.arange(NEIGHBOURS)
+        weights, slopes = _lagrange(self.times_s[index], times_s)
+        base = self.rotations[index[:, 1]]
+        turns = so3_log(np.swapaxes(base, 1, 2)[:, None] @ self.rotations[index])
+        rotations = base @ so3_exp(np.einsum("ek,eki->ei", weights, turns))
+        positions = np.einsum("ek,eki->ei", weights, self.positions[index])
+        moves = np.einsum("ek,eki->ei", slopes, self.positions[index] - self.positions[index[:, :1]])
+        inverse = np.swapaxes(rotations, 1, 2)
+        rates = np.concatenate([(inverse @ moves[..., None])[..., 0], np.einsum("ek,eki->ei", slopes, turns)], axis=1)
+        return Between(rotations, positions, rates, index, weights, self._known(times_s, index))
+
+    def _known(self, times_s: Array, index: NDArray[np.int64]) -> NDArray[np.bool_]:
+        inside = (times_s >= self.times_s[0]) & (times_s <= self.times_s[-1])
+        intervals = np.diff(self.times_s[index], axis=1).max(1)
+        return inside & (intervals <= min(GAP * float(np.median(np.diff(self.times_s))), LONGEST_S))
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """A course at times (E,)."""
+
+    rotations: Array
+    """(E, 3, 3) world_from_camera."""
+    positions: Array
+    """(E, 3)."""
+    rates: Array
+    """(E, 6) velocity and angular velocity [rad/s] in the camera's own frame."""
+    index: NDArray[np.int64]
+    """(E, 4) of which poses, and"""
+    weights: Array
+    """(E, 4) how much each counts."""
+    known: NDArray[np.bool_]
+    """(E,) whether there are poses near enough."""
+
+
+def _lagrange(nodes: Array, at: Array) -> tuple[Array, Array]:
+    """Weights (E, K) of values at nodes (E, K) for the value at (E,), and those for the slope there."""
+    count = nodes.shape[1]
+    weights, slopes = np.ones_like(nodes), np.zeros_like(nodes)
+    for k in range(count):
+        others = [j for j in range(count) if j != k]
+        for j in others:
+            weights[:, k] *= (at - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
+        for left in others:
+            term = 1 / (nodes[:, k] - nodes[:, left])
+            for j in others:
+                if j != left:
+                    term = term * (at - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
+            slopes[:, k] += term
+    return weights, slopes
