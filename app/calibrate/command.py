@@ -9,15 +9,17 @@ from rich.console import Console
 from ispom.calibration.calibrate import calibrate as solve
 from ispom.calibration.calibrate import require_found
 from ispom.calibration.detection.hint import hint
+from ispom.calibration.motion.verdict import clock_of, verdict_of
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets import Target, parse_target
 from ispom.errors import InputError, UnreadableImage, printable
 
 from ..outputs import require_own, write_file
 from .choose import best_frames, near
+from .convert import convert
 from .detecting import bar, detected
 from .images import Source, open_sources, own_clock, paired
-from .numbers import JSON_HEAD, numbers_text, redo_text
+from .numbers import JSON_HEAD, failed_text, numbers_text, redo_text
 from .options import Calibrate
 from .report import GENERATOR, page
 from .saved import require_writable, save
@@ -31,11 +33,18 @@ NEAR_S = 0.3
 
 def calibrate(options: Calibrate) -> int:
     """Calibrates, prints and writes; InputError where the images or the target are not what they are said to be."""
+    if options.what == "convert":
+        return convert(options)
+    if options.from_motion:
+        return _from_motion(options)
+    if options.target is None:
+        raise InputError(
+            "--target is missing: say what was filmed, such as chessboard:9x6:0.0242, or give --from-motion"
+        )
     target = parse_target(options.target)
     if options.max_views < 3:
         raise InputError(f"--max-views is {options.max_views}: give 3 or more")
-    if not 0 <= options.clock_within <= MOST_WITHIN_S:
-        raise InputError(f"--clock-within is {options.clock_within:g}: give 0 to {MOST_WITHIN_S:g} seconds")
+    _require_range(options)
     _require_outputs(options)
     sources = _chosen(open_sources(options.what, options.images), options)
     views = detected(target, sources)
@@ -51,6 +60,48 @@ def calibrate(options: Calibrate) -> int:
         return REDO
     _write(found, options)
     return REDO if found.verdict.level == "redo" else 0
+
+
+def _from_motion(options: Calibrate) -> int:
+    """Without a target."""
+    from . import motion_report
+    from .from_motion import moved_rig  # brings the estimators
+
+    if options.what != "rig":
+        raise InputError(f"--from-motion is for `ispom calibrate rig`: {options.what} needs a --target")
+    if options.target is not None:
+        raise InputError("--target and --from-motion are both given: leave one out")
+    _require_range(options)
+    _require_outputs(options)
+    try:
+        found = moved_rig(options)
+    except Redo as redo:
+        sys.stdout.write(printable(f"redo: {redo}") + "\n")
+        if options.json is not None:
+            write_file(options.json, failed_text(str(redo)), JSON_HEAD)
+        return REDO
+    verdict = verdict_of(found.rough, found.found)
+    if options.json is not None:
+        write_file(options.json, motion_report.numbers_text(found, verdict), JSON_HEAD)
+    if options.report is not None:
+        write_file(options.report, motion_report.page(found, verdict), GENERATOR)
+    sys.stdout.write(motion_report.printed(found, verdict))
+    if options.out is not None and verdict.level != "redo":
+        about = f"{verdict.level}, from the motion in {found.sequence.name}"
+        save(found.rig, clock_of(found.found), about, options.out, options.format)
+    _say_written(options, verdict.level != "redo")
+    return REDO if verdict.level == "redo" else 0
+
+
+def _say_written(options: Calibrate, written: bool) -> None:
+    if options.out is not None:
+        said = f"written: {options.out}" if written else f"{options.out} is not written: film again"
+        sys.stdout.write(printable(said) + "\n")
+
+
+def _require_range(options: Calibrate) -> None:
+    if not 0 <= options.clock_within <= MOST_WITHIN_S:
+        raise InputError(f"--clock-within is {options.clock_within:g}: give 0 to {MOST_WITHIN_S:g} seconds")
 
 
 def _solved(target: Target, views: tuple[Views, ...], options: Calibrate) -> Calibration:
@@ -100,15 +151,13 @@ def _require_outputs(options: Calibrate) -> None:
 
 def _write(found: Calibration, options: Calibrate) -> None:
     """What is asked, and the verdict on standard output."""
-    written = False
-    if options.out is not None and found.verdict.level != "redo":
-        save(found, options.out, options.format)
-        written = True
+    written = found.verdict.level != "redo"
+    if options.out is not None and written:
+        about = f"{found.verdict.level}, reprojection error {found.solution.rms_px:.3f} px"
+        save(found.rig, found.clock, about, options.out, options.format)
     if options.json is not None:
         write_file(options.json, numbers_text(found), JSON_HEAD)
     if options.report is not None:
         write_file(options.report, page(found), GENERATOR)
     sys.stdout.write(printed(found))
-    if options.out is not None:
-        said = f"written: {options.out}" if written else f"{options.out} is not written: film again"
-        sys.stdout.write(printable(said) + "\n")
+    _say_written(options, written)

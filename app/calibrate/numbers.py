@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -58,8 +60,13 @@ def redo_text(target: Target, views: tuple[Views, ...], reason: str) -> str:
         for image, found in zip(each.images, each.detections, strict=True)
         if found.reason
     ]
-    content = {"written_by": "ispom calibrate", "verdict": "redo", "reasons": [reason], "target": target.spec}
-    return json.dumps(content | {"rejected": rejected}, indent=1) + "\n"
+    return failed_text(reason, {"target": target.spec, "rejected": rejected})
+
+
+def failed_text(reason: str, more: Mapping[str, Any] = MappingProxyType({})) -> str:
+    """Where nothing could be solved, for this reason."""
+    content = {"written_by": "ispom calibrate", "verdict": "redo", "reasons": [reason], **more}
+    return json.dumps(content, indent=1) + "\n"
 
 
 def _camera(found: Calibration, each: CameraResult, c: int) -> dict[str, Any]:

@@ -16,16 +16,20 @@ Format = Literal["rig", "camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
 @dataclass(frozen=True, kw_only=True)
 class Calibrate:
     """Calibrates cameras from images of a target: exit code 0 where the result is usable, 1 where it must be filmed
-    again (the reasons are printed), 2 after a mistake."""
+    again (the reasons are printed), 2 after a mistake. `rig FOLDER --from-motion` needs no target."""
 
-    what: tyro.conf.Positional[Literal["video", "stereo", "rig"]]
-    """One camera; a stereo pair; or the video camera and the pair on their rig."""
+    what: tyro.conf.Positional[Literal["video", "stereo", "rig", "convert"]]
+    """One camera; a stereo pair; the video camera and the pair on their rig; or convert a calibration file."""
     images: tyro.conf.Positional[tuple[Path, ...]]
     """A folder of images or a video file for each camera (video, left, right, in this order), or one folder that holds
-    folders video, left and right (or cam0 and cam1), or images whose names begin with left and right."""
-    target: str
+    folders video, left and right (or cam0 and cam1), or images whose names begin with left and right. To convert: the
+    file (its format is recognised), or a file for each camera."""
+    target: str | None = None
     """What was filmed, in metres: chessboard:9x6:0.0242 (inner corners), aprilgrid:6x6:0.088:0.3,
     charuco:8x5:0.03:0.022, apriltag:4x3:0.05:0.01, aruco:5x7:0.04:0.01, circles:7x5:0.03, acircles:4x11:0.02."""
+    from_motion: bool = False
+    """Of a rig, without a target: place and clock of the video camera from how the cameras move in one recording of all
+    three (a folder with sequence.yaml); interiors and pair must be calibrated."""
     out: Path | None = None
     """Write the calibration here, such as rig.yaml; where it must be filmed again, nothing is written."""
     format: Format = "rig"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ispom.calibration.result import Calibration
+from ispom.calibration.result import Clock
 from ispom.errors import InputError
 from ispom.io.calibrations.files import rig_files
 from ispom.io.rig import rig_text
+from ispom.types import Rig
 
 from ..outputs import require_own, write_file
 from .options import Format
@@ -23,16 +24,16 @@ def require_writable(path: Path, form: Format) -> None:
     require_own(path, SIGNATURE)
 
 
-def save(found: Calibration, path: Path, form: Format) -> None:
+def save(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:
     """Writes the file, or the files of a folder where the format has one for each camera."""
-    comment = f"# {SIGNATURE}: {found.verdict.level}, reprojection error {found.solution.rms_px:.3f} px"
-    if found.clock is not None:
-        comment += f"\n# {clock_words(found.clock)}"
+    comment = f"# {SIGNATURE}: {about}"
+    if clock is not None:
+        comment += f"\n# {clock_words(clock)}"
     if form == "rig":
         text = f"{comment}\n# poses are rig_from_CAMERA, x_rig = R x_camera + t [m]; see the README\n"
-        write_file(path, text + rig_text(found.rig), SIGNATURE)
+        write_file(path, text + rig_text(rig), SIGNATURE)
         return
-    files = rig_files(found.rig, form)
+    files = rig_files(rig, form)
     if len(files) == 1 and path.suffix:
         write_file(path, _commented(next(iter(files.values())), comment), SIGNATURE)
         return

@@ -12,11 +12,11 @@ from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
 from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve
 from ispom.calibration.adjust.start import start_of, with_views
+from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
 from ispom.calibration.detection import Detection
 from ispom.calibration.diagnostics.coverage import coverage
 from ispom.calibration.diagnostics.maps import difference_map, uncertainty_map
 from ispom.calibration.diagnostics.parameters import correlations, parameters
-from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
 from ispom.calibration.models import Choice, Trial, chosen, trials_of
 from ispom.calibration.pair import rectifying, require_order, row_error
 from ispom.calibration.result import Calibration, CameraResult, Clock, Redo, Rejected, Views

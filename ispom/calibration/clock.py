@@ -88,9 +88,7 @@ def with_video_placed(
         raise Redo("video and pair see the target at the same time too seldom: film it with both for longer")
     estimate, unknowns = _moved(found.estimate, best.video_from_left, image_of), Unknowns.all_of(found.estimate)
     unknowns = Unknowns(found.unknowns.interior, unknowns.pose)
-    covariance = np.block(
-        [[found.covariance, best.with_shared[:6].T], [best.with_shared[:6], best.covariance[:6, :6]]]
-    )
+    covariance = np.block([[found.covariance, best.with_shared[:6].T], [best.with_shared[:6], best.covariance[:6, :6]]])
     equations = normal_equations(estimate, found.seen, unknowns, 1 / found.seen.sigma_px**2)
     error = float(np.sqrt(best.covariance[6, 6]))
     known = 0 < error <= OFFSET_S

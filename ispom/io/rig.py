@@ -11,7 +11,8 @@ import yaml
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.camera import INTRINSICS, SIZES, camera_of
-from ispom.io.mapping import finite_numbers, read_mapping
+from ispom.io.mapping import MAX_BYTES, finite_numbers, read_mapping
+from ispom.io.rows import read_text
 from ispom.types import Camera, Rig
 
 _CAMERAS = ("video", "left", "right")
@@ -26,8 +27,15 @@ def rig_text(rig: Rig) -> str:
     return yaml.safe_dump(content, sort_keys=False)
 
 
-def read_rig(path: Path) -> Rig:
-    """The rig of a file; InputError names the entry that is missing or wrong."""
+def is_own_rig(path: Path) -> bool:
+    """Whether a file is a rig.yaml, if perhaps a wrong one, and not another program's calibration."""
+    text = read_text(path, MAX_BYTES)
+    return "opencv-matrix" not in text and not {"cam0", "T_BS", "camera_matrix"} & set(read_mapping(path))
+
+
+def read_rig(path: Path, placed: bool = True) -> Rig:
+    """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
+    video camera may be without a pose: it is then that of the rig."""
     content = read_mapping(path)
     if not set(content) & set(_CAMERAS) or not set(content) <= {*_CAMERAS, "laser"}:
         raise InputError(
@@ -38,7 +46,7 @@ def read_rig(path: Path) -> Rig:
         laser = content.pop("laser")
         fields["rig_from_laser"] = _pose(path, "laser", laser if isinstance(laser, dict) else {})
     for name, entry in content.items():
-        fields[name], fields[f"rig_from_{name}"] = _camera(path, name, entry)
+        fields[name], fields[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
     return Rig(**fields)
 
 
@@ -57,17 +65,20 @@ def _pose_entry(pose: Pose) -> dict[str, Any]:
     return {"translation_m": pose.translation.tolist(), "rotation_xyzw": pose.xyzw.tolist()}
 
 
-def _camera(path: Path, name: str, entry: Any) -> tuple[Camera, Pose]:
+def _camera(path: Path, name: str, entry: Any, placed: bool) -> tuple[Camera, Pose]:
     if not isinstance(entry, dict):
         raise InputError(f"{path}: {name} must hold the camera's values: correct it")
-    return camera_of(path, entry, f"{name}."), _pose(path, name, entry)
+    camera = camera_of(path, entry, f"{name}.")
+    nowhere = entry.get(f"rig_from_{name}") is None and not placed
+    return camera, Pose() if nowhere else _pose(path, name, entry)
 
 
 def _pose(path: Path, name: str, entry: dict[Any, Any]) -> Pose:
     """rig_from_NAME."""
     pose = entry.get(f"rig_from_{name}")
     if not isinstance(pose, dict):
-        raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw")
+        or_find = ", or find it by `ispom calibrate rig FOLDER --from-motion`" if name == "video" else ""
+        raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw{or_find}")
     translation = finite_numbers(path, f"{name}.rig_from_{name}.translation_m", pose.get("translation_m"), 3)
     xyzw = finite_numbers(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
     if abs(np.linalg.norm(xyzw) - 1) > 0.01:

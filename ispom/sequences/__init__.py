@@ -52,12 +52,14 @@ def open_sequence(
     max_exposures: int | None = None,
     camera: str | Path | None = None,
     policy: SourcePolicy = ANY_SOURCE,
+    placed: bool = True,
 ) -> Sequence:
     """The sequence of `sim:NAME` (made from `seed`, or as `sim:NAME#SEED` from its own), of a live camera (calibrated
     by the file `camera`), or of a path whose kind is recognised (shaped by `two_rate`).
 
     Only its first `max_exposures` where given. InputError says what is wrong with the source or an option, and what
-    the `policy` does not allow.
+    the `policy` does not allow. Unless all cameras must be `placed`, the video camera of an own rig may be without a
+    pose: it is then that of the rig.
     """
     policy.check(source)
     if camera is not None and source.startswith("sim:"):
@@ -76,7 +78,9 @@ def open_sequence(
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
         with bounded(policy.places):
-            opened = _opened(expanded(source), calibration, seed)
+            path = expanded(source)
+            described = not placed and exists(path) and looks_described(path)
+            opened = open_described(path, placed) if described else _opened(path, calibration, seed)
         sequence = opened if isinstance(opened, Sequence) else two_rate(opened, stereo_every, video_scale)
         sequence = _within(sequence, policy)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))

@@ -121,9 +121,7 @@ class _Problem:
         unit2 = float(flat @ np.linalg.solve(self.noise, flat)) / max(len(flat) - SIZE, 1)
         unit2 = max(unit2, 1.0)  # few poses that fit well by chance are no better than their corners
         across = -gain @ self.by_shared @ shared
-        return Placed(
-            pose, offset_s, unit2 * covariance, across, self.index, self.residuals, float(np.sqrt(unit2))
-        )
+        return Placed(pose, offset_s, unit2 * covariance, across, self.index, self.residuals, float(np.sqrt(unit2)))
 
     def _gain(self) -> tuple[Array, Array]:
         """(7, 6 U) of the least-squares estimate, and its covariance (7, 7)."""
@@ -141,9 +139,7 @@ def _problem(
     index = np.flatnonzero(seen.known & keep)
     turn = pose.inverse().adjoint
     count = len(index)
-    jacobian = np.concatenate(
-        [np.broadcast_to(turn, (count, 6, 6)), -(seen.rates[index] @ turn.T)[..., None]], axis=2
-    )
+    jacobian = np.concatenate([np.broadcast_to(turn, (count, 6, 6)), -(seen.rates[index] @ turn.T)[..., None]], axis=2)
     # A video pose's error counts by its weight in the poses between; that of a stereo pose as it is.
     spread = np.zeros((count, 6, len(video.course), 6))
     for k in range(seen.index.shape[1]):
@@ -151,14 +147,14 @@ def _problem(
         spread[np.arange(count), :, seen.index[index, k]] -= weight[:, None, None] * turn
     spread = spread.reshape(6 * count, -1)
     of_video = _blocks_applied(spread, video.covariances) @ spread.T
-    by_shared = left.by_shared[index].reshape(6 * count, -1) + spread @ video.by_shared.reshape(
-        spread.shape[1], -1
-    )
+    by_shared = left.by_shared[index].reshape(6 * count, -1) + spread @ video.by_shared.reshape(spread.shape[1], -1)
     noise = of_video + by_shared @ shared @ by_shared.T
     blocks = noise.reshape(count, 6, count, 6)
     for k, j in enumerate(index):
         blocks[k, :, k] += left.covariances[j]
-    return _Problem(index, _residuals(left.course.select(index), seen, index, pose), jacobian.reshape(-1, SIZE), noise, by_shared)
+    return _Problem(
+        index, _residuals(left.course.select(index), seen, index, pose), jacobian.reshape(-1, SIZE), noise, by_shared
+    )
 
 
 def _blocks_applied(spread: Array, covariances: Array) -> Array:

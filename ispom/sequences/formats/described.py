@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
+from ispom.io.calibrations.recognised import any_rig
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
-from ispom.io.rig import read_rig
+from ispom.io.rig import is_own_rig, read_rig
 from ispom.io.tum import read_tum
 from ispom.sequences.formats.folder import folder_stream
 from ispom.sequences.formats.video import looks_like_video, video_stream
@@ -44,10 +45,18 @@ def looks_described(path: Path) -> bool:
     return path.suffix.lower() in (".yaml", ".yml")
 
 
-def open_described(path: Path) -> Sequence | Recording:
+def filmed_rig(path: Path, placed: bool = True) -> Rig:
+    """The rig as its file has it (also one of another program), its pair perhaps not rectified; `placed` as in
+    `read_rig`."""
+    path = path / FILE if is_folder(path) else path
+    file = named_file(path, "rig", read_mapping(path).get("rig", "rig.yaml"))
+    return any_rig((file,)) if is_folder(file) or not is_own_rig(file) else read_rig(file, placed)
+
+
+def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     """What a sequence.yaml, or the folder that holds one, describes; a recording where no video stream is named.
 
-    InputError names the file and the entry that is missing or wrong.
+    InputError names the file and the entry that is missing or wrong. `placed` as in `read_rig`.
     """
     path = path / FILE if is_folder(path) else path
     content = read_mapping(path)
@@ -59,7 +68,7 @@ def open_described(path: Path) -> Sequence | Recording:
         raise InputError(f"{path} names only one of left and right: name both, or call the one camera video")
     if "video" not in content and "left" not in content:
         raise InputError(f"{path} names no camera: add video, or left and right, or all three")
-    rig = read_rig(named_file(path, "rig", content.get("rig", "rig.yaml")))
+    rig = filmed_rig(path, placed)
     video = _stream(path, "video", content, rig) if "video" in content else None
     stereo = None
     if "left" in content:

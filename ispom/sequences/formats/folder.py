@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ispom.errors import InputError
-from ispom.io.camera import read_camera
+from ispom.io.calibrations.recognised import any_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
@@ -45,8 +45,8 @@ def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
 
 
 def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:
-    """The camera of a camera.yaml, and all that the file says."""
-    return read_camera(path), read_mapping(path)
+    """The camera of a camera.yaml or of another program's file, and all that the file says."""
+    return any_camera(path), read_mapping(path) if path.suffix.lower() != ".txt" else {}
 
 
 def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:

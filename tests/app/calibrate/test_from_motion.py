@@ -1,0 +1,114 @@
+"""`ispom calibrate rig SOURCE --from-motion`: what is written where the motion suffices, and what is said where not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.calibrate import from_motion
+from app.cli import main
+from ispom.calibration.motion.combine import Part
+from ispom.errors import InputError
+from ispom.io.rig import read_rig, rig_text
+from ispom.simulation.cameras import simulated_rig
+from tests.calibration.motion import test_hand_eye as simulated
+
+OFFSET_S = simulated.OFFSET_S
+
+
+def watched(monkeypatch: pytest.MonkeyPatch, way: simulated.Way, parts: list[Part]) -> None:
+    """The estimators give these trajectories, and the parts say this."""
+    left, video = simulated.courses(1, way)
+    joined = np.ones(len(left) - 1, bool)
+    monkeypatch.setattr(from_motion, "_courses", lambda _: (left, video, joined))
+    monkeypatch.setattr(from_motion, "_refined", lambda *_: parts)
+
+
+def part(change: float, sigma: float) -> Part:
+    scale = np.array([1e-3] * 3 + [1e-4] * 3 + [1e-4])
+    return Part(change * scale, np.diag((sigma * scale) ** -2), np.diag([1.0] * 7))
+
+
+def test_place_and_clock_are_written_and_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    watched(monkeypatch, simulated.flight(1), [part(0.5, 0.3), part(-0.5, 0.3), part(0.1, 0.3)])
+    out, numbers, report = tmp_path / "rig.yaml", tmp_path / "n.json", tmp_path / "r.html"
+    words = ["calibrate", "rig", "sim:tiny", "--from-motion", "--out", str(out), "--json", str(numbers)]
+    assert main([*words, "--report", str(report)]) == 0
+    content = json.loads(numbers.read_text())
+    assert content["verdict"] in ("good", "usable")
+    assert content["clock"]["offset_s"] == pytest.approx(OFFSET_S, abs=0.0005)
+    assert content["widened"] > 1.2
+    assert np.array(content["covariance"]).shape == (7, 7)
+    rig = read_rig(out)
+    placed = rig.rig_from_left.inverse() @ rig.rig_from_video
+    error = (placed.inverse() @ simulated.LEFT_FROM_VIDEO).log()
+    assert np.linalg.norm(error[:3]) < 0.01
+    assert np.degrees(np.linalg.norm(error[3:])) < 0.05
+    assert f"offset_s: {content['clock']['offset_s']:.6f}" in out.read_text()
+    assert "Difference of the two cameras" in report.read_text()
+    assert "3 parts of the recording solved apart" in capsys.readouterr().out
+
+
+def test_parts_that_differ_widen_the_errors() -> None:
+    left, video = simulated.courses(1, simulated.flight(1))
+    rough = simulated.found_by(left, video)
+    alike = from_motion.combined(rough, [part(0.1, 0.3), part(-0.1, 0.3)])
+    apart = from_motion.combined(rough, [part(2.0, 0.3), part(-2.0, 0.3)])
+    assert alike.widened == 1.0
+    assert apart.widened > 5
+    assert np.diag(apart.covariance) == pytest.approx(apart.widened**2 * np.diag(alike.covariance))
+
+
+def test_turns_about_one_axis_are_refused_for_the_place_along_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    watched(monkeypatch, simulated.planar, [])
+    out, numbers = tmp_path / "rig.yaml", tmp_path / "n.json"
+    words = ["calibrate", "rig", "sim:tiny", "--from-motion", "--out", str(out), "--json", str(numbers)]
+    assert main(words) == 1
+    said = capsys.readouterr().out
+    assert "the rig turned about one axis only, (0.00, 1.00, 0.00)" in said.replace("-0.00", "0.00")
+    assert "film again" in said
+    assert not out.exists()
+    assert "video.y" in json.loads(numbers.read_text())["undetermined"]
+
+
+def test_a_rig_that_does_not_turn_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    watched(monkeypatch, simulated.straight, [])
+    assert main(["calibrate", "rig", "sim:tiny", "--from-motion"]) == 1
+    assert "the rig hardly turned" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["video", "x", "--from-motion"], "--from-motion is for `ispom calibrate rig`"),
+        (["rig", "sim:tiny", "--from-motion", "--target", "chessboard:9x6:0.02"], "leave one out"),
+        (["rig", "a", "b", "--from-motion"], "takes one recording of all three cameras"),
+        (["rig", "sim:nowhere", "--from-motion"], "there is no simulated sequence"),
+        (["rig", "x"], "--target is missing"),
+    ],
+)
+def test_mistakes_are_one_sentence(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", *words]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+
+
+def test_a_video_camera_without_a_pose_is_read_only_to_find_it(tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    lines = rig_text(simulated_rig()).splitlines()
+    at = lines.index("  rig_from_video:")
+    end = next(i for i in range(at + 1, len(lines)) if not lines[i].startswith("  "))
+    path.write_text("\n".join([*lines[:at], *lines[end:]]) + "\n")
+    assert np.array_equal(read_rig(path, placed=False).rig_from_video.matrix, np.eye(4))
+    with pytest.raises(InputError, match="find it by `ispom calibrate rig FOLDER --from-motion`"):
+        read_rig(path)

@@ -1,0 +1,82 @@
+"""Calibrations of any program, recognised by their content; converted there and back to 1e-9."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from ispom.errors import InputError
+from ispom.geometry import Pose
+from ispom.io.calibrations.files import rig_files
+from ispom.io.calibrations.recognised import any_camera, any_rig
+from ispom.io.rig import rig_text
+from ispom.types import Camera, Rig
+
+LEFT = Camera(752, 480, 458.654321987, 457.296, 367.215, 248.375, (-0.28340811, 0.07395907, 1.9359e-4, 1.76187114e-5))
+VIDEO = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
+RIG = Rig(
+    VIDEO, LEFT, LEFT,
+    Pose.from_rotvec(np.array([0.02, -0.03, 0.01]), np.array([0.01, -0.045, 0.03])),
+    Pose(translation=np.array([-0.055, 0, 0])),
+    Pose.from_rotvec(np.array([0.0, 0.003, 0.001]), np.array([0.055, 0, 0])),
+)  # fmt: skip
+REFERENCE = Path(__file__).parents[2].parent / "shared" / "data" / "calibration"
+
+
+def alike(one: Rig, other: Rig) -> bool:
+    """Cameras, and their places seen from the left one, to 1e-9."""
+    for name in ("left", "right", "video"):
+        a, b = one.camera(name), other.camera(name)
+        values = [[c.width, c.height, c.fx, c.fy, c.cx, c.cy, *c.distortion] for c in (a, b)]
+        poses = [rig.rig_from_left.inverse() @ rig.rig_from(name) for rig in (one, other)]
+        if np.abs(np.subtract(*values)).max() > 1e-9 or np.abs(poses[0].matrix - poses[1].matrix).max() > 1e-9:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("form", ["rig", "kalibr", "euroc", "opencv"])
+def test_a_rig_is_converted_there_and_back(tmp_path: Path, form: str) -> None:
+    own, there, back = tmp_path / "rig.yaml", tmp_path / "there", tmp_path / "back.yaml"
+    own.write_text(rig_text(RIG))
+    path = there if form == "euroc" else there.with_suffix(".yaml")
+    assert main(["calibrate", "convert", str(own), "--out", str(path), "--format", form]) == 0
+    assert main(["calibrate", "convert", str(path), "--out", str(back)]) == 0
+    assert alike(RIG, any_rig((back,)))
+
+
+@pytest.mark.parametrize("form", ["camera", "kalibr", "euroc", "opencv", "ros", "colmap"])
+def test_a_camera_of_any_format_is_read(tmp_path: Path, form: str) -> None:
+    for name, text in rig_files(Rig.single(VIDEO), form).items():  # type: ignore[arg-type]
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        assert any_camera(path).fx == pytest.approx(VIDEO.fx, abs=1e-9)
+        assert any_camera(path).distortion == pytest.approx(VIDEO.distortion, abs=1e-9)
+
+
+def test_several_cameras_without_poses_are_refused(tmp_path: Path) -> None:
+    for name, text in rig_files(RIG, "ros").items():
+        (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match="3 cameras without their poses"):
+        any_rig((tmp_path,))
+
+
+def test_what_is_no_calibration_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text("a: 1\n")
+    assert main(["calibrate", "convert", str(path), "--out", str(tmp_path / "o.yaml")]) == 2
+    assert "is no calibration that is known" in capsys.readouterr().err
+    assert main(["calibrate", "convert", str(path)]) == 2
+    assert "--out is missing" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="../shared/data/calibration is not there")
+def test_files_of_other_programs_make_a_rig(tmp_path: Path) -> None:
+    folder = REFERENCE / "aprilgrid_stereo" / "reference"
+    files = [str(folder / f"euroc_cam{n}_sensor.yaml") for n in (0, 1)]
+    out = tmp_path / "rig.yaml"
+    assert main(["calibrate", "convert", *files, "--out", str(out)]) == 0
+    assert any_rig((out,)).has_stereo
