@@ -91,7 +91,7 @@ def test_a_file_of_no_known_kind(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "film.mp4").touch()
-    assert "film.yaml (or camera.yaml beside it) is missing: write one" in sentence(capsys, f"{tmp_path}/film.mp4")
+    assert "film.mp4 is not a video in MP4" in sentence(capsys, f"{tmp_path}/film.mp4")
     (tmp_path / "film.yaml").write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
     assert "film.mp4 is not a video in MP4" in sentence(capsys, f"{tmp_path}/film.mp4")
 

@@ -1,4 +1,4 @@
-"""A folder of images in the order of their names, with `camera.yaml` in it or beside it.
+"""A folder of images in the order of their names, with `camera.yaml` in it or beside it, or a guess (guess.py).
 
 Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml.
 """
@@ -13,6 +13,7 @@ from ispom.errors import InputError
 from ispom.io.calibrations.recognised import any_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
+from ispom.sequences.guess import guess_of_photo
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import Clock, Stream, clock_of, size_of
@@ -31,17 +32,21 @@ def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
     places = [folder / CAMERA, folder.resolve().parent / CAMERA]
     path = calibration or next((place for place in places if exists(place)), None)
+    guess = None
     if path is None:
-        raise InputError(f"{places[0]} is missing: write one with {CAMERA_ENTRIES}")
-    camera, content = read_settings(path)
-    clock = clock_of(path, content)
-    beside = path.parent if calibration is None else folder.resolve().parent
+        guess = guess_of_photo(folder / min(filter(_is_image, names(folder)), key=_order))
+        camera, clock = guess.camera, Clock()
+    else:
+        camera, content = read_settings(path)
+        clock = clock_of(path, content)
+    beside = path.parent if path is not None and calibration is None else folder.resolve().parent
     times = next((place / TIMES for place in (folder, beside) if exists(place / TIMES)), None)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock)
     name = f"images {folder.resolve().name}"
-    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, stream.notes)
+    notes = stream.notes if guess is None else (guess.note, *stream.notes)
+    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, notes)
 
 
 def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.io.camera import read_camera
+from ispom.io.calibrations.recognised import any_camera
 from ispom.io.files import exists
 from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.io.tum import read_tum
+from ispom.sequences.guess import guess_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording, Side
@@ -31,9 +32,11 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     there, notes = those_there(listing, paths)
     times_ns, paths = times_ns[there], [paths[i] for i in there]
     path = calibration or folder / "camera.yaml"
-    if not exists(path):
-        raise InputError(f"{path} is missing: write one with width, height, fx, fy, cx, cy and distortion")
-    camera = read_camera(path)
+    if calibration is None and not exists(path):
+        guess = guess_of_photo(paths[0])
+        camera, notes = guess.camera, (guess.note, *notes)
+    else:
+        camera = any_camera(path)
     size = (camera.width, camera.height)
     require_size(paths[0], size)
 

@@ -1,4 +1,4 @@
-"""A video file (FFmpeg, through OpenCV) with its camera in `NAME.yaml` or `camera.yaml` beside it.
+"""A video file (FFmpeg, through OpenCV); its camera in `NAME.yaml` or `camera.yaml` beside it, or a guess (guess.py).
 
 Each image has the time that the file gives it, be its rate constant or not, unless the camera's file gives `rate_hz` or
 `times`. A file's first image is at 0.
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists, read_head
 from ispom.sequences.decoder_output import silenced
-from ispom.sequences.formats.folder import CAMERA, CAMERA_ENTRIES, read_settings
+from ispom.sequences.formats.folder import CAMERA, read_settings
+from ispom.sequences.guess import Guess, guess_of_film
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
 from ispom.types import Image
@@ -41,17 +42,24 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
     places = [path.with_suffix(".yaml"), path.parent / CAMERA]
     settings = calibration or next((place for place in places if exists(place)), None)
+    guess: Guess | None = None
     if settings is None:
-        raise InputError(f"{places[0]} (or {CAMERA} beside it) is missing: write one with {CAMERA_ENTRIES}")
-    camera, content = read_settings(settings)
-    stream = video_stream(path, size_of(camera), clock_of(settings, content))
-    read = stream.read
-    return Recording(f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, stream.notes)
+        film = _Film(path)
+        guess = guess_of_film(path, film.size)
+        camera, stream = guess.camera, _stream(film, path, Clock())
+    else:
+        camera, content = read_settings(settings)
+        stream = video_stream(path, size_of(camera), clock_of(settings, content))
+    read, notes = stream.read, stream.notes if guess is None else (guess.note, *stream.notes)
+    return Recording(f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, notes)
 
 
 def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:
     """The images of a video file of this size (width, height)."""
-    film = _Film(path, size)
+    return _stream(_Film(path, size), path, clock)
+
+
+def _stream(film: _Film, path: Path, clock: Clock) -> Stream:
     times_ns, note = clock.times_ns(path, film.count, film.rate_hz, film.stamps_ns)
     if clock.times is None and clock.rate_hz is None and not note:
         if film.uneven:
@@ -88,8 +96,8 @@ def _is_uneven(times_ns: NDArray[np.int64]) -> bool:
 class _Film:
     """One decoder, at one place at a time: reading in order is quick, jumps cost decoding from a key frame."""
 
-    def __init__(self, path: Path, size: tuple[int, int]) -> None:
-        """InputError where it is no video of this size (width, height), before any image is decoded."""
+    def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
+        """InputError where it is no video, or none of this size (width, height), before any image is decoded."""
         if not _is_container(read_head(path, 12)):
             raise InputError(f"{path} is not a video in MP4, MOV, AVI, MKV or WebM format (damaged?): restore it")
         self._path = path
@@ -99,7 +107,8 @@ class _Film:
         self._last: tuple[int, Image] | None = None
         get = self._decoder.get
         width, height = int(get(cv2.CAP_PROP_FRAME_WIDTH)), int(get(cv2.CAP_PROP_FRAME_HEIGHT))
-        if (width, height) != size:
+        self.size = width, height
+        if size is not None and self.size != size:
             cure = "give the calibration of this video"
             raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
         rate_hz = get(cv2.CAP_PROP_FPS)

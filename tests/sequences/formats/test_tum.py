@@ -56,7 +56,6 @@ def test_a_byte_order_mark_is_no_mistake_and_another_encoding_one(tmp_path: Path
 @pytest.mark.parametrize(
     ("file", "text", "message"),
     [
-        ("camera.yaml", None, "camera.yaml is missing: write one with width"),
         ("camera.yaml", "model: omni", "model is omni"),
         ("camera.yaml", "just words", "holds no named values"),
         ("rgb.txt", "# nothing", "lists no image"),

@@ -1,0 +1,107 @@
+"""A camera without a calibration: its focal length by what the file says about itself, else a guess; both are told.
+
+Photos may have it in their EXIF, films of phones in QuickTime's metadata, both as that of a 35 mm camera with the same
+angle of view. The principal point is taken to be the middle, and lenses are taken to be free of distortion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image as Header
+
+from ispom.errors import InputError
+from ispom.io.camera import MAX_FOCAL, MIN_FOCAL
+from ispom.sequences.quicktime import quicktime_metadata
+from ispom.types import Camera
+
+FILM_DIAGONAL_MM = 43.267
+"""Of 36 x 24 mm: focal lengths "in 35 mm film" are compared by the diagonal (CIPA DCG-001)."""
+USUAL_SHARE, USUAL_SIGMA = 0.75, 0.3
+"""Focal length as a share of the longer side where nothing is known: phones have 0.7 to 0.85, wide lenses of robots and
+cars 0.5 to 0.6; and the standard deviation of its logarithm."""
+TOLD_SIGMA = 0.05
+"""The same of one that a file tells: it is rounded to millimetres, and films are cropped for stabilisation."""
+_EXIF, _FOCAL_MM, _FOCAL_35_MM = 0x8769, 37386, 41989
+_PLANE_RESOLUTION, _PLANE_UNIT = 41486, 41488
+_MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
+_QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A camera by its image size and a focal length."""
+
+    camera: Camera
+    sigma: float
+    """Standard deviation of the focal length, as a share of it."""
+    origin: str
+    """Where it comes from, in words."""
+
+    @property
+    def note(self) -> str:
+        """For people: what was assumed, how sure it is, and how to do better."""
+        return (
+            f"The camera has no calibration: focal length {self.camera.fx:.0f} px +- {100 * self.sigma:.0f} % "
+            f"({self.origin}), no distortion, not refined; shape and scale drift suffer. Better: film a target and run "
+            "`ispom calibrate video`, or give --camera."
+        )
+
+    @staticmethod
+    def of(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
+        """Of images (width, height); `told` is a focal length [px] and where it was found."""
+        width, height = size
+        longer = max(size)
+        sane = told is not None and MIN_FOCAL * longer <= told[0] <= MAX_FOCAL * longer
+        if told is not None and sane:
+            focal, sigma, origin = told[0], TOLD_SIGMA, told[1]
+        else:
+            focal, sigma = USUAL_SHARE * longer, USUAL_SIGMA
+            origin = f"a guess: {USUAL_SHARE:g} of the longer side"
+        return Guess(Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2), sigma, origin)
+
+
+def guess_of_photo(path: Path) -> Guess:
+    """By the first image of a folder; InputError where it is none."""
+    try:
+        with Header.open(path) as image:
+            size, exif = image.size, image.getexif()
+            turned = exif.get(0x0112, 1) in (5, 6, 7, 8)
+            entries = exif.get_ifd(_EXIF)
+    except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
+        raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
+    width, height = size[::-1] if turned else size
+    return Guess.of((width, height), _told_by_exif(entries, (width, height)))
+
+
+def guess_of_film(path: Path, size: tuple[int, int]) -> Guess:
+    """By a film's metadata and the size (width, height) of its images."""
+    equivalent = _number(quicktime_metadata(path).get(_QUICKTIME))
+    if equivalent is None:
+        return Guess.of(size, None)
+    return Guess.of(size, (_px_of_35_mm(equivalent, size), f"the film's metadata: {equivalent:g} mm on 35 mm film"))
+
+
+def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[float, str] | None:
+    if (equivalent := _number(entries.get(_FOCAL_35_MM))) is not None:
+        return _px_of_35_mm(equivalent, size), f"EXIF: {equivalent:g} mm on 35 mm film"
+    focal_mm, per_unit = _number(entries.get(_FOCAL_MM)), _number(entries.get(_PLANE_RESOLUTION))
+    unit = entries.get(_PLANE_UNIT, 2)
+    if focal_mm is not None and per_unit is not None and unit in _MM_OF_UNIT:
+        return focal_mm * per_unit / _MM_OF_UNIT[unit], f"EXIF: {focal_mm:g} mm, {per_unit:g} px per unit"  # type: ignore[index]
+    return None
+
+
+def _px_of_35_mm(equivalent_mm: float, size: tuple[int, int]) -> float:
+    return equivalent_mm / FILM_DIAGONAL_MM * float(np.hypot(*size))
+
+
+def _number(value: object) -> float | None:
+    """A positive, finite number, or None."""
+    try:
+        found = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return found if np.isfinite(found) and found > 0 else None
