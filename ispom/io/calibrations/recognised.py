@@ -13,7 +13,7 @@ from ispom.io.calibrations.kalibr import read_kalibr
 from ispom.io.calibrations.opencv import read_opencv
 from ispom.io.calibrations.placed import Placed
 from ispom.io.calibrations.ros import read_ros
-from ispom.io.camera import read_camera
+from ispom.io.camera import INTRINSICS, SIZES, read_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import MAX_BYTES, read_mapping
 from ispom.io.rig import read_rig
@@ -102,7 +102,7 @@ def _read(path: Path) -> tuple[list[Placed], bool]:
         return [read_euroc_sensor(path)], True
     if "camera_matrix" in keys:
         return _unplaced(path, [read_ros(path)]), False
-    if "fx" in keys:
+    if keys & {"model", *SIZES, *INTRINSICS}:
         return _unplaced(path, [read_camera(path)]), False
     raise InputError(f"{path} is no calibration that is known: give {KNOWN}")
 

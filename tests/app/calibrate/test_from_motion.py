@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from app.calibrate import from_motion
 from app.cli import main
 from ispom.calibration.motion.combine import Part
 from ispom.errors import InputError
+from ispom.geometry import Pose
 from ispom.io.rig import read_rig, rig_text
+from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
 from tests.calibration.motion import test_hand_eye as simulated
 
@@ -84,6 +87,20 @@ def test_a_rig_that_does_not_turn_is_refused(
     watched(monkeypatch, simulated.straight, [])
     assert main(["calibrate", "rig", "sim:tiny", "--from-motion"]) == 1
     assert "the rig hardly turned" in capsys.readouterr().out
+
+
+def test_the_images_refine_place_and_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(from_motion, "PART_PAIRS", 4)
+    sequence, wrong = open_sequence("sim:tiny"), Pose.exp(np.array([0.004, -0.004, 0.003, 0.004, -0.003, 0.003]))
+    truth = sequence.rig.rig_from_video.inverse() @ sequence.rig.rig_from_left
+    left, video = simulated.courses(1, simulated.flight(1))
+    rough = replace(simulated.found_by(left, video), video_from_left=wrong @ truth, offset_s=0.002)
+    parts = from_motion._refined(sequence, rough)
+    found = from_motion.combined(rough, parts)
+    assert found.parts == len(parts) == 2
+    error = (found.video_from_left @ truth.inverse()).log()
+    assert np.degrees(np.linalg.norm(error[3:])) < 0.1 < np.degrees(np.linalg.norm(wrong.rotvec))
+    assert abs(found.offset_s) < 0.001
 
 
 @pytest.mark.parametrize(
