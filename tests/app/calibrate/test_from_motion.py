@@ -94,13 +94,13 @@ def test_the_images_refine_place_and_clock(monkeypatch: pytest.MonkeyPatch) -> N
     sequence, wrong = open_sequence("sim:tiny"), Pose.exp(np.array([0.004, -0.004, 0.003, 0.004, -0.003, 0.003]))
     truth = sequence.rig.rig_from_video.inverse() @ sequence.rig.rig_from_left
     left, video = simulated.courses(1, simulated.flight(1))
-    rough = replace(simulated.found_by(left, video), video_from_left=wrong @ truth, offset_s=0.002)
+    rough = replace(simulated.found_by(left, video), video_from_left=wrong @ truth, offset_s=0.006)
     parts = from_motion._refined(sequence, rough)
     found = from_motion.combined(rough, parts)
     assert found.parts == len(parts) == 2
     error = (found.video_from_left @ truth.inverse()).log()
     assert np.degrees(np.linalg.norm(error[3:])) < 0.1 < np.degrees(np.linalg.norm(wrong.rotvec))
-    assert abs(found.offset_s) < 0.001
+    assert abs(found.offset_s) < 0.003
 
 
 @pytest.mark.parametrize(
