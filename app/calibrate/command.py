@@ -19,10 +19,12 @@ from .choose import best_frames, near
 from .convert import convert
 from .detecting import bar, detected
 from .images import Source, open_sources, own_clock, paired
+from .live import camera_frames, filmed, is_camera
 from .numbers import JSON_HEAD, failed_text, numbers_text, redo_text
 from .options import Calibrate
 from .report import GENERATOR, page
 from .saved import require_writable, save
+from .simulated import is_simulated, simulated, truth_words
 from .words import printed
 
 REDO = 1
@@ -46,7 +48,9 @@ def calibrate(options: Calibrate) -> int:
         raise InputError(f"--max-views is {options.max_views}: give 3 or more")
     _require_range(options)
     _require_outputs(options)
-    sources = _chosen(open_sources(options.what, options.images), options)
+    made = simulated(options.what, options.images[0], target) if is_simulated(options.images) else None
+    sources = made.sources if made is not None else _opened(options, target)
+    sources = _chosen(sources, options)
     views = detected(target, sources)
     for each, source in zip(views, sources, strict=True):
         if all(found.reason for found in each.detections):
@@ -59,6 +63,8 @@ def calibrate(options: Calibrate) -> int:
             write_file(options.json, redo_text(target, views, str(redo)), JSON_HEAD)
         return REDO
     _write(found, options)
+    if made is not None:
+        sys.stdout.write("".join(f"{line}\n" for line in truth_words(found, made.truth)))
     return REDO if found.verdict.level == "redo" else 0
 
 
@@ -102,6 +108,17 @@ def _say_written(options: Calibrate, written: bool) -> None:
 def _require_range(options: Calibrate) -> None:
     if not 0 <= options.clock_within <= MOST_WITHIN_S:
         raise InputError(f"--clock-within is {options.clock_within:g}: give 0 to {MOST_WITHIN_S:g} seconds")
+
+
+def _opened(options: Calibrate, target: Target) -> tuple[Source, ...]:
+    """Images and films, or what is filmed now."""
+    if not is_camera(options.images):
+        return open_sources(options.what, options.images)
+    name = str(options.images[0])
+    if options.what != "video":
+        raise InputError(f"{name} is one camera: film with it as video, or give the images of all cameras")
+    with camera_frames(name) as read, Console(file=sys.stderr).status("filming; Ctrl-C ends it") as status:
+        return (filmed(target, name, read, lambda said: status.update(f"{said} (Ctrl-C: enough)"), options.max_views),)
 
 
 def _solved(target: Target, views: tuple[Views, ...], options: Calibrate) -> Calibration:

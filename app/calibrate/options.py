@@ -23,7 +23,9 @@ class Calibrate:
     images: tyro.conf.Positional[tuple[Path, ...]]
     """A folder of images or a video file for each camera (video, left, right, in this order), or one folder that holds
     folders video, left and right (or cam0 and cam1), or images whose names begin with left and right. To convert: the
-    file (its format is recognised), or a file for each camera."""
+    file (its format is recognised), or a file for each camera. Or sim:calibration?views=30&seed=1&alike&blur_ms=20:
+    rendered views of the target, whose truth is told; or camera:0, to film now: it says what to show next, until
+    nothing is missing or Ctrl-C is pressed."""
     target: str | None = None
     """What was filmed, in metres: chessboard:9x6:0.0242 (inner corners), aprilgrid:6x6:0.088:0.3,
     charuco:8x5:0.03:0.022, apriltag:4x3:0.05:0.01, aruco:5x7:0.04:0.01, circles:7x5:0.03, acircles:4x11:0.02."""

@@ -19,7 +19,7 @@ HALVES_ARROW = 20.0
 
 def page(found: Calibration) -> str:
     """The whole file."""
-    cameras = [_camera(found, each, c) for c, each in enumerate(found.cameras)]
+    cameras = [camera_values(found, each, c) for c, each in enumerate(found.cameras)]
     names = [f"{parameter.camera} {parameter.name}" for parameter in found.parameters]
     related = [
         (names[i], names[j], float(found.correlations[i, j]))
@@ -41,7 +41,8 @@ def page(found: Calibration) -> str:
     )
 
 
-def _camera(found: Calibration, each: CameraResult, c: int) -> dict[str, object]:
+def camera_values(found: Calibration, each: CameraResult, c: int) -> dict[str, object]:
+    """What is drawn and said of one camera, by name; drawings are SVG."""
     solution, size = found.solution, (each.camera.width, each.camera.height)
     mine = solution.seen.camera == c
     uv, residual = solution.seen.uv[mine], solution.residuals_px[mine]

@@ -12,12 +12,16 @@ from pathlib import Path
 
 from aiohttp import web
 
+from ispom.sequences.policy import SourcePolicy
+
+from ..calibrate.job import Job
 from ..rerun_log.live import LiveStream
 from ..session.session import Session
 from ..session.sources.known import run_name
 from ..viser_ui.portless import CLIENT, PortlessViser
 from . import numbers
 from .access import Access
+from .calibrating import CalibrationPage
 from .connections import Connections
 from .files import SECURITY, VISER_SECURITY, pictures, recordings, send_file, send_one_of
 from .messages import Pane
@@ -63,6 +67,7 @@ class Gateway:
         self.app.cleanup_ctx.append(self._listen)
         self.app.on_shutdown.append(self._close_sockets)
         base = access.base
+        calibration = CalibrationPage(Job(self._check), lambda request: self._person(request).may_drive)
         self.app.add_routes(
             [
                 web.get(base, self._page),
@@ -75,6 +80,7 @@ class Gateway:
                 web.get(f"{base}numbers/{{what}}", self._numbers),
                 web.get(f"{base}viser", self._viser),
                 web.get(f"{base}viser/", self._viser),
+                *calibration.routes(base),
             ]
         )
         if base != "/":
@@ -127,6 +133,10 @@ class Gateway:
             kept[self._person_cookie] = secrets.token_urlsafe(9)
         cookies = (f"{name}={value}{rest}" for name, value in kept.items())
         return await send_file(request, PAGE / "index.html", SECURITY, cookies)
+
+    def _check(self, path: str) -> None:
+        """InputError for images where nobody at the page may look."""
+        SourcePolicy(self._to.session.folders.root).check(path)
 
     @property
     def _person_cookie(self) -> str:

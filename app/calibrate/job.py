@@ -1,0 +1,114 @@
+"""A calibration in the background, for a page: what it is doing, and what it found."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Lock, Thread
+
+from ispom.calibration.calibrate import calibrate, require_found
+from ispom.calibration.result import Calibration, Redo, Views
+from ispom.calibration.targets import parse_target
+from ispom.errors import InputError
+from ispom.types import Rig
+
+from .choose import best_frames
+from .detecting import detected
+from .images import CAMERAS, Source, open_sources, paired
+from .simulated import is_simulated, simulated
+
+log = logging.getLogger(__name__)
+MOST_VIEWS = 60
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be calibrated, as somebody typed it."""
+
+    what: str
+    images: tuple[str, ...]
+    target: str
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """How far it is."""
+
+    number: int = 0
+    """Counts calibrations; 0 before the first."""
+    asked: Asked | None = None
+    doing: str = ""
+    """Empty once it is over."""
+    sources: tuple[Source, ...] = ()
+    """The images that were looked at, by camera."""
+    views: tuple[Views, ...] = ()
+    """What was detected in them, in the order of the sources."""
+    found: Calibration | None = None
+    truth: Rig | None = None
+    """Of a simulation."""
+    fault: str = ""
+    """Why there is no result, one sentence."""
+
+
+class Job:
+    """One calibration at a time; the newest counts."""
+
+    def __init__(self, check: Callable[[str], None] = lambda _: None) -> None:
+        """`check` raises InputError for a path that may not be opened."""
+        self._check, self._lock, self.progress = check, Lock(), Progress()
+        self._thread: Thread | None = None
+
+    def start(self, asked: Asked) -> None:
+        """InputError where another one is at work."""
+        with self._lock:
+            if self._thread is not None and self._thread.is_alive():
+                raise InputError("a calibration is at work: wait for its end")
+            self.progress = Progress(self.progress.number + 1, asked, "opening the images")
+            self._thread = Thread(target=self._run, args=(asked,), name="calibration", daemon=True)
+            self._thread.start()
+
+    def wait(self, timeout_s: float) -> None:
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+
+    def _run(self, asked: Asked) -> None:
+        try:
+            self._calibrate(asked)
+        except (InputError, Redo) as fault:
+            self._tell(fault=str(fault))
+        except Exception as fault:
+            log.exception("the calibration failed")
+            self._tell(fault=f"internal fault, please report it: {type(fault).__name__}: {fault}")
+        finally:
+            self._tell(doing="")
+
+    def _calibrate(self, asked: Asked) -> None:
+        """As `ispom calibrate`."""
+        if asked.what not in CAMERAS:
+            raise InputError(f"{asked.what[:40]!r} cannot be calibrated: choose one of {', '.join(CAMERAS)}")
+        target = parse_target(asked.target)
+        given = tuple(Path(text) for text in asked.images)
+        if is_simulated(given):
+            made = simulated(asked.what, given[0], target)
+            sources = made.sources
+            self._tell(truth=made.truth)
+        else:
+            for text in asked.images:
+                self._check(text)
+            sources = open_sources(asked.what, given)
+        self._tell(doing="choosing images")
+        sources = paired(sources)
+        index = best_frames(sources[0], MOST_VIEWS)
+        sources = tuple(source.select(index) for source in sources)
+        self._tell(doing=f"detecting the target in {sum(map(len, sources))} images", sources=sources)
+        views = detected(target, sources)
+        self._tell(views=views)
+        for each in views:
+            require_found(each, "")
+        order = sorted(views, key=lambda each: each.name == "video")
+        self._tell(found=calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing)))
+
+    def _tell(self, **values: object) -> None:
+        self.progress = replace(self.progress, **values)  # type: ignore[arg-type]

@@ -1,0 +1,100 @@
+"""`sim:calibration`: images of a target whose truth is known, for the command and the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ispom_app.calibrate.job import Asked, Job
+from ispom_app.calibrate.shown import image_of, seen_in, shown
+from ispom_app.calibrate.simulated import simulated
+from ispom_app.cli import main
+
+from ispom.calibration.targets import parse_target
+from ispom.errors import InputError
+from ispom.simulation.filming import VIDEO
+
+SPEC = "chessboard:7x5:0.03"
+
+
+def test_the_images_are_those_of_the_asked_cameras_and_repeat() -> None:
+    made = simulated("rig", Path("sim:calibration?views=3&seed=4"), parse_target(SPEC))
+    assert [source.camera for source in made.sources] == ["video", "left", "right"]
+    image = made.sources[0].read(1)
+    assert len(made.sources[0]) == 3 and image.shape == (VIDEO.height, VIDEO.width)
+    np.testing.assert_array_equal(image, made.sources[0].read(1))
+    assert (image != made.sources[0].read(2)).any()
+
+
+def test_blur_and_views_that_are_alike() -> None:
+    sharp, blurred = (
+        simulated("video", Path(f"sim:calibration?views=2&noise=0{more}"), parse_target(SPEC)).sources[0].read(1)
+        for more in ("", "&blur_ms=60")
+    )
+    edges = [np.abs(np.diff(image.astype(float), axis=1)).max() for image in (sharp, blurred)]
+    assert edges[1] < 0.8 * edges[0]
+    alike = simulated("video", Path("sim:calibration?views=2&alike"), parse_target(SPEC)).sources[0]
+    assert np.abs(alike.read(0).astype(float) - alike.read(1)).mean() < 25
+
+
+@pytest.mark.parametrize("source", ["sim:city", "sim:calibration?view=3", "sim:calibration?views=many"])
+def test_another_name_or_setting_is_refused(source: str) -> None:
+    with pytest.raises(InputError, match="sim:calibration"):
+        simulated("video", Path(source), parse_target(SPEC))
+
+
+def test_a_setting_out_of_range_is_refused() -> None:
+    with pytest.raises(InputError, match="views"):
+        simulated("video", Path("sim:calibration?views=5000"), parse_target(SPEC))
+
+
+def test_the_command_tells_the_truth_beside_its_result(capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["calibrate", "video", "sim:calibration?views=10", "--target", SPEC, "--model", "radtan"])
+    printed = capsys.readouterr().out
+    assert code == 0, printed
+    assert "video minus its truth: fx" in printed and "sigma" in printed
+
+
+def test_a_job_shows_images_points_and_the_result() -> None:
+    job = Job()
+    job.start(Asked("video", ("sim:calibration?views=8",), SPEC))
+    with pytest.raises(InputError, match="at work"):
+        job.start(Asked("video", ("sim:calibration",), SPEC))
+    job.wait(120)
+    said = shown(job.progress)
+    assert said["doing"] == "" and said["fault"] == "" and said["verdict"]["level"] in ("good", "usable")
+    (camera,) = said["cameras"]
+    assert camera["name"] == "video" and len(camera["views"]) == 8 and len(camera["drawings"]) == 7
+    assert any("fx" in line for line in said["truth"])
+    seen = seen_in(job.progress, "video", 0)
+    assert len(seen["used"]) > 20 and len(seen["used"][0]) == 4
+    assert image_of(job.progress, "video", 0).shape == (VIDEO.height, VIDEO.width)
+    with pytest.raises(InputError, match="no image 8"):
+        image_of(job.progress, "video", 8)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (Asked("all", ("x",), SPEC), "cannot be calibrated"),
+        (Asked("video", ("/nowhere/at/all",), SPEC), "/nowhere/at/all"),
+        (Asked("video", ("sim:calibration?views=3",), "chessboard"), "chessboard"),
+        (Asked("video", (), SPEC), "no images were given"),
+    ],
+)
+def test_a_mistake_is_one_sentence(asked: Asked, said: str) -> None:
+    job = Job()
+    job.start(asked)
+    job.wait(60)
+    assert said in job.progress.fault and not job.progress.doing
+
+
+def test_what_may_not_be_opened_is_refused() -> None:
+    def check(path: str) -> None:
+        raise InputError(f"{path} is outside")
+
+    job = Job(check)
+    job.start(Asked("video", ("/etc",), SPEC))
+    job.wait(10)
+    assert job.progress.fault == "/etc is outside"
