@@ -17,7 +17,7 @@ from ispom.calibration.diagnostics.coverage import MANY_VIEWS, Coverage, coverag
 from ispom.calibration.targets import Target
 from ispom.errors import InputError
 from ispom.sequences.decoder_output import silenced
-from ispom.types import Image, as_grey
+from ispom.types import Image
 
 from .images import Source
 
@@ -45,7 +45,7 @@ def camera_frames(name: str) -> Iterator[Callable[[], Image | None]]:
 
     def read() -> Image | None:
         there, image = device.read()
-        return as_grey(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)) if there else None
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8) if there else None
 
     try:
         yield read

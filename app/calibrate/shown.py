@@ -91,7 +91,7 @@ def _mine(found: Calibration, camera: str, view: int) -> np.ndarray:
     """(M,) which of the points in use are of this image."""
     c = next(i for i, result in enumerate(found.cameras) if result.views.name == camera)
     seen = found.solution.seen
-    return (seen.camera == c) & (found.view_of[seen.view] == view)
+    return (seen.camera == c) & (found.image_of[seen.view, c] == view)
 
 
 def _reasons(found: Calibration, camera: str) -> dict[str, str]:
