@@ -1,10 +1,10 @@
-"""Addresses of the calibration page that lead to nothing."""
+"""Addresses of the calibration page that lead to nothing, and who may start a calibration."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from tests.app.page.served import Served, serving
+from tests.app.page.served import COOKIE, Served, serving
 
 
 def test_an_image_that_is_not_there_is_not_found(tmp_path: Path) -> None:
@@ -14,3 +14,18 @@ def test_an_image_that_is_not_there_is_not_found(tmp_path: Path) -> None:
             assert await at.status(f"{at.access.base}calibration/seen?{query}") == status
 
     serving(tmp_path, check)
+
+
+def test_onlookers_start_no_calibration(tmp_path: Path) -> None:
+    async def check(at: Served) -> None:
+        assert at.access.onlookers is not None
+        look = {"Cookie": f"{COOKIE}={at.access.onlookers}"}
+        asked = {"what": "video", "images": "/nowhere", "target": "chessboard:7x5:0.03"}
+        async with at.client.post(f"{at.url}calibration/start", params=asked, headers=look) as answer:
+            assert answer.status == 403
+        async with at.client.get(f"{at.url}calibration/state", headers=look) as answer:
+            assert (await answer.json())["number"] == 0
+        async with at.client.post(f"{at.url}calibration/start", params=asked) as answer:
+            assert (answer.status, (await answer.json())["number"]) == (200, 1)
+
+    serving(tmp_path, check, onlookers="look" * 8)
