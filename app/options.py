@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError
 from ispom.evaluation.ate import Alignment
 from ispom.evaluation.sensitivity.perturbation import Perturbation
@@ -79,7 +80,7 @@ class SourceOptions:
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """The sequence of a source, shaped by these options; InputError where that cannot be, or may not."""
-        return open_sequence(
+        opened = open_sequence(
             source,
             stereo_every=self.stereo_every,
             video_scale=self.video_scale,
@@ -88,6 +89,7 @@ class SourceOptions:
             camera=self.camera,
             policy=policy,
         )
+        return refined(opened)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ LAYERS = (
     {"testing"},
 )
 """From the bottom up; those side by side do not import each other, with these exceptions."""
-SIDEWAYS = {("sequences", "simulation")}
+SIDEWAYS = {("sequences", "simulation"), ("calibration", "frontends")}
 APP_LAYERS = (
     {"colours", "decisions", "external", "options", "outputs", "subscribers", "templating", "texts"},
     {"uncertainty"},

@@ -18,6 +18,7 @@ from ..outputs import require_own, write_file
 from .choose import best_frames, near
 from .convert import convert
 from .detecting import bar, detected
+from .from_tracks import lens_from_motion, print_lens
 from .images import Source, open_sources, own_clock, paired
 from .live import camera_frames, filmed, is_camera
 from .numbers import JSON_HEAD, failed_text, numbers_text, redo_text
@@ -73,13 +74,18 @@ def _from_motion(options: Calibrate) -> int:
     from . import motion_report
     from .from_motion import moved_rig  # brings the estimators
 
-    if options.what != "rig":
-        raise InputError(f"--from-motion is for `ispom calibrate rig`: {options.what} needs a --target")
+    if options.what == "stereo":
+        raise InputError("--from-motion is for `ispom calibrate video` and `rig`: stereo needs a --target")
     if options.target is not None:
         raise InputError("--target and --from-motion are both given: leave one out")
     _require_range(options)
     _require_outputs(options)
     try:
+        if options.what == "video":
+            judged, lines = lens_from_motion(options)
+            print_lens(judged, lines)
+            _say_written(options, judged.level != "redo")
+            return REDO if judged.level == "redo" else 0
         found = moved_rig(options)
     except Redo as redo:
         sys.stdout.write(printable(f"redo: {redo}") + "\n")

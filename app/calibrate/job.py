@@ -17,6 +17,7 @@ from ispom.types import Rig
 from .choose import best_frames
 from .detecting import detected
 from .images import CAMERAS, Source, open_sources, paired
+from .kept import keep
 from .simulated import is_simulated, simulated
 
 log = logging.getLogger(__name__)
@@ -48,6 +49,8 @@ class Progress:
     found: Calibration | None = None
     truth: Rig | None = None
     """Of a simulation."""
+    kept: str = ""
+    """Under which name the result was written."""
     fault: str = ""
     """Why there is no result, one sentence."""
 
@@ -55,9 +58,9 @@ class Progress:
 class Job:
     """One calibration at a time; the newest counts."""
 
-    def __init__(self, check: Callable[[str], None] = lambda _: None) -> None:
-        """`check` raises InputError for a path that may not be opened."""
-        self._check, self._lock, self.progress = check, Lock(), Progress()
+    def __init__(self, check: Callable[[str], None] = lambda _: None, folder: Path | None = None) -> None:
+        """`check` raises InputError for a path that may not be opened; results are written below the folder."""
+        self._check, self.folder, self._lock, self.progress = check, folder, Lock(), Progress()
         self._thread: Thread | None = None
 
     def start(self, asked: Asked) -> None:
@@ -108,7 +111,10 @@ class Job:
         for each in views:
             require_found(each, "")
         order = sorted(views, key=lambda each: each.name == "video")
-        self._tell(found=calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing)))
+        found = calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing))
+        self._tell(found=found)
+        if self.folder is not None:
+            self._tell(kept=keep(found, self.folder))
 
     def _tell(self, **values: object) -> None:
         self.progress = replace(self.progress, **values)  # type: ignore[arg-type]

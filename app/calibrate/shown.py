@@ -31,6 +31,7 @@ def shown(progress: Progress) -> dict[str, Any]:
     """All but the images and what was seen in each."""
     found = progress.found
     out: dict[str, Any] = {"number": progress.number, "doing": progress.doing, "fault": progress.fault}
+    out["kept"] = progress.kept
     out["asked"] = vars(progress.asked) if progress.asked is not None else None
     out["cameras"] = [_camera(progress, each.name) for each in progress.views]
     if found is None:

@@ -14,8 +14,9 @@ from ispom.errors import InputError
 from ispom.types import Image
 
 from ..calibrate.job import Asked, Job
+from ..calibrate.kept import files_of, kept_in
 from ..calibrate.shown import image_of, seen_in, shown
-from .files import SECURITY, send_file
+from .files import SECURITY, send_file, send_one_of
 
 PAGE = Path(__file__).parent / "web" / "calibration.html"
 NOT_KEPT = {"Cache-Control": "no-store"}
@@ -34,6 +35,7 @@ class CalibrationPage:
             web.post(f"{base}calibration/start", self._start),
             web.get(f"{base}calibration/image", self._image),
             web.get(f"{base}calibration/seen", self._seen),
+            web.get(f"{base}calibration/kept/{{name:.+}}", self._kept),
         ]
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
@@ -45,7 +47,17 @@ class CalibrationPage:
         if request.query.get("known", "") == _mark(progress.number, progress.doing):
             return web.Response(status=204, headers=SECURITY | NOT_KEPT)
         value = await asyncio.to_thread(shown, progress)
-        return _json(value | {"known": _mark(progress.number, progress.doing)})
+        stored = await asyncio.to_thread(lambda: [vars(each) for each in kept_in(self._folder)])
+        return _json(value | {"stored": stored, "known": _mark(progress.number, progress.doing)})
+
+    @property
+    def _folder(self) -> Path:
+        assert self._job.folder is not None
+        return self._job.folder
+
+    async def _kept(self, request: web.Request) -> web.StreamResponse:
+        names = await asyncio.to_thread(lambda: list(files_of(self._folder)))
+        return await send_one_of(request, self._folder, names, SECURITY)
 
     async def _start(self, request: web.Request) -> web.StreamResponse:
         if not self._may_drive(request):

@@ -16,6 +16,8 @@ from ispom.sequences.policy import SourcePolicy
 
 from ..calibrate.job import Job
 from ..rerun_log.live import LiveStream
+from ..run.folder.run_folder import CORRECTED_RIG
+from ..run.model.corrections import corrected_by
 from ..session.session import Session
 from ..session.sources.known import run_name
 from ..viser_ui.portless import CLIENT, PortlessViser
@@ -54,6 +56,10 @@ class Backends:
     """Told which of viser's tabs anybody has open."""
 
 
+CALIBRATIONS = "calibrations"
+"""Folder of the results of the calibration page, among the recordings."""
+
+
 class Gateway:
     """The aiohttp application. `connections`, set when there is a server for it, hears who has access."""
 
@@ -67,7 +73,9 @@ class Gateway:
         self.app.cleanup_ctx.append(self._listen)
         self.app.on_shutdown.append(self._close_sockets)
         base = access.base
-        calibration = CalibrationPage(Job(self._check), lambda request: self._person(request).may_drive)
+        calibration = CalibrationPage(
+            Job(self._check, self._to.recordings / CALIBRATIONS), lambda request: self._person(request).may_drive
+        )
         self.app.add_routes(
             [
                 web.get(base, self._page),
@@ -177,16 +185,19 @@ class Gateway:
         """What is known of the exposure shown, or of all so far, as a file."""
         session, what = self._to.session, request.match_info["what"]
         state, run = session.state, session.run
-        if run is None or state.index < 0 or what not in ("exposure", "run"):
+        if run is None or state.index < 0 or what not in ("exposure", "run", "rig"):
             raise web.HTTPNotFound
-        if what == "exposure":
+        if what == "rig":
+            text = await asyncio.to_thread(corrected_by, run.history, state.index, run.opened.sequence.rig)
+        elif what == "exposure":
             text = await asyncio.to_thread(numbers.of_exposure, run.series, state.index)
         else:
             text = await asyncio.to_thread(numbers.over_time, run.series, len(run.series))
         plain = re.sub(r"[^A-Za-z0-9._-]+", "-", run_name(state.source))
-        name = f"{plain}-{state.index}.csv" if what == "exposure" else f"{plain}.csv"
-        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
-        return web.Response(text=text, content_type="text/csv", headers=SECURITY | headers)
+        ending = {"exposure": f"-{state.index}.csv", "run": ".csv", "rig": f"-{CORRECTED_RIG}"}[what]
+        headers = {"Content-Disposition": f'attachment; filename="{plain}{ending}"', "Cache-Control": "no-store"}
+        kind = "application/yaml" if what == "rig" else "text/csv"
+        return web.Response(text=text, content_type=kind, headers=SECURITY | headers)
 
     # Sockets
 

@@ -59,6 +59,7 @@ def message_of(state: State) -> dict[str, Any]:
         "address": {"run": run_name(state.source), "branch": state.branch, "hidden": sorted(state.hidden)},
         "branches": [branch.number for branch in state.branches],
         "notes": state.notes,
+        "guess": None if state.guess is None else round(100 * state.guess.sigma, 1),
         "phase": state.phase,
         "run": state.run,
         "recording_id": state.recording_id,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,8 @@ from ispom.types import Trajectory
 
 from .ran import Ran
 
+OF_VIDEO = ("video_", "turn_", "shift_")
+"""How the names of the parts of a Perturbation begin that concern the video camera alone."""
 LINEAR = 0.3
 """A second step of more than this share of the first: the effect is no longer linear."""
 
@@ -43,6 +45,9 @@ class Prediction:
     nonlinearity: float
     trajectory: Trajectory
     """In the world of the run."""
+    rough: bool = False
+    """Whether the prediction leaves out something that counts: an integration's spline follows both cameras, and how an
+    error of the video camera pulls at it is not predicted."""
 
     @property
     def linear(self) -> bool:
@@ -82,7 +87,8 @@ class Predictor:
                 found[method] = self._prediction(method, of.predicted(run, wrong), of.nonlinearity(wrong))
             elif (pairs := found.get(registered(method).asks.get("stereo", ""))) is not None:
                 path = carried(run, pairs.trajectory, self.ran.rig, wrong)
-                found[method] = self._prediction(method, path, pairs.nonlinearity)
+                rough = any(name.startswith(OF_VIDEO) for name in wrong.said)
+                found[method] = replace(self._prediction(method, path, pairs.nonlinearity), rough=rough)
         return tuple(found.values())
 
     def _prediction(self, method: str, predicted: Trajectory, nonlinearity: float) -> Prediction:

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from ispom.methods import Config, possible_methods
+from ispom.types import Guess
 
 from ..expressions.parser import Expression
 from ..inspect.colouring import Colouring
@@ -92,6 +93,8 @@ class State:
     name: str = ""
     """Of the sequence, as a person knows it."""
     notes: tuple[str, ...] = ()
+    guess: Guess | None = None
+    """Of a video camera without a calibration."""
     possible: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
     config: Config = field(default_factory=Config)
@@ -293,6 +296,7 @@ def reduce(state: State, event: Event) -> State:
                 phase="ready",
                 name=sequence.name,
                 notes=sequence.notes,
+                guess=sequence.guess,
                 possible=possible_methods(sequence.rig),
                 methods=methods,
                 config=config,

@@ -6,7 +6,6 @@ angle of view. The principal point is taken to be the middle, and lenses are tak
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +14,11 @@ from PIL import Image as Header
 from ispom.errors import InputError
 from ispom.io.camera import MAX_FOCAL, MIN_FOCAL
 from ispom.sequences.quicktime import quicktime_metadata
-from ispom.types import Camera
+from ispom.types import Camera, Guess
 
 FILM_DIAGONAL_MM = 43.267
 """Of 36 x 24 mm: focal lengths "in 35 mm film" are compared by the diagonal (CIPA DCG-001)."""
-USUAL_SHARE, USUAL_SIGMA = 0.75, 0.3
+USUAL_SHARE, USUAL_SIGMA = 0.7, 0.3
 """Focal length as a share of the longer side where nothing is known: phones have 0.7 to 0.85, wide lenses of robots and
 cars 0.5 to 0.6; and the standard deviation of its logarithm."""
 TOLD_SIGMA = 0.05
@@ -30,40 +29,15 @@ _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
 _QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
-@dataclass(frozen=True)
-class Guess:
-    """A camera by its image size and a focal length."""
-
-    camera: Camera
-    sigma: float
-    """Standard deviation of the focal length, as a share of it."""
-    origin: str
-    """Where it comes from, in words."""
-
-    @property
-    def note(self) -> str:
-        """For people: what was assumed, how sure it is, and how to do better."""
-        return (
-            f"The camera has no calibration: focal length {self.camera.fx:.0f} px +- {100 * self.sigma:.0f} % "
-            f"({self.origin}), no distortion, not refined; shape and scale drift suffer. Better: film a target and run "
-            "`ispom calibrate video`, or give --camera."
-        )
-
-    @staticmethod
-    def of(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
-        """Of images (width, height); `told` is a focal length [px] and where it was found."""
-        width, height = size
-        longer = max(size)
-        sane = told is not None and MIN_FOCAL * longer <= told[0] <= MAX_FOCAL * longer
-        if told is not None and sane:
-            focal, sigma, origin = told[0], TOLD_SIGMA, told[1]
-        else:
-            focal, sigma = USUAL_SHARE * longer, USUAL_SIGMA
-            origin = f"a guess: {USUAL_SHARE:g} of the longer side"
-        return Guess(Camera(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2), sigma, origin)
+def guessed(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
+    """Of images (width, height); `told` is a focal length [px] and where it was found."""
+    longer = max(size)
+    if told is not None and MIN_FOCAL * longer <= told[0] <= MAX_FOCAL * longer:
+        return Guess(told[0], TOLD_SIGMA, told[1])
+    return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side")
 
 
-def guess_of_photo(path: Path) -> Guess:
+def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
     """By the first image of a folder; InputError where it is none."""
     try:
         with Header.open(path) as image:
@@ -73,15 +47,16 @@ def guess_of_photo(path: Path) -> Guess:
     except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
         raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
     width, height = size[::-1] if turned else size
-    return Guess.of((width, height), _told_by_exif(entries, (width, height)))
+    guess = guessed((width, height), _told_by_exif(entries, (width, height)))
+    return guess, guess.camera((width, height))
 
 
 def guess_of_film(path: Path, size: tuple[int, int]) -> Guess:
     """By a film's metadata and the size (width, height) of its images."""
     equivalent = _number(quicktime_metadata(path).get(_QUICKTIME))
     if equivalent is None:
-        return Guess.of(size, None)
-    return Guess.of(size, (_px_of_35_mm(equivalent, size), f"the film's metadata: {equivalent:g} mm on 35 mm film"))
+        return guessed(size, None)
+    return guessed(size, (_px_of_35_mm(equivalent, size), f"the film's metadata: {equivalent:g} mm on 35 mm film"))
 
 
 def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[float, str] | None:

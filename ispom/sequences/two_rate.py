@@ -31,6 +31,9 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
     check_shape(stereo_every, video_scale)
     video = recording.camera.scaled(video_scale)
     rig, notes = Rig.single(video), recording.notes
+    guess = recording.guess and replace(recording.guess, focal_px=video.fx)
+    if guess is not None:
+        notes = (guess.note, *notes)
     if recording.baseline_m is not None:
         stereo = Rig.stereo(recording.camera, recording.baseline_m)
         rig = replace(stereo, video=video, rig_from_video=stereo.rig_from_left)
@@ -59,7 +62,7 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
 
     times_ns = recording.times_ns[[i for i, _ in plan]]
     truth = recording.truth and recording.truth.moved(right=rig.rig_from_video.inverse(), frame="rig")
-    return Sequence(recording.name, rig, times_ns, tuple(kind for _, kind in plan), load, truth, notes)
+    return Sequence(recording.name, rig, times_ns, tuple(kind for _, kind in plan), load, truth, notes, guess)
 
 
 def _emulation(stereo_every: int, video_scale: float) -> str:

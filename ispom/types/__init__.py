@@ -3,6 +3,7 @@
 from ispom.types.camera import Camera, Frame, Image, Rig
 from ispom.types.check import Check, by_key
 from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey, colours_at
+from ispom.types.guess import Guess
 from ispom.types.integration import SegmentFit, SplineFit
 from ispom.types.sequence import Sequence
 from ispom.types.step import Decision, Status, Step
@@ -16,6 +17,7 @@ __all__ = [
     "Decision",
     "Exposure",
     "Frame",
+    "Guess",
     "Image",
     "Kind",
     "Landmarks",

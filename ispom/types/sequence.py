@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.types.camera import Rig
 from ispom.types.exposure import Exposure, Kind, VideoFrame
+from ispom.types.guess import Guess
 from ispom.types.trajectory import Trajectory
 
 
@@ -30,6 +31,8 @@ class Sequence:
     """world_from_rig, in the source's own world; may cover only part of the exposures."""
     notes: tuple[str, ...] = ()
     """What a person must know to read results of this sequence rightly (an emulation, a nominal frame rate)."""
+    guess: Guess | None = None
+    """Of a video camera without a calibration; its note is one of the notes."""
     prepare: Callable[[int], None] | None = None
     """Renders or fetches ahead from exposure i on, in the background; None where loading is always quick."""
     grow: Callable[[int, float | None], Sequence] | None = None

@@ -40,6 +40,18 @@ def test_the_rerun_stands_beside_the_prediction_and_near_it(run: Path, tmp_path:
     assert read_rig(out / "rig.yaml").baseline_m == pytest.approx(1.02 * read_rig(run / "rig.yaml").baseline_m)
 
 
+def test_what_an_integration_leaves_out_makes_its_prediction_rough(run: Path, tmp_path: Path) -> None:
+    rough = {}
+    for name, option in (("turn", "--turn-y-deg"), ("clock", "--clock-ms")):
+        assert main(["perturb", str(run), option, "0.5", "--out", str(tmp_path / name)]) == 0
+        written = json.loads((tmp_path / name / "perturb.json").read_text())
+        rough[name] = {each["method"]: each["rough"] for each in written["methods"]}
+    assert rough == {
+        "turn": {"stereo": False, "integrated": True},
+        "clock": {"stereo": False, "integrated": False},
+    }
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -12,7 +12,7 @@ from PIL import Image
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.sequences.guess import TOLD_SIGMA, USUAL_SIGMA, Guess, guess_of_film, guess_of_photo
+from ispom.sequences.guess import TOLD_SIGMA, USUAL_SIGMA, guess_of_film, guess_of_photo, guessed
 from ispom.sequences.quicktime import quicktime_metadata
 
 SIZE = (320, 240)
@@ -45,25 +45,24 @@ def film(path: Path, kind: int, value: bytes) -> Path:
 
 
 def test_a_photo_tells_its_focal_length_on_35_mm_film(tmp_path: Path) -> None:
-    guess = guess_of_photo(photo(tmp_path / "a.jpg", {41989: 28}))
-    assert guess.camera.fx == guess.camera.fy == pytest.approx(28 / 43.267 * DIAGONAL)
-    assert (guess.camera.cx, guess.camera.cy) == (159.5, 119.5)
+    guess, camera = guess_of_photo(photo(tmp_path / "a.jpg", {41989: 28}))
+    assert camera.fx == camera.fy == guess.focal_px == pytest.approx(28 / 43.267 * DIAGONAL)
+    assert (camera.cx, camera.cy) == (159.5, 119.5)
     assert guess.sigma == TOLD_SIGMA
     assert "EXIF: 28 mm on 35 mm film" in guess.note
 
 
 def test_a_photo_tells_its_focal_length_by_the_size_of_its_pixels(tmp_path: Path) -> None:
-    guess = guess_of_photo(photo(tmp_path / "a.jpg", {37386: 4.0, 41486: 800.0, 41488: 3}))
-    assert guess.camera.fx == pytest.approx(4.0 * 800 / 10)
+    guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", {37386: 4.0, 41486: 800.0, 41488: 3}))
+    assert guess.focal_px == pytest.approx(4.0 * 800 / 10)
 
 
 @pytest.mark.parametrize("entries", [{}, {41989: 0}, {37386: 4.0}, {41989: 60_000}])
 def test_a_photo_that_tells_nothing_of_use_leaves_a_wide_guess(tmp_path: Path, entries: dict[int, object]) -> None:
-    guess = guess_of_photo(photo(tmp_path / "a.jpg", entries))
-    assert guess.camera.fx == 0.75 * 320
+    guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", entries))
+    assert guess.focal_px == 0.7 * 320
     assert guess.sigma == USUAL_SIGMA
-    assert "+- 30 % (a guess: 0.75 of the longer side)" in guess.note
-    assert "ispom calibrate video" in guess.note
+    assert "+- 30 % (a guess: 0.7 of the longer side)" in guess.note
 
 
 @pytest.mark.parametrize(
@@ -73,7 +72,7 @@ def test_a_film_tells_its_focal_length(tmp_path: Path, kind: int, value: bytes) 
     path = film(tmp_path / "a.mov", kind, value)
     assert quicktime_metadata(path)["com.apple.quicktime.make"] == "Maker"
     guess = guess_of_film(path, SIZE)
-    assert guess.camera.fx == pytest.approx(26 / 43.267 * DIAGONAL)
+    assert guess.focal_px == pytest.approx(26 / 43.267 * DIAGONAL)
     assert "metadata: 26 mm" in guess.note
 
 
@@ -83,7 +82,7 @@ def test_damaged_metadata_are_none(tmp_path: Path) -> None:
         (tmp_path / "b.mov").write_bytes(content[:count])
         assert isinstance(quicktime_metadata(tmp_path / "b.mov"), dict)
     assert quicktime_metadata(tmp_path / "missing.mov") == {}
-    assert guess_of_film(tmp_path / "missing.mov", SIZE) == Guess.of(SIZE, None)
+    assert guess_of_film(tmp_path / "missing.mov", SIZE) == guessed(SIZE, None)
 
 
 def test_a_folder_and_a_film_without_a_calibration_are_opened_and_the_guess_is_told(tmp_path: Path) -> None:
@@ -98,8 +97,8 @@ def test_a_folder_and_a_film_without_a_calibration_are_opened_and_the_guess_is_t
         writer.write(np.zeros((*SIZE[::-1], 3), np.uint8))
     writer.release()
     sequence = open_sequence(str(tmp_path / "a.avi"))
-    assert sequence.rig.camera("video").fx == 0.75 * 320
-    assert any("a guess: 0.75 of the longer side" in note for note in sequence.notes)
+    assert sequence.rig.camera("video").fx == 0.7 * 320
+    assert any("a guess: 0.7 of the longer side" in note for note in sequence.notes)
 
 
 def test_a_photo_that_is_none_is_refused(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ function show(next) {
     ...list("What to film next", next.verdict?.advice),
     ...list("Result", next.facts),
     ...list("Beside its truth", next.truth),
+    ...stored(next),
   );
   showCamera();
 }
@@ -44,6 +45,27 @@ function list(title, lines) {
   head.textContent = title;
   for (const line of lines) body.appendChild(document.createElement("li")).textContent = line;
   return [head, body];
+}
+
+// What was kept, this one first, each with its files.
+function stored(next) {
+  const [head, body] = [document.createElement("h2"), document.createElement("ul")];
+  head.textContent = "Stored calibrations";
+  body.className = "stored";
+  for (const each of next.stored) {
+    const line = body.appendChild(document.createElement("li"));
+    if (each.name === next.kept) line.className = "new";
+    line.append(`${each.name}: ${each.level}, ${each.what} `);
+    for (const file of each.files) {
+      const link = line.appendChild(document.createElement("a"));
+      link.href = `calibration/kept/${encodeURIComponent(each.name)}/${file}`;
+      link.textContent = file;
+      if (file.endsWith(".html")) link.target = "_blank";
+      else link.download = file;
+      line.append(" ");
+    }
+  }
+  return next.stored.length ? [head, body] : [];
 }
 
 function showCamera() {

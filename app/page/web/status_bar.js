@@ -6,6 +6,9 @@ let activity = { text: null, since: 0 };
 export function showState(state) {
   at("name").textContent = state.name;
   at("name").title = [state.source, ...state.notes].join("\n");
+  at("guess").hidden = state.guess === null;
+  at("guess").textContent = `camera not calibrated: focal length ± ${state.guess} %`;
+  at("guess").title = state.notes.join("\n");
   document.title = `${state.playing ? "▶ " : ""}${state.name} · ISPOM`;
   document.body.dataset.phase = state.phase;
   document.body.dataset.playing = state.playing;

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from ispom.errors import InputError
 from ispom.evaluation.corrected_rig import Corrected, corrected
 from ispom.geometry import Array
 from ispom.io.rig import rig_text
 from ispom.types import Rig, Step
+
+from ..history.record import ExposureRecord
+
+RECENT = 400
+"""Exposures that are looked through for the newest corrections: methods say them at each of their key frames."""
+
+
+class Records(Protocol):
+    """Exposures by their number."""
+
+    def __getitem__(self, index: int, /) -> ExposureRecord: ...
 
 
 @dataclass
@@ -37,3 +49,13 @@ def corrected_text(found: Corrected) -> str:
     lines = ["# The rig as the methods corrected it; each correction with its standard error:"]
     lines += [f"# {finding}" for finding in found.findings]
     return "\n".join(lines) + "\n" + rig_text(found.rig)
+
+
+def corrected_by(records: Records, index: int, rig: Rig) -> str:
+    """A rig.yaml with what the methods had corrected by exposure `index`: the rig as it was, and that said, where they
+    had corrected nothing."""
+    memory = CorrectionMemory()
+    for i in range(max(0, index + 1 - RECENT), index + 1):
+        memory.add(records[i].steps)
+    found = memory.of(rig)
+    return f"# No method had corrected anything by then.\n{rig_text(rig)}" if found is None else corrected_text(found)

@@ -34,8 +34,8 @@ def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
     path = calibration or next((place for place in places if exists(place)), None)
     guess = None
     if path is None:
-        guess = guess_of_photo(folder / min(filter(_is_image, names(folder)), key=_order))
-        camera, clock = guess.camera, Clock()
+        guess, camera = guess_of_photo(folder / min(filter(_is_image, names(folder)), key=_order))
+        clock = Clock()
     else:
         camera, content = read_settings(path)
         clock = clock_of(path, content)
@@ -45,8 +45,7 @@ def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock)
     name = f"images {folder.resolve().name}"
-    notes = stream.notes if guess is None else (guess.note, *stream.notes)
-    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, notes)
+    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, stream.notes, guess=guess)
 
 
 def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:

@@ -32,9 +32,9 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     there, notes = those_there(listing, paths)
     times_ns, paths = times_ns[there], [paths[i] for i in there]
     path = calibration or folder / "camera.yaml"
+    guess = None
     if calibration is None and not exists(path):
-        guess = guess_of_photo(paths[0])
-        camera, notes = guess.camera, (guess.note, *notes)
+        guess, camera = guess_of_photo(paths[0])
     else:
         camera = any_camera(path)
     size = (camera.width, camera.height)
@@ -48,4 +48,4 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     if exists(truth):
         found = truth_at(read_tum(truth, "left"), times_ns)
         notes += no_truth_note(truth, found)
-    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found, notes)
+    return Recording(f"TUM {folder.resolve().name}", camera, None, times_ns, read, found, notes, guess=guess)

@@ -17,7 +17,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists, read_head
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.formats.folder import CAMERA, read_settings
-from ispom.sequences.guess import Guess, guess_of_film
+from ispom.sequences.guess import guess_of_film
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
 from ispom.types import Image
@@ -42,16 +42,18 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
     places = [path.with_suffix(".yaml"), path.parent / CAMERA]
     settings = calibration or next((place for place in places if exists(place)), None)
-    guess: Guess | None = None
+    guess = None
     if settings is None:
         film = _Film(path)
         guess = guess_of_film(path, film.size)
-        camera, stream = guess.camera, _stream(film, path, Clock())
+        camera, stream = guess.camera(film.size), _stream(film, path, Clock())
     else:
         camera, content = read_settings(settings)
         stream = video_stream(path, size_of(camera), clock_of(settings, content))
-    read, notes = stream.read, stream.notes if guess is None else (guess.note, *stream.notes)
-    return Recording(f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, notes)
+    read = stream.read
+    return Recording(
+        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, stream.notes, guess=guess
+    )
 
 
 def video_stream(path: Path, size: tuple[int, int], clock: Clock) -> Stream:

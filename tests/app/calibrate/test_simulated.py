@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.calibrate.job import Asked, Job
+from ispom_app.calibrate.kept import NUMBERS, REPORT, RIG, files_of, kept_in
 from ispom_app.calibrate.shown import image_of, seen_in, shown
 from ispom_app.calibrate.simulated import simulated
 from ispom_app.cli import main
 
 from ispom.calibration.targets import parse_target
 from ispom.errors import InputError
+from ispom.io.rig import read_rig
 from ispom.simulation.filming import VIDEO
 
 SPEC = "chessboard:7x5:0.03"
@@ -56,8 +58,10 @@ def test_the_command_tells_the_truth_beside_its_result(capsys: pytest.CaptureFix
     assert "video minus its truth: fx" in printed and "sigma" in printed
 
 
-def test_a_job_shows_images_points_and_the_result() -> None:
-    job = Job()
+def test_a_job_shows_images_points_and_the_result_and_keeps_it(tmp_path: Path) -> None:
+    (tmp_path / "another").mkdir()
+    (tmp_path / "another" / NUMBERS).write_text("{}")
+    job = Job(folder=tmp_path)
     job.start(Asked("video", ("sim:calibration?views=8",), SPEC))
     with pytest.raises(InputError, match="at work"):
         job.start(Asked("video", ("sim:calibration",), SPEC))
@@ -72,6 +76,19 @@ def test_a_job_shows_images_points_and_the_result() -> None:
     assert image_of(job.progress, "video", 0).shape == (VIDEO.height, VIDEO.width)
     with pytest.raises(InputError, match="no image 8"):
         image_of(job.progress, "video", 8)
+    (kept,) = kept_in(tmp_path)
+    assert (kept.name, kept.level, kept.files) == (said["kept"], said["verdict"]["level"], (RIG, NUMBERS, REPORT))
+    assert SPEC in kept.what and set(files_of(tmp_path)) == {f"{kept.name}/{name}" for name in kept.files}
+    assert read_rig(tmp_path / kept.name / RIG).video == job.progress.found.cameras[0].camera
+    assert SPEC in (tmp_path / kept.name / NUMBERS).read_text()
+
+
+def test_a_calibration_to_be_filmed_again_is_kept_without_its_rig(tmp_path: Path) -> None:
+    job = Job(folder=tmp_path)
+    job.start(Asked("video", ("sim:calibration?views=8&alike",), SPEC))
+    job.wait(120)
+    (kept,) = kept_in(tmp_path)
+    assert (kept.level, kept.files) == ("redo", (NUMBERS, REPORT))
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,19 @@ def test_an_image_is_looked_at_with_its_points_and_residuals(page: CalibrationTa
         page.tab.wait_for_timeout(50)
 
 
+def test_the_result_is_kept_and_can_be_opened_and_downloaded(page: CalibrationTab):
+    kept = page.state["kept"]
+    line = page.tab.locator("#said li.new")
+    assert kept and line.inner_text().startswith(f"{kept}: ")
+    with page.tab.expect_download() as download:
+        line.get_by_role("link", name="rig.yaml").click()
+    assert "Written by `ispom calibrate`" in download.value.path().read_text()
+    with page.tab.context.expect_page() as report:
+        line.get_by_role("link", name="report.html").click()
+    report.value.get_by_role("heading", name="Calibration:").wait_for()
+    report.value.close()
+
+
 def test_residuals_are_drawn_as_long_as_asked(page: CalibrationTab):
     path = page.tab.locator("#overlay path")
     before = path.get_attribute("d")

@@ -13,6 +13,9 @@ def test_an_image_that_is_not_there_is_not_found(tmp_path: Path) -> None:
             assert await at.status(f"{at.access.base}calibration/image?{query}") == status
             assert await at.status(f"{at.access.base}calibration/seen?{query}") == status
 
+        for name in ("x/rig.yaml", "../recordings.rrd", "%2e%2e/viewer"):
+            assert await at.status(f"{at.access.base}calibration/kept/{name}") == 404
+
     serving(tmp_path, check)
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ispom_app.page.numbers import of_exposure, over_time
+from ispom_app.run.model.corrections import corrected_by
 from ispom_app.run.playback import Playback
 from ispom_app.session.current_run import CurrentRun
 
+from ispom.io.rig import read_rig
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
@@ -50,6 +53,19 @@ def test_the_numbers_of_an_exposure_are_those_with_a_value_and_their_units(run: 
     error = run.series.value(run.series.quantities["stereo.error_m"], 7)
     assert float(rows["stereo.error_m"]["value"]) == error and rows["stereo.error_m"]["unit"] == "m"
     assert "monocular.parallax.passed" not in rows or rows["monocular.parallax.passed"]["value"] in ("0", "1")
+
+
+def test_the_rig_is_as_the_newest_corrections_before_an_exposure_say(run: CurrentRun, tmp_path: Path) -> None:
+    rig, path = run.opened.sequence.rig, tmp_path / "rig.yaml"
+    text = corrected_by(run.history, 7, rig)
+    assert text.startswith("# No method had corrected anything by then.")
+    path.write_text(text)
+    assert read_rig(path).video == rig.video
+    record = run.history[3]
+    lens = {"lens": np.array([0.02, 0.0]), "lens_covariance": np.diag([1e-3, 1e-3]) ** 2}
+    told = replace(record, steps=(replace(record.steps[0], calibration=lens), *record.steps[1:]))
+    path.write_text(corrected_by({i: told if i == 3 else run.history[i] for i in range(8)}, 7, rig))
+    assert read_rig(path).video.fx == pytest.approx(1.02 * rig.video.fx, rel=1e-4)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")

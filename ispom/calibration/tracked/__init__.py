@@ -1,0 +1,1 @@
+"""The interior of a camera from the tracks of corners in its own images, without a target."""

@@ -1,0 +1,249 @@
+"""Bundle adjustment of key frames, points and the one lens that saw them: focal length, principal point, k1, k2.
+
+Points are homogeneous (Triggs et al. 2000, section 2.3), so that those at infinity, which tell rotations from the focal
+length, are as good as any other. Cauchy loss; the points are eliminated by their Schur complement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, skew
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.twist import moved
+
+LENS, POSE = 5, 6
+"""Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
+BEHIND = 1e6
+"""Squared error in scales of a point behind its camera."""
+MIN_DEPTH = 1e-9
+HELD = 1e15
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Of the lens, before any image."""
+
+    mean: Array
+    """(5,)."""
+    sigma: Array
+    """(5,) 0 holds a value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Values to be adjusted; views and points are numbered as the observations have them."""
+
+    lens: Array
+    """(5,) log f, cx, cy, k1, k2."""
+    rotations: Array
+    """(V, 3, 3) camera_from_world and"""
+    translations: Array
+    """(V, 3)."""
+    points: Array
+    """(M, 4) homogeneous, of length 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Observations."""
+
+    view: NDArray[np.int64]
+    """(K,)."""
+    point: NDArray[np.int64]
+    """(K,)."""
+    uv: Array
+    """(K, 2) [px]."""
+
+    def select(self, keep: NDArray[np.bool_]) -> Seen:
+        return Seen(self.view[keep], self.point[keep], self.uv[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What is not adjusted."""
+
+    views: NDArray[np.bool_]
+    """(V,) poses that stay."""
+    points: bool = False
+    """Whether all points stay."""
+
+
+def adjusted(
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, iterations: int, tolerance: float = 1e-4
+) -> tuple[Scene, float]:
+    """The scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
+    found = minimise(
+        scene,
+        lambda values: cost(values, seen, prior, scale_px),
+        lambda values, damping: _stepped(values, seen, prior, held, scale_px, damping),
+        iterations,
+        tolerance,
+        highest=1e6,
+    )
+    return found.values, found.cost
+
+
+def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: float) -> float:
+    """Half the robust sum of squares, with the prior's part."""
+    squares = np.minimum((errors_px(scene, seen) / scale_px) ** 2, BEHIND)
+    free = prior.sigma > 0
+    away = (scene.lens - prior.mean)[free] / prior.sigma[free]
+    return 0.5 * float(np.log1p(squares).sum()) + 0.5 * float(away @ away)
+
+
+def errors_px(scene: Scene, seen: Seen) -> Array:
+    """(K,) distances of predicted from seen places; large behind a camera."""
+    q = in_camera(scene, seen)
+    ahead = q[:, 2] > MIN_DEPTH
+    uv = projected(scene.lens, np.where(ahead[:, None], q, [0, 0, 1.0]))
+    return np.where(ahead, np.linalg.norm(uv - seen.uv, axis=1), 1e9)
+
+
+def in_camera(scene: Scene, seen: Seen) -> Array:
+    """(K, 3) points in their cameras, up to their own scale."""
+    x = scene.points[seen.point]
+    turned = (scene.rotations[seen.view] @ x[:, :3, None])[..., 0]
+    return turned + x[:, 3:] * scene.translations[seen.view]
+
+
+def projected(lens: Array, q: Array) -> Array:
+    """Pixels (K, 2) of points (K, 3) before the camera."""
+    x = q[:, :2] / q[:, 2:]
+    r2 = (x * x).sum(1, keepdims=True)
+    return np.exp(lens[0]) * x * (1 + r2 * (lens[3] + r2 * lens[4])) + lens[1:3]
+
+
+def undistorted(lens: Array, uv: Array, rounds: int = 20) -> Array:
+    """(K, 2) on the plane z = 1 of pixels (K, 2), by fixed-point iteration."""
+    bent = (uv - lens[1:3]) / np.exp(lens[0])
+    x = bent
+    for _ in range(rounds):
+        r2 = (x * x).sum(1, keepdims=True)
+        x = bent / np.maximum(1 + r2 * (lens[3] + r2 * lens[4]), 0.3)
+    return x
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations of lens and poses (P = 5 + 6 V), the points eliminated."""
+
+    matrix: Array
+    """(P, P)."""
+    gradient: Array
+    """(P,)."""
+    mixed: Array
+    """(M, 3, P) with the points,"""
+    inverse: Array
+    """(M, 3, 3) of their own blocks,"""
+    by_point: Array
+    """(M, 3) their gradients,"""
+    tangents: Array
+    """(M, 4, 3) and along what their steps go."""
+    scores: Array
+    """(M, P) each point's part of the gradient of lens and poses."""
+
+
+def normal_equations(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, damping: float) -> Normal:
+    """At a scene, in units of the loss's scale."""
+    views, count = len(scene.rotations), len(scene.points)
+    size = LENS + POSE * views
+    q = in_camera(scene, seen)
+    ahead = q[:, 2] > MIN_DEPTH
+    q = np.where(ahead[:, None], q, [0, 0, 1.0])
+    residual, by_q, by_lens = _linearised(scene.lens, q, seen.uv)
+    square = (residual * residual).sum(1) / scale_px**2
+    root = (np.sqrt(np.where(ahead, 1 / (1 + square), 0.0)) / scale_px)[:, None]
+    residual, by_q, by_lens = root * residual, root[..., None] * by_q, root[..., None] * by_lens
+    tangents = _tangents(scene.points)
+    x = scene.points[seen.point]
+    # q = R x_3 + t w: a left twist moves it by w rho + phi x q
+    by_pose = np.concatenate([by_q * x[:, 3, None, None], -by_q @ skew(q)], axis=2)
+    moves = np.concatenate([scene.rotations[seen.view], scene.translations[seen.view][..., None]], axis=2)
+    by_point = by_q @ (moves @ tangents[seen.point])
+
+    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    flat = by_lens.reshape(-1, LENS)
+    matrix[:LENS, :LENS], gradient[:LENS] = flat.T @ flat, flat.T @ residual.ravel()
+    lens_pose = _summed(np.swapaxes(by_lens, 1, 2) @ by_pose, seen.view, views)
+    pose_pose = _summed(np.swapaxes(by_pose, 1, 2) @ by_pose, seen.view, views)
+    gradient[LENS:] = _summed((by_pose * residual[..., None]).sum(1), seen.view, views).ravel()
+    for v in range(views):
+        here = slice(LENS + POSE * v, LENS + POSE * (v + 1))
+        matrix[:LENS, here], matrix[here, :LENS], matrix[here, here] = lens_pose[v], lens_pose[v].T, pose_pose[v]
+    own = _summed(np.swapaxes(by_point, 1, 2) @ by_point, seen.point, count)
+    point_gradient = _summed((by_point * residual[..., None]).sum(1), seen.point, count)
+    mixed = np.zeros((count, 3, size))
+    mixed[:, :, :LENS] = _summed(np.swapaxes(by_point, 1, 2) @ by_lens, seen.point, count)
+    columns = LENS + POSE * seen.view[:, None] + np.arange(POSE)
+    rows = seen.point[:, None, None], np.arange(3)[:, None], columns[:, None]
+    mixed[rows] = np.swapaxes(by_point, 1, 2) @ by_pose
+    scores = np.zeros((count, size))
+    scores[:, :LENS] = _summed((by_lens * residual[..., None]).sum(1), seen.point, count)
+    scores[seen.point[:, None], columns] = (by_pose * residual[..., None]).sum(1)
+
+    free = prior.sigma > 0
+    index = np.flatnonzero(free)
+    matrix[index, index] += prior.sigma[free] ** -2
+    gradient[index] += (scene.lens - prior.mean)[free] / prior.sigma[free] ** 2
+    fixed = np.concatenate([np.flatnonzero(~free), LENS + np.flatnonzero(np.repeat(held.views, POSE))])
+    matrix[fixed, fixed] += HELD
+    gradient[fixed] = 0.0
+    block = own * (1 + damping * np.eye(3)) + 1e-12 * np.eye(3)
+    inverse = np.zeros_like(block) if held.points else np.linalg.inv(block)
+    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, scores)
+
+
+def reduced(normal: Normal) -> tuple[Array, Array]:
+    """(P, P) and (P,) without the points."""
+    size = normal.mixed.shape[2]
+    gain, mixed = (normal.inverse @ normal.mixed).reshape(-1, size), normal.mixed.reshape(-1, size)
+    return normal.matrix - mixed.T @ gain, normal.gradient - normal.by_point.ravel() @ gain
+
+
+def _stepped(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, damping: float) -> Scene:
+    normal = normal_equations(scene, seen, prior, held, scale_px, damping)
+    matrix, gradient = reduced(normal)
+    diagonal = np.diag(normal.matrix)
+    matrix = matrix + np.diag(damping * diagonal + 1e-9)
+    step = -np.linalg.solve(matrix, gradient)
+    rest = normal.by_point + normal.mixed @ step
+    along = -(normal.inverse @ rest[..., None])[..., 0]
+    points = scene.points + (normal.tangents @ along[..., None])[..., 0]
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    rotations, translations = moved(scene.rotations, scene.translations, step[LENS:].reshape(-1, POSE))
+    return replace(scene, lens=scene.lens + step[:LENS], rotations=rotations, translations=translations, points=points)
+
+
+def _linearised(lens: Array, q: Array, uv: Array) -> tuple[Array, Array, Array]:
+    """Residuals (K, 2), and their change by the point in its camera (K, 2, 3) and by the lens (K, 2, 5)."""
+    focal, z = np.exp(lens[0]), q[:, 2]
+    x = q[:, :2] / z[:, None]
+    r2 = (x * x).sum(1)
+    bend, slope = 1 + r2 * (lens[3] + r2 * lens[4]), lens[3] + 2 * lens[4] * r2
+    by_x = focal * (bend[:, None, None] * np.eye(2) + 2 * slope[:, None, None] * x[:, :, None] * x[:, None])
+    by_q = np.concatenate([by_x, -by_x @ x[..., None]], axis=2) / z[:, None, None]
+    by_lens = np.zeros((len(q), 2, LENS))
+    by_lens[:, :, 0] = focal * bend[:, None] * x
+    by_lens[:, 0, 1] = by_lens[:, 1, 2] = 1.0
+    by_lens[:, :, 3], by_lens[:, :, 4] = focal * r2[:, None] * x, focal * (r2**2)[:, None] * x
+    return focal * bend[:, None] * x + lens[1:3] - uv, by_q, by_lens
+
+
+def _tangents(points: Array) -> Array:
+    """(M, 4, 3) orthonormal to unit vectors (M, 4): the Householder reflection that takes them to the last axis."""
+    sign = np.where(points[:, 3] < 0, -1.0, 1.0)
+    normal = points.copy()
+    normal[:, 3] += sign
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return (np.eye(4) - 2 * normal[:, :, None] * normal[:, None])[:, :, :3]
+
+
+def _summed(values: Array, owner: NDArray[np.int64], count: int) -> Array:
+    """(count, ...) sums of values (K, ...) by owner."""
+    flat = values.reshape(len(values), -1)
+    out = np.stack([np.bincount(owner, column, count) for column in flat.T], axis=1)
+    return out.reshape(count, *values.shape[1:])

@@ -1,0 +1,86 @@
+"""A sequence without a calibration, with the camera that its own images tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
+from ispom.calibration.tracked.tracks import key_tracks
+from ispom.errors import InputError
+from ispom.types import Camera, Guess, Image, Sequence, VideoFrame
+
+MOST_IMAGES, MOST_VIEWS = 600, 30
+BETTER = 0.8
+"""Of the guess's standard deviation: a focal length that is no surer was not found."""
+SURE = 0.03
+"""Standard deviation of a focal length that is good for more than a first look."""
+_BETTER = "Better: film a target and run `ispom calibrate video`, or give --camera."
+
+
+def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int = MOST_VIEWS) -> Sequence:
+    """The same, with the camera found in its first images, and in the notes how sure it is; as it is with a
+    calibration. Where the images say nothing, the guess stays, and the notes say that, too."""
+    guess = sequence.guess
+    if guess is None:
+        return sequence
+    found = found_in(sequence, guess, most_images, most_views)
+    note = words(guess, found)
+    if found is not None and told(guess, found):
+        surer = Guess(found.camera.fx, float(found.sigma[0]), f"from the motion in {found.views} of its images")
+        sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=surer)
+    return replace(sequence, notes=tuple(note if each == guess.note else each for each in sequence.notes))
+
+
+def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
+    """What the tracks through the first images of the video say."""
+    camera = sequence.rig.camera("video")
+    tracks = key_tracks(_images(sequence, most_images), most_views)
+    return lens_of_tracks(tracks, guess.camera((camera.width, camera.height)), guess.sigma)
+
+
+def told(guess: Guess, found: TrackedLens) -> bool:
+    """Whether the images say more about the focal length than the guess."""
+    return bool(found.sigma[0] < BETTER * guess.sigma)
+
+
+def rounded(camera: Camera) -> Camera:
+    """To fewer digits than are known, so that no machine's arithmetic makes another camera."""
+    values = {name: round(getattr(camera, name), 2) for name in ("fx", "fy", "cx", "cy")}
+    return replace(camera, **values, distortion=tuple(round(k, 5) for k in camera.distortion))
+
+
+def words(guess: Guess, found: TrackedLens | None) -> str:
+    """For people: what is assumed, how sure it is, and how to do better."""
+    if found is None:
+        return (
+            f"{guess.note} The first images have too little motion or texture to refine it: shape and scale drift "
+            f"suffer. {_BETTER}"
+        )
+    percent = 100 * found.sigma[0]
+    if not told(guess, found):
+        return (
+            f"{guess.note} The motion in the first images does not tell it (a camera must turn as well as move): shape "
+            f"and scale drift suffer. {_BETTER}"
+        )
+    k1, sigma = found.camera.distortion[0], found.sigma[3]
+    head = (
+        f"The camera has no calibration: from the motion in {found.views} of its images, focal length "
+        f"{found.camera.fx:.0f} px +- {percent:.1f} %, distortion k1 {k1:+.3f} +- {sigma:.3f}"
+    )
+    if found.sigma[0] <= SURE:
+        return f"{head}. {_BETTER}"
+    return f"{head}: for a first look only; a camera that turns more tells more. {_BETTER}"
+
+
+def _images(sequence: Sequence, most: int) -> Iterator[Image]:
+    """The video's first images; those that cannot be read are skipped here and told by the run."""
+    for i in np.flatnonzero(np.array(sequence.kinds) == "video")[:most].tolist():
+        try:
+            exposure = sequence[i]
+        except InputError:
+            continue
+        if isinstance(exposure, VideoFrame):
+            yield exposure.image

@@ -1,0 +1,135 @@
+"""A camera's interior from the tracks of corners in its images: focal length, principal point and radial distortion.
+
+The unknown focal length is tried from several first values, as the cost may have several minima; the one of least cost
+over the first key frames is carried on to all of them. What the motion does not determine stays as uncertain as the
+first guess (Hartley & Zisserman 2004, chapter 19: a camera that only moves along its axis, or never turns, says nothing
+about its focal length).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.calibration.tracked.bundle import (
+    LENS,
+    Held,
+    Prior,
+    Scene,
+    Seen,
+    errors_px,
+    normal_equations,
+    reduced,
+)
+from ispom.calibration.tracked.reconstruct import (
+    FINE_PX,
+    adjusted_part,
+    begun,
+    first_views,
+    grown,
+    outliers,
+)
+from ispom.calibration.tracked.tracks import Tracks
+from ispom.geometry import Array
+from ispom.types import Camera
+
+STARTS = (0.0, -1.0, 1.0)
+"""First values of the focal length's logarithm, in standard deviations of the guess."""
+CENTRE_SHARE = 0.015
+"""Standard deviation of the principal point about the image's middle, of the image's width."""
+RADIAL_SIGMA = (0.25, 0.12)
+"""The same of k1 and k2: of lenses for 60 to 100 degrees."""
+REFERENCE_PX = 750.0
+"""Width of images of which the scales of the loss are told."""
+LEAST_VIEWS = 5
+ROUNDS, STEPS = 3, 25
+OUTLIER = 6.0
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedLens:
+    """What the tracks say."""
+
+    camera: Camera
+    """Of the images as they are."""
+    covariance: Array
+    """(5, 5) of the logarithm of the focal length, cx, cy [px], k1, k2."""
+    prior_sigma: Array
+    """(5,) of the same, before any image."""
+    rms_px: float
+    """Of the observations used, in the images as they are."""
+    views: int
+    points: int
+
+    @property
+    def sigma(self) -> Array:
+        """(5,) standard errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> TrackedLens | None:
+    """From a guess (without distortion) whose focal length is uncertain by this share; None where the tracks are too
+    few, or make no scene."""
+    if len(tracks.views) < LEAST_VIEWS or not tracks.points:
+        return None
+    width, height = tracks.size
+    prior = Prior(
+        np.array([np.log(guess.fx * tracks.factor), (width - 1) / 2, (height - 1) / 2, 0, 0]),
+        np.array([focal_sigma, CENTRE_SHARE * width, CENTRE_SHARE * width, *RADIAL_SIGMA]),
+    )
+    scale_px, count = width / REFERENCE_PX, first_views(tracks)
+    tried = []
+    for start in STARTS:
+        lens = prior.mean.copy()
+        lens[0] += start * focal_sigma
+        tried.append(begun(tracks, lens, prior, scale_px, count))
+    good = [each for each in tried if each is not None]
+    if not good:
+        return None
+    scene = grown(min(good, key=lambda each: each[1])[0], tracks, prior, scale_px, count)
+    seen = Seen(tracks.view, tracks.point, tracks.uv)
+    held = Held(np.arange(len(tracks.views)) == 0)
+    for _ in range(ROUNDS):
+        scene = adjusted_part(scene, seen, prior, held, FINE_PX * scale_px, STEPS, TOLERANCE)[0]
+        seen = seen.select(~outliers(scene, seen, OUTLIER))
+    return _result(scene, seen, prior, held, FINE_PX * scale_px, tracks, guess)
+
+
+def _result(
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, tracks: Tracks, guess: Camera
+) -> TrackedLens:
+    often = np.bincount(seen.point, minlength=tracks.points) >= 3
+    seen = seen.select(often[seen.point])
+    points, owner = np.unique(seen.point, return_inverse=True)
+    scene, seen = replace(scene, points=scene.points[points]), replace(seen, point=owner)
+    errors, factor, lens = errors_px(scene, seen), tracks.factor, scene.lens
+    focal = float(np.exp(lens[0])) / factor
+    cx, cy = ((float(v) + 0.5) / factor - 0.5 for v in lens[1:3])
+    camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
+    units = np.array([1, 1 / factor, 1 / factor, 1, 1])
+    covariance = spread(scene, seen, prior, held, scale_px) * np.outer(units, units)
+    rms = float(np.sqrt((errors**2).mean())) / factor
+    return TrackedLens(camera, covariance, prior.sigma * units, rms, len(scene.rotations), len(points))
+
+
+def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float) -> Array:
+    """(5, 5) covariance of the lens at the least cost, by how far the points disagree.
+
+    Errors of one track go together from image to image, those of different tracks do not: the points are the
+    clusters of a sandwich estimate (Huber 1967), and the prior is one more.
+    """
+    normal = normal_equations(scene, seen, prior, held, scale_px, 0.0)
+    matrix, _ = reduced(normal)
+    matrix = matrix + 1e-9 * np.diag(np.diag(normal.matrix))
+    inverse = np.linalg.inv(matrix)[:LENS]
+    by_point = (normal.inverse @ normal.by_point[..., None])[..., 0]
+    scores = normal.scores - (by_point[:, None] @ normal.mixed)[:, 0]
+    square = (errors_px(scene, seen) / scale_px) ** 2
+    curved = 0.5 * ((1 - square) / (1 + square) ** 2 + 1 / (1 + square))
+    bent = float(curved.mean() / (1 / (1 + square)).mean())
+    pulled = scores @ inverse.T
+    free = prior.sigma > 0
+    of_prior = inverse[:, :LENS][:, free] / prior.sigma[free]
+    return pulled.T @ pulled / bent**2 + of_prior @ of_prior.T

@@ -1,0 +1,115 @@
+"""Corners followed through the images of one camera, and where they were in some of these: the key frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.frontends.buckets import detect_spread
+from ispom.frontends.klt import Klt
+from ispom.geometry import Array
+from ispom.types import Image, TrackStatus
+
+WIDTH_PX = 1280
+"""Wider images are halved until they are no wider."""
+CORNERS = 500
+DISTANCE_SHARE = 0.01
+"""From one corner to the next, of the image's width."""
+MOVED_SHARE = 0.03
+"""Of the image's width, at the median of all tracks: from so much motion on an image becomes a key frame,"""
+LEFT_SHARE = 0.6
+"""or where fewer of the last one's tracks are left."""
+LEAST_VIEWS = 3
+"""In which a corner must be seen to count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Observations, sorted by point, those of a point by view."""
+
+    size: tuple[int, int]
+    """(width, height) [px] of the images that were followed,"""
+    factor: float
+    """which are the camera's, reduced by this."""
+    views: NDArray[np.int64]
+    """(V,) which images the key frames are."""
+    view: NDArray[np.int64]
+    """(K,) of 0 to V - 1."""
+    point: NDArray[np.int64]
+    """(K,) of 0 to M - 1."""
+    uv: Array
+    """(K, 2) [px] in the reduced images."""
+
+    def in_views(self, first: int, end: int) -> Tracks:
+        """The observations in these views only; views and points keep their numbers."""
+        mine = (self.view >= first) & (self.view < end)
+        return Tracks(self.size, self.factor, self.views, self.view[mine], self.point[mine], self.uv[mine])
+
+    @property
+    def points(self) -> int:
+        return int(self.point.max()) + 1 if len(self.point) else 0
+
+
+def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
+    """Follows corners from image to image (H, W) or (H, W, 3) until there are so many key frames, or no more images."""
+    klt = Klt()
+    last: Image | None = None
+    factor, ids, uv, at_key, next_id = 1.0, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), None, 0
+    begun = 0
+    views: list[int] = []
+    rows: list[tuple[NDArray[np.int64], Array]] = []
+    for i, image in enumerate(images):
+        grey, factor = _reduced(image)
+        width = grey.shape[1]
+        if last is not None:
+            uv, status = klt.track(last, grey, uv)
+            alive = status == TrackStatus.ALIVE
+            ids, uv = ids[alive], uv[alive]
+            at_key = at_key[alive] if at_key is not None else None
+        last = grey
+        if at_key is not None and len(ids) >= LEFT_SHARE * begun:
+            moved = float(np.median(np.linalg.norm(uv - at_key, axis=1))) if len(ids) else 0.0
+            if moved < MOVED_SHARE * width:
+                continue
+        fresh = detect_spread(grey, CORNERS, uv, DISTANCE_SHARE * width)
+        ids = np.concatenate([ids, next_id + np.arange(len(fresh))])
+        uv, next_id = np.concatenate([uv, fresh]), next_id + len(fresh)
+        at_key, begun = uv, len(uv)
+        views.append(i)
+        rows.append((ids, uv.astype(float)))
+        if len(views) == most_views:
+            break
+    size = (0, 0) if last is None else (last.shape[1], last.shape[0])
+    return _sorted(size, factor, views, rows)
+
+
+def _reduced(image: Image) -> tuple[Image, float]:
+    """Grey, and by which factor the size was reduced."""
+    grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+    factor = 1
+    while grey.shape[1] > WIDTH_PX * factor:
+        factor *= 2
+    if factor == 1:
+        return grey, 1.0
+    height, width = grey.shape[0] // factor, grey.shape[1] // factor
+    reduced = cv2.resize(grey[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(reduced, np.uint8), 1 / factor
+
+
+def _sorted(
+    size: tuple[int, int], factor: float, views: list[int], rows: list[tuple[NDArray[np.int64], Array]]
+) -> Tracks:
+    view = np.concatenate([np.full(len(ids), v) for v, (ids, _) in enumerate(rows)] or [np.zeros(0, np.int64)])
+    ids = np.concatenate([ids for ids, _ in rows] or [np.zeros(0, np.int64)])
+    uv = np.concatenate([uv for _, uv in rows] or [np.zeros((0, 2))])
+    _, owner, counts = np.unique(ids, return_inverse=True, return_counts=True)
+    often = counts >= LEAST_VIEWS
+    number = np.cumsum(often) - 1
+    keep = often[owner]
+    view, owner, uv = view[keep], number[owner[keep]], uv[keep]
+    order = np.lexsort((view, owner))
+    return Tracks(size, factor, np.array(views, np.int64), view[order], owner[order], uv[order])

@@ -1,0 +1,89 @@
+"""A lens from tracks alone: what it finds, how sure it says that it is, and what no motion tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.calibration.tracked.bundle import Held, Prior, Scene, Seen, cost, normal_equations
+from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
+from ispom.calibration.tracked.tracks import Tracks, key_tracks
+from ispom.types import Camera
+from tests.calibration.tracked.scenes import LENS, straight, tracks, turning
+
+SIGMA = 0.3
+TRUTH = np.array([np.log(LENS.fx), LENS.cx, LENS.cy, LENS.distortion[0], LENS.distortion[1]])
+SEEDS = 20
+
+
+def guess(wrong: float = 1.3) -> Camera:
+    focal = wrong * LENS.fx
+    return Camera(LENS.width, LENS.height, focal, focal, (LENS.width - 1) / 2, (LENS.height - 1) / 2)
+
+
+def solved(seen: Tracks, wrong: float = 1.3) -> TrackedLens:
+    found = lens_of_tracks(seen, guess(wrong), SIGMA)
+    assert found is not None
+    return found
+
+
+def values(found: TrackedLens) -> np.ndarray:
+    camera = found.camera
+    return np.array([np.log(camera.fx), camera.cx, camera.cy, *camera.distortion[:2]])
+
+
+@pytest.mark.parametrize("wrong", [0.75, 1.0, 1.35])
+def test_a_lens_is_found_from_exact_tracks(wrong: float) -> None:
+    found = solved(tracks(0, noise_px=0.0), wrong)
+    assert (np.abs(values(found) - TRUTH) < [1e-3, 0.3, 0.3, 5e-3, 5e-3]).all()
+
+
+def test_noisy_tracks_are_within_three_standard_errors_in_95_percent_of_seeds() -> None:
+    found = [solved(tracks(seed)) for seed in range(SEEDS)]
+    shares = np.array([(values(each) - TRUTH) / each.sigma for each in found])
+    assert (np.abs(shares) <= 3).mean(0).min() >= 0.95
+    assert np.sqrt((shares**2).mean(0)).max() < 1.5
+    assert max(each.sigma[0] for each in found) < 0.02
+    assert np.abs(np.array([values(each)[0] for each in found]) - TRUTH[0]).max() < 0.03
+
+
+def test_tracks_that_are_wrong_are_left_out() -> None:
+    found = solved(tracks(1, wrong=0.05))
+    assert found.camera.fx == pytest.approx(LENS.fx, rel=0.02)
+    assert found.rms_px < 1.0
+
+
+def test_a_camera_on_a_tripod_tells_its_lens_by_its_turns() -> None:
+    found = solved(tracks(2, turning))
+    assert found.camera.fx == pytest.approx(LENS.fx, rel=0.02)
+    assert found.sigma[0] < 0.02
+
+
+def test_a_straight_way_without_turns_leaves_the_focal_length_open() -> None:
+    found = solved(tracks(3, straight))
+    assert found.sigma[0] > 0.5 * SIGMA
+
+
+def test_too_few_views_and_no_motion_say_nothing() -> None:
+    assert lens_of_tracks(tracks(0, views=4), guess(), SIGMA) is None
+    still = key_tracks([np.full((100, 160), 90, np.uint8)] * 5, 10)
+    assert lens_of_tracks(still, guess(), SIGMA) is None
+
+
+def test_derivatives_are_those_of_the_cost() -> None:
+    rng = np.random.default_rng(0)
+    seen = tracks(0, views=5, points=40)
+    points = rng.normal(0, 1, (seen.points, 4)) * (1, 1, 0.2, 0.1) + (0, 0, 2, 0.3)
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    lens = np.array([np.log(400.0), 370.0, 240.0, -0.1, 0.02])
+    scene = Scene(lens, np.tile(np.eye(3), (5, 1, 1)), 0.1 * rng.normal(0, 1, (5, 3)), points)
+    prior = Prior(lens + 0.01, np.array([0.3, 10, 10, 0.2, 0.1]))
+    observed, scale = Seen(seen.view, seen.point, seen.uv), 50.0
+    normal = normal_equations(scene, observed, prior, Held(np.zeros(5, bool)), scale, 0.0)
+    for i, step in enumerate((1e-6, 1e-3, 1e-3, 1e-6, 1e-6)):
+        ends = []
+        for sign in (1, -1):
+            moved = lens.copy()
+            moved[i] += sign * step
+            ends.append(cost(Scene(moved, scene.rotations, scene.translations, points), observed, prior, scale))
+        assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(normal.gradient[i], rel=1e-4)
