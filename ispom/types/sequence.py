@@ -31,8 +31,6 @@ class Sequence:
     """world_from_rig, in the source's own world; may cover only part of the exposures."""
     notes: tuple[str, ...] = ()
     """What a person must know to read results of this sequence rightly (an emulation, a nominal frame rate)."""
-    guess: Guess | None = None
-    """Of a video camera without a calibration; its note is one of the notes."""
     prepare: Callable[[int], None] | None = None
     """Renders or fetches ahead from exposure i on, in the background; None where loading is always quick."""
     grow: Callable[[int, float | None], Sequence] | None = None
@@ -40,6 +38,8 @@ class Sequence:
     sequence of all that came so far. InputError where the source fails. None where nothing more will come."""
     stop: Callable[[], None] | None = None
     """Of a live source: ends the recording and frees the camera; what came so far stays."""
+    guess: Guess | None = None
+    """Of a video camera without a calibration; its note is one of the notes."""
 
     def __len__(self) -> int:
         return len(self.times_ns)

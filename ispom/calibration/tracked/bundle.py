@@ -58,7 +58,8 @@ class Seen:
     uv: Array
     """(K, 2) [px]."""
 
-    def select(self, keep: NDArray[np.bool_]) -> Seen:
+    def select(self, keep: NDArray) -> Seen:
+        """Those of a boolean mask or index array."""
         return Seen(self.view[keep], self.point[keep], self.uv[keep])
 
 

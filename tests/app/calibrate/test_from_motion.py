@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.calibrate import from_motion
+from app.calibrate import from_motion, from_tracks
 from app.cli import main
 from ispom.calibration.motion.combine import Part
+from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError
 from ispom.geometry import Pose
+from ispom.io.calibrations.recognised import any_camera
 from ispom.io.rig import read_rig, rig_text
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
+from ispom.types import Camera
 from tests.calibration.motion import test_hand_eye as simulated
 
 OFFSET_S = simulated.OFFSET_S
@@ -106,7 +109,9 @@ def test_the_images_refine_place_and_clock(monkeypatch: pytest.MonkeyPatch) -> N
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["video", "x", "--from-motion"], "--from-motion is for `ispom calibrate rig`"),
+        (["stereo", "x", "--from-motion"], "--from-motion is for `ispom calibrate video` and `rig`"),
+        (["video", "a", "b", "--from-motion"], "takes one film or folder of images"),
+        (["video", "sim:tiny", "--from-motion", "--report", "r.html"], "--report shows images of a target"),
         (["rig", "sim:tiny", "--from-motion", "--target", "chessboard:9x6:0.02"], "leave one out"),
         (["rig", "a", "b", "--from-motion"], "takes one recording of all three cameras"),
         (["rig", "sim:nowhere", "--from-motion"], "there is no simulated sequence"),
@@ -129,3 +134,39 @@ def test_a_video_camera_without_a_pose_is_read_only_to_find_it(tmp_path: Path) -
     assert np.array_equal(read_rig(path, placed=False).rig_from_video.matrix, np.eye(4))
     with pytest.raises(InputError, match="find it by `ispom calibrate rig FOLDER --from-motion`"):
         read_rig(path)
+
+
+def tracked(monkeypatch: pytest.MonkeyPatch, sigma: float | None) -> None:
+    camera = Camera(320, 240, 230.0, 230.0, 160.0, 118.0, (-0.21, 0.05, 0.0, 0.0))
+    errors = np.array([sigma or 0, 2.0, 2.0, 0.01, 0.01])
+    lens = TrackedLens(camera, np.diag(errors**2), np.array([0.3, 5, 5, 0.25, 0.12]), 0.3, 20, 500)
+    monkeypatch.setattr(from_tracks, "found_in", lambda *_: lens if sigma else None)
+
+
+@pytest.mark.parametrize(("sigma", "level"), [(0.008, "good"), (0.02, "usable")])
+def test_a_camera_is_written_without_a_target(
+    sigma: float, level: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tracked(monkeypatch, sigma)
+    out, numbers = tmp_path / "camera.yaml", tmp_path / "n.json"
+    words = ["calibrate", "video", "sim:tiny", "--from-motion", "--format", "camera", "--out", str(out)]
+    assert main([*words, "--json", str(numbers)]) == 0
+    content = json.loads(numbers.read_text())
+    assert content["verdict"] == level
+    assert content["parameters"][0]["standard_error"] == pytest.approx(sigma * 230)
+    assert any_camera(out).fx == 230.0 and any_camera(out).distortion[:2] == (-0.21, 0.05)
+    assert "fx 230" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("sigma", "said"), [(None, "too little motion"), (0.28, "does not tell the focal length"), (0.1, "uncertain by 10")]
+)
+def test_a_motion_that_does_not_tell_the_lens_is_to_be_filmed_again(
+    sigma: float | None, said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tracked(monkeypatch, sigma)
+    out = tmp_path / "camera.yaml"
+    assert main(["calibrate", "video", "sim:tiny", "--from-motion", "--out", str(out)]) == 1
+    printed = capsys.readouterr().out
+    assert printed.startswith("redo: ") and said in printed
+    assert not out.exists()
