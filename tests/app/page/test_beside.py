@@ -13,6 +13,16 @@ from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 PAPER = "integrated.paper"
+COLOURED = """() => {
+  const pictures = document.querySelector("#controls").contentDocument.querySelectorAll(".uplot canvas");
+  const coloured = (c) => {
+    const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
+    const strong = (i) => data[i + 3] > 200 && Math.abs(data[i] - data[i + 2]) > 80;
+    return [...Array(data.length / 4).keys()].filter((pixel) => strong(4 * pixel)).length;
+  };
+  return [...pictures].some((c) => coloured(c) > 50);
+}"""
+"""Whether a curve is drawn: all but curves is grey."""
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +62,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
     legend = page.controls.locator(".u-legend")
     legend.wait_for()
     assert all(name in legend.inner_text() for name in ("Stereo", "Integrated (paper)", "orb"))
+    page.tab.wait_for_function(COLOURED)
 
 
 def test_x_flickers_between_two_sides_and_off_ends_it(page: Page):

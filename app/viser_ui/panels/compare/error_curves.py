@@ -75,8 +75,9 @@ class ErrorCurvesPanel:
         columns = (np.arange(0, count, width), *(thinned(curve.values, count, width) for curve in curves))
         data = tuple(column.astype(np.float64) for column in columns)
         names = tuple((curve.label, colours.css(curve.colour)) for curve in curves)
+        scales = _scales(curves)
         if self._plot is not None and names == self._names:
-            self._plot.data = data
+            self._plot.data, self._plot.scales = data, scales
             return
         self._names = names
         if self._plot is not None:
@@ -85,7 +86,7 @@ class ErrorCurvesPanel:
             self._plot = self._gui.add_uplot(
                 data,
                 ({"label": "exposure"}, *(curve.drawn for curve in curves)),
-                scales={"x": {"time": False}},
+                scales=scales,
                 axes=({**AXIS, "label": "exposure", "labelSize": 18, "size": 28}, {**AXIS, "size": 44}),
                 legend={"show": True},
                 height=HEIGHT_PX,
@@ -111,6 +112,12 @@ def error_curves(state: State, series_of: Callable[[int], Series | None]) -> Ite
         values = beside.errors_m[: state.computed]
         if np.isfinite(values).any():
             yield Curve(beside.name, beside.colour, values)
+
+
+def _scales(curves: list[Curve]) -> dict[str, uplot.Scale]:
+    """From 0 to the largest error: uPlot finds no range itself where a curve begins with what is unknown."""
+    largest_m = max(float(np.nanmax(curve.values)) for curve in curves)
+    return {"x": {"time": False}, "y": {"range": (0.0, 1.05 * largest_m or 1.0)}}
 
 
 def thinned(values: Array, count: int, width: int) -> Array:
