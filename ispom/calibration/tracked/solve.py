@@ -18,6 +18,7 @@ from ispom.calibration.tracked.bundle import (
     Prior,
     Scene,
     Seen,
+    adjusted,
     errors_px,
     normal_equations,
     reduced,
@@ -43,6 +44,8 @@ RADIAL_SIGMA = (0.25, 0.12)
 REFERENCE_PX = 750.0
 """Width of images of which the scales of the loss are told."""
 LEAST_VIEWS = 5
+LEAST_SEEN = 3
+"""Key frames in which a point is seen, to count."""
 ROUNDS, STEPS = 3, 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
@@ -100,7 +103,7 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
 def _result(
     scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, tracks: Tracks, guess: Camera
 ) -> TrackedLens:
-    often = np.bincount(seen.point, minlength=tracks.points) >= 3
+    often = np.bincount(seen.point, minlength=tracks.points) >= LEAST_SEEN
     seen = seen.select(often[seen.point])
     points, owner = np.unique(seen.point, return_inverse=True)
     scene, seen = replace(scene, points=scene.points[points]), replace(seen, point=owner)
@@ -110,8 +113,31 @@ def _result(
     camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
     units = np.array([1, 1 / factor, 1 / factor, 1, 1])
     covariance = spread(scene, seen, prior, held, scale_px) * np.outer(units, units)
+    covariance *= halves_differ(scene, seen, prior, scale_px) ** 2
     rms = float(np.sqrt((errors**2).mean())) / factor
     return TrackedLens(camera, covariance, prior.sigma * units, rms, len(scene.rotations), len(points))
+
+
+def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: float) -> float:
+    """By how much the lenses of the first and of the second half of the key frames differ, in standard errors; 1 or
+    more. Errors that many tracks share (a shutter that rolls, a lens of another kind) show in it alone."""
+    middle = len(scene.rotations) // 2
+    lenses, covariances = [], []
+    for first, end in ((0, middle), (middle, len(scene.rotations))):
+        inside = (seen.view >= first) & (seen.view < end)
+        often = np.bincount(seen.point[inside], minlength=len(scene.points)) >= LEAST_SEEN
+        inside &= often[seen.point]
+        if not inside.any():
+            return 1.0
+        points, owner = np.unique(seen.point[inside], return_inverse=True)
+        half = Scene(scene.lens, scene.rotations[first:end], scene.translations[first:end], scene.points[points])
+        part, held = Seen(seen.view[inside] - first, owner, seen.uv[inside]), Held(np.arange(end - first) == 0)
+        half = adjusted(half, part, prior, held, scale_px, STEPS, TOLERANCE)[0]
+        lenses.append(half.lens)
+        covariances.append(spread(half, part, prior, held, scale_px))
+    apart = lenses[1] - lenses[0]
+    chi2 = float(apart @ np.linalg.pinv(covariances[0] + covariances[1], hermitian=True) @ apart)
+    return max(1.0, float(np.sqrt(chi2 / LENS)))
 
 
 def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float) -> Array:

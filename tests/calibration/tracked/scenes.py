@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from ispom.calibration.tracked.tracks import Tracks
@@ -30,15 +33,24 @@ def turning(t: float) -> Pose:
 
 
 def tracks(
-    seed: int, way=wandering, views: int = 14, points: int = 500, noise_px: float = 0.3, wrong: float = 0.0
+    seed: int,
+    way: Callable[[float], Pose] = wandering,
+    views: int = 14,
+    points: int = 500,
+    noise_px: float = 0.3,
+    wrong: float = 0.0,
+    zoom: float = 0.0,
 ) -> Tracks:
-    """Of points in a box before the camera; a share of them is wrong."""
+    """Of points in a box before the camera; a share of them is wrong. From the middle on the focal length is larger by
+    the share `zoom`."""
     rng = np.random.default_rng(seed)
     xyz = np.column_stack([rng.uniform(-5, 7, points), rng.uniform(-3, 3, points), rng.uniform(3, 10, points)])
     first = rng.integers(-FAR // 2, views - 3, points)
     rows: list[tuple[int, int, Array]] = []
     for v in range(views):
-        uv = LENS.project(way(v / (views - 1)).inverse().apply(xyz))
+        factor = 1 + zoom * (v >= views // 2)
+        lens = replace(LENS, fx=factor * LENS.fx, fy=factor * LENS.fy)
+        uv = lens.project(way(v / (views - 1)).inverse().apply(xyz))
         inside = ((uv > 5) & (uv < (LENS.width - 6, LENS.height - 6))).all(1)
         for m in np.flatnonzero(inside & (v >= first) & (v < first + FAR)).tolist():
             rows.append((m, v, uv[m] + rng.normal(0, noise_px, 2)))
