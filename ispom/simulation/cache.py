@@ -21,7 +21,7 @@ from ispom.types import Image
 
 log = logging.getLogger(__name__)
 _DIGEST_BYTES = 16
-_WITHOUT_PIXELS = {"ahead", "board", "cache", "faults", "filming", "laser", "process"}
+_WITHOUT_PIXELS = {"ahead", "board", "cache", "faults", "filming", "laser", "process", "truth"}
 """Modules whose code does not shape what is rendered."""
 _KEPT_FOLDERS = 4
 """Rendered sequences that stay on disk, about 0.7 GB each; the least recently used ones go first."""

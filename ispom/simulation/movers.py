@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ispom.geometry import Array
 from ispom.simulation.caster import RayCaster
 from ispom.simulation.city import PAINTS, STREET_FROM_M, STREET_TO_M, add_car, build_city, pick_colour
 from ispom.simulation.materials import Material
@@ -49,6 +51,13 @@ class Traffic:
             corner[mover.faces, 2] += mover.along_m(time_ns)
         moved = replace(self.scene, corner=corner)
         return replace(moved, caster=RayCaster(moved.triangles))
+
+    def shifts(self, face: NDArray[np.int32], from_ns: int, to_ns: int) -> Array:
+        """(N, 3) how far faces (N,) move from one time to another [m]; no face is -1."""
+        along = np.zeros(len(self.scene.corner) + 1)
+        for mover in self.movers:
+            along[mover.faces] = mover.along_m(to_ns) - mover.along_m(from_ns)
+        return along[face][:, None] * (0.0, 0.0, 1.0)
 
 
 def city_with_traffic(seed: int, vehicles: int, people: int) -> Traffic:
