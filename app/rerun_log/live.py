@@ -18,7 +18,7 @@ from pathlib import Path
 
 import rerun as rr
 
-from ..run.events import Event, Finished, Opened
+from ..run.events import Event, Finished, Opened, Stepped
 from ..run.history.feed import Feed
 from ..run.history.history import History
 from ..subscribers import Subscribers
@@ -86,8 +86,13 @@ class LiveStream:
             return
         if isinstance(event, Finished):
             self._feed.finish(event)
-        else:
+        elif isinstance(event, Stepped):
             self._feed.offer(event)
+
+    def look_at(self, index: int) -> None:
+        """An exposure is shown: where it was drawn without its images, they come now. Does nothing before `open`."""
+        if self._feed is not None:
+            self._feed.look_at(index)
 
     def check(self) -> None:
         """RuntimeError, with the reason, where the thread has failed."""

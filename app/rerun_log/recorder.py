@@ -26,10 +26,10 @@ from collections.abc import Iterator
 import rerun as rr
 
 from ispom.geometry import Similarity
-from ispom.types import Step, StereoPair, Tracks
+from ispom.types import Exposure, Frame, Image, Step, StereoPair, Tracks
 
 from ..inspect.sightings import Seen
-from ..run.events import Bookmark, Event, Finished, Opened, Stepped
+from ..run.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
 from ..run.history.record import with_parts
 from ..run.model.drawn_size import unit_in_metres
 from . import entities
@@ -67,6 +67,9 @@ class Recorder:
         if isinstance(event, Bookmark):
             text = rr.TextLog(f"bookmark: {event.note}" if event.note else "bookmark")
             return Batch(event.exposure, event.time_ns - self.first_ns, (Entry("log/bookmarks", text),))
+        if isinstance(event, Pictured):
+            time_ns = event.exposure.time_ns - self.first_ns
+            return Batch(event.index, time_ns, tuple(self._pictured(event)))
         if isinstance(event, Finished):
             return Batch(*self._now, tuple(self._world.finished(event)))
         self._now = (event.index, event.exposure.time_ns - self.first_ns)
@@ -82,27 +85,39 @@ class Recorder:
         yield Entry("decisions", rr.TextDocument(self._summary(), media_type="text/markdown"))
 
     def _images(self, event: Stepped) -> Iterator[Entry]:
-        exposure = event.exposure
-        name, image = ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
-        step = next((s for s in with_parts(event.steps) if name in s.tracks), None)
-        seen = None if step is None else Seen(event.index, step, name, step.tracks[name])
+        name, image = _image(event.exposure)
+        seen = _seen(event, name)
         if seen is not None:
             self._coloured.learn(seen)
-        if not image.size:  # given up on the way here: see run/feed.py
+        if not image.size:  # given up on the way here: see run/history/feed.py
             return
         yield Entry(f"{name}/image", entities.jpeg(image))
         if seen is None:
             return
-        tracks = seen.tracks
         camera = self.opened.sequence.rig.camera(name)
-        recent = self._recent[name] = [*self._recent.get(name, []), tracks][-entities.TRAIL_LENGTH - 1 :]
-        shown = entities.thinned(tracks, camera)
-        yield Entry(f"{name}/tracks", entities.points(shown, camera))
+        recent = self._recent[name] = [*self._recent.get(name, []), seen.tracks][-entities.TRAIL_LENGTH - 1 :]
+        shown = entities.thinned(seen.tracks, camera)
         yield from self._coloured.entries(seen, shown)
         yield Entry(f"{name}/trails", entities.trails([*recent[:-1], shown], camera))
-        yield Entry(f"{name}/legend", entities.legend(tracks, camera))
-        if name == "left":
-            yield Entry(f"{name}/disparity", entities.disparities(shown, camera))
+        yield from self._tracks(seen, shown)
+
+    def _pictured(self, event: Pictured) -> Iterator[Entry]:
+        """Its image with its tracks; not what led to them, which those of the exposures before would be needed for."""
+        name, image = _image(event.exposure)
+        if not image.size:  # it cannot be read any more
+            return
+        yield Entry(f"{name}/image", entities.jpeg(image))
+        yield Entry(f"{name}/trails", rr.Clear(recursive=False))
+        seen = _seen(event, name)
+        if seen is not None:
+            yield from self._tracks(seen, entities.thinned(seen.tracks, self.opened.sequence.rig.camera(name)))
+
+    def _tracks(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
+        camera = self.opened.sequence.rig.camera(seen.camera)
+        yield Entry(f"{seen.camera}/tracks", entities.points(shown, camera))
+        yield Entry(f"{seen.camera}/legend", entities.legend(seen.tracks, camera))
+        if seen.camera == "left":
+            yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)
@@ -117,3 +132,14 @@ class Recorder:
         placed = self._world.placements
         units_m = {m: unit_in_metres(m, placed.get(m, Similarity()).scale) for m in steps}
         return entities.summary(steps, self.first_ns, units_m)
+
+
+def _image(exposure: Exposure) -> tuple[Frame, Image]:
+    """The camera whose image is drawn, and that."""
+    return ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
+
+
+def _seen(event: Stepped | Pictured, camera: Frame) -> Seen | None:
+    """The tracks that a method, or one inside it, has in this camera."""
+    step = next((s for s in with_parts(event.steps) if camera in s.tracks), None)
+    return None if step is None else Seen(event.index, step, camera, step.tracks[camera])

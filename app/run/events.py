@@ -58,6 +58,15 @@ class Finished:
     placements: Mapping[str, Similarity]
 
 
+@dataclass(frozen=True, eq=False)
+class Pictured:
+    """An earlier exposure that was drawn without its images is shown to somebody: here they are."""
+
+    index: int
+    exposure: Exposure
+    steps: tuple[Step, ...]
+
+
 @dataclass(frozen=True)
 class Bookmark:
     """An exposure that a person marked."""
@@ -67,7 +76,7 @@ class Bookmark:
     note: str = ""
 
 
-Event = Stepped | Finished
+Event = Stepped | Finished | Pictured
 
 
 def blank(sequence: Sequence, index: int) -> Exposure:

@@ -172,6 +172,7 @@ class Controller:
         finally:
             self._branches.compare_on()
             self._effects.watch(self._store)
+            self._viewers.look_at(self._store.state.index)
             self._viewers.check()
             self._compiling.watch()
             self._watch_recordings()
@@ -243,7 +244,7 @@ class Controller:
         self._branches.begin(run)
         if playback.sequence.prepare is not None and run.stored is None:
             playback.sequence.prepare(0)
-        self._viewers.open(run.opened, run.history, run.stored.recording if run.stored is not None else None)
+        self._view(run)
         self._player.move(run.opened)
         if run.stored is not None:
             self._player.move(*self._branches.reviewed())
@@ -263,8 +264,12 @@ class Controller:
         self._stop_recording()
         self._player.run = run
         self._compiling.begin(run.playback)
-        self._viewers.open(run.opened, run.history)
+        self._view(run)
         self._player.move(changed(playing=False), resumed)
+
+    def _view(self, run: CurrentRun) -> None:
+        """In the viewers from now on; one that was read, as it was recorded."""
+        self._viewers.open(run.opened, run.history, run.stored.recording if run.stored is not None else None)
 
     def _record(self, name: str) -> None:
         if self._player.run is None:

@@ -28,6 +28,10 @@ class EventSink(Protocol):
 
     def write(self, event: Event) -> None: ...
 
+    def look_at(self, index: int) -> None:
+        """An exposure is shown: where it was drawn without its images, they are wanted now."""
+        ...
+
     def check(self) -> None:
         """Raises what went wrong since, if anything did."""
         ...
@@ -40,18 +44,25 @@ class Viewers:
         self._wanted, self._tell = sink, tell
         self._sink: EventSink | None = None
         self._restarts = 0
+        self._looked_at = -1
         self._begin: Callable[[EventSink], None] = lambda _: None
         """Shows the run that is on the screen."""
 
     def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
         """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
-        self._sink, self._restarts = self._wanted, RESTARTS
+        self._sink, self._restarts, self._looked_at = self._wanted, RESTARTS, -1
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
         self._begin = lambda sink: sink.replay(*files) if files else sink.open(opened, history)
         self._guarded(self._begin)
 
     def write(self, event: Event) -> None:
         self._guarded(lambda sink: sink.write(event))
+
+    def look_at(self, index: int) -> None:
+        """The exposure that is shown now; told once."""
+        if index >= 0 and index != self._looked_at:
+            self._looked_at = index
+            self._guarded(lambda sink: sink.look_at(index))
 
     def check(self) -> None:
         """Notices a sink that failed by itself."""

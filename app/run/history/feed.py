@@ -9,7 +9,7 @@ from threading import Condition
 from ispom.errors import UnreadableImage
 from ispom.types import Exposure
 
-from ..events import Event, Finished, Opened, Stepped, blank
+from ..events import Event, Finished, Opened, Pictured, Stepped, blank
 from .history import History
 
 IMAGES_WAITING = 30
@@ -31,6 +31,10 @@ class Feed:
         self._fresh: deque[Stepped] = deque(maxlen=IMAGES_WAITING)
         self.finished: Finished | None = None
         """The final trajectories, while they wait."""
+        self._bare: set[int] = set()
+        """Exposures that came without their images, and have not got them since."""
+        self._looked_at: deque[int] = deque(maxlen=2)
+        """Exposures whose images are wanted: of each camera the newest."""
         self._end: int | None = None
         self._closed = False
         self._news = Condition()
@@ -39,6 +43,15 @@ class Feed:
         """The newest exposure of the history, with its images."""
         with self._news:
             self._fresh.append(event)
+            self._news.notify()
+
+    def look_at(self, index: int) -> None:
+        """An exposure is shown to somebody: where its images, or the other camera's latest, were left out, they come
+        as soon as may be."""
+        kinds = self.opened.sequence.kinds
+        other = next((i for i in range(index - 1, -1, -1) if kinds[i] != kinds[index]), index)
+        with self._news:
+            self._looked_at.extend((other, index))
             self._news.notify()
 
     def finish(self, finished: Finished | None, *, ends: bool = False) -> None:
@@ -74,19 +87,31 @@ class Feed:
     def take(self) -> Event | None:
         """The next event, waiting for it; None when no more will come."""
         with self._news:
-            self._news.wait_for(lambda: self._closed or self._waiting or self.finished or self._end is not None)
+            self._news.wait_for(self._ready)
             if self._closed:
                 return None
-            if not self._waiting:
+            pictured, index, fresh = self._pictured(), self.position, None
+            if pictured is None and not self._waiting:
                 finished, self.finished = self.finished, None
                 return finished
-            index = self.position
-            while self._fresh and self._fresh[0].index < index:
-                self._fresh.popleft()
-            fresh = self._fresh.popleft() if self._fresh and self._fresh[0].index == index else None
-        event = fresh or self._bare(index)
+            if pictured is None:
+                while self._fresh and self._fresh[0].index < index:
+                    self._fresh.popleft()
+                fresh = self._fresh.popleft() if self._fresh and self._fresh[0].index == index else None
+        if pictured is not None:
+            self._bare.discard(pictured)
+            return Pictured(pictured, self._read(pictured), self.history[pictured].steps)
+        event = fresh or self._later(index)
         self.position += 1
         return event
+
+    def _ready(self) -> bool:
+        ended = self.finished is not None or self._end is not None
+        return self._closed or self._waiting or ended or self._pictured() is not None
+
+    def _pictured(self) -> int | None:
+        """An exposure whose images are missed, of those that are looked at."""
+        return next((index for index in self._looked_at if index in self._bare), None)
 
     @property
     def empty(self) -> bool:
@@ -97,10 +122,14 @@ class Feed:
     def _waiting(self) -> bool:
         return self.position < (len(self.history) if self._end is None else self._end)
 
-    def _bare(self, index: int) -> Stepped:
+    def _later(self, index: int) -> Stepped:
+        """An exposure whose images did not wait."""
         record = self.history[index]
-        self.dropped += not self._rereads
-        return record.stepped(self._read(index) if self._rereads else blank(self.opened.sequence, index))
+        if self._rereads:
+            return record.stepped(self._read(index))
+        self.dropped += 1
+        self._bare.add(index)
+        return record.stepped(blank(self.opened.sequence, index))
 
     def _read(self, index: int) -> Exposure:
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import viser
 
@@ -30,7 +30,7 @@ HAND_S = 0.4
 
 class RunPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._shown, self._touched_s = session, -1, 0.0
+        self._session, self._touched_s = session, 0.0
         self._buttons = gui.add_button_group("", (BACK, PLAY, FORWARD), hint="Keys: ← space →")
         self._buttons.on_click(self._clicked)
         hint = "Counted from 0. An exposure that is not computed yet is computed first."
@@ -52,8 +52,8 @@ class RunPanel:
         commands = {BACK: do.StepBy(-1), PLAY: do.Play(True), PAUSE: do.Play(False), FORWARD: do.StepBy(1)}
         self._session.post(commands[self._buttons.value])
 
-    def _moved(self, _: object) -> None:
-        if self._slider.value != self._shown:
+    def _moved(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:  # else the program moved it
             self._touched_s = time.monotonic()
             self._session.post(do.Seek(int(self._slider.value)))
 
@@ -65,18 +65,14 @@ class RunPanel:
         last = max(state.total - 1, 1)
         if self._slider.max != last:
             if self._slider.value > last:  # another, shorter source
-                self._put(0)
+                self._slider.value = 0
             self._slider.max = last
         touched = time.monotonic() - self._touched_s < HAND_S
         if state.index >= 0 and not touched and self._slider.value != state.index:
-            self._put(state.index)
+            self._slider.value = state.index
         self._progress.value = round(100 * state.computed / max(state.total, 1), 1)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
-
-    def _put(self, index: int) -> None:
-        self._shown = index
-        self._slider.value = index
 
 
 def _buttons(gui: viser.GuiApi, session: Session, label: str, names: dict[str, str]) -> viser.GuiButtonGroupHandle:

@@ -210,3 +210,17 @@ def test_a_run_that_is_left_half_way_says_nothing_on_the_terminal(run, capfd):
     del encoder
     gc.collect()
     assert not capfd.readouterr().err
+
+
+def test_of_a_run_that_is_shown_again_the_exposure_looked_at_has_its_picture(run, stream, history, tmp_path):
+    while not run.done:
+        stepped(run, history)
+    stream.open(run.opened, history)
+    stream.look_at(7)
+    camera = "left" if run.opened.sequence.kinds[7] == "stereo" else "video"
+    content, at, counts = b"", 0, dict[str, int]()
+    while f"/{camera}/image" not in counts:
+        more, at = stream.tape.read(at, ALL)
+        content += more
+        counts = index_counts(content, tmp_path) if b"/image" in content else {}
+    assert counts[f"/{camera}/image"] == 1 and counts[f"/{camera}/tracks"] == 1

@@ -27,6 +27,8 @@ class Viewer:
     def open(self, opened: Opened, history: History) -> None:
         self.opened = opened
 
+    def look_at(self, index: int) -> None: ...
+
     def check(self) -> None: ...
 
     def write(self, event: Stepped | Finished) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from ispom_app.cli import main
 from ispom_app.options import SourceOptions
+from ispom_app.rerun_log.live import LiveStream
+from ispom_app.rerun_log.stored_tape import StoredTape
 from ispom_app.session import commands as do
 from ispom_app.session.recording.listing import list_recordings
 from ispom_app.session.session import Session
@@ -243,3 +245,19 @@ def test_every_panel_shows_it(session: Session) -> None:
         wait_for(lambda exposure=exposure: session.state.index == exposure, "the exposure")
         screen.paint()
     screen.server.stop()
+
+
+def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(run: Path, tmp_path: Path) -> None:
+    live = LiveStream()
+    session = opened(tmp_path, run, live=live)
+    assert isinstance(live.tape, StoredTape)
+    recorded = live.tape.read(0, 1 << 40)
+    session.post(do.Seek(8))
+    session.post(do.Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the branch")
+    assert not isinstance(live.tape, StoredTape)
+    session.post(do.ShowBranch(0))
+    wait_for(lambda: session.state.branch == 0, "the stored run")
+    assert isinstance(live.tape, StoredTape) and live.tape.read(0, 1 << 40) == recorded
+    session.close(5)
+    live.close()

@@ -99,6 +99,16 @@ def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.V
     assert asked[-1] == do.HideBranch(1, True)
 
 
+def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: viser.ViserServer, two: State) -> None:
+    panel, _ = made(server, two)
+    panel.show(replace(two, branch=1))
+    assert panel._choice.value == "0: first run"
+    panel.show(replace(two, branch=1, computed=two.computed))
+    panel._choice.value = f"1: {NAME}"
+    panel.show(replace(two, branch=1))
+    assert panel._choice.value == f"1: {NAME}", "a person's choice stays"
+
+
 def test_choosing_another_fills_its_name(server: viser.ViserServer, two: State) -> None:
     panel, asked = made(server, two)
     panel._choice.value = "0: first run"

@@ -42,6 +42,13 @@ def record(index: int, *decisions: Decision) -> ExposureRecord:
     return ExposureRecord(index, 0, "stereo", (step,), {}, {}, {})
 
 
+def by_hand(handle: Any, value: Any) -> None:
+    """As a message of a browser."""
+    handle._impl.value = value
+    for callback in handle._impl.update_cb:
+        callback(SimpleNamespace(client_id=1))
+
+
 def press(handle: Any) -> None:
     for callback in handle._impl.update_cb:
         callback(SimpleNamespace())
@@ -51,8 +58,17 @@ def test_the_slider_shows_the_exposure_and_asks_only_where_a_hand_moved_it(gui, 
     panel = RunPanel(gui, session)
     panel.show(replace(STATE, displayed=record(7)))
     assert panel._slider.value == 7 and panel._slider.max == 19 and not session.asked
-    panel._slider.value = 3
+    by_hand(panel._slider, 3)
     assert session.asked == [do.Seek(3)]
+
+
+def test_an_exposure_can_be_asked_for_that_the_program_had_shown_before(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(7)))
+    by_hand(panel._slider, 3)
+    panel.show(replace(STATE, displayed=record(3)))
+    by_hand(panel._slider, 7)
+    assert session.asked == [do.Seek(3), do.Seek(7)]
 
 
 def test_a_live_source_that_grows_does_not_move_the_slider(gui, session):

@@ -30,7 +30,7 @@ HINT = (
 
 class BranchesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._branches = session, ()
+        self._session, self._branches, self._shown = session, (), -1
         self._text = gui.add_html(_text(session.state))
         self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
         self._choice.on_update(lambda _: self._fill())
@@ -67,18 +67,25 @@ class BranchesPanel:
     def show(self, state: State) -> None:
         if (text := _text(state)) != self._text.content:
             self._text.content = text
-        before, self._branches = self._branches, state.branches
-        labels = _labels(state)
-        if labels != tuple(self._choice.options):
-            numbers = [b.number for b in before]
-            number = next((b.number for b in before if _label(b) == self._choice.value), None)
-            new = [b for b in state.branches if b.number not in numbers]
-            kept = [b for b in state.branches if b.number == number]
+        labels, chosen, moved = _labels(state), self._chosen, state.branch != self._shown
+        self._branches, self._shown = state.branches, state.branch
+        if moved or labels != tuple(self._choice.options):
+            kept = next((b for b in state.branches if chosen is not None and b.number == chosen.number), None)
+            if moved or kept is None:
+                kept = _counterpart(state)
             self._choice.options = labels
-            self._choice.value = _label((new or kept or list(state.branches))[-1]) if state.branches else "-"
+            self._choice.value = _label(kept) if kept is not None else "-"
             self._fill()
         for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
             control.visible = len(state.branches) > 1
+
+
+def _counterpart(state: State) -> Branch | None:
+    """What the branch that is shown is most likely to be compared with: its parent, or else the newest other one."""
+    shown = next((b for b in state.branches if b.number == state.branch), None)
+    others = [b for b in state.branches if b is not shown]
+    parent = [b for b in others if shown is not None and b.number == shown.parent]
+    return next(iter(parent or others[::-1]), shown)
 
 
 def _labels(state: State) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from threading import Thread
 
 import pytest
-from ispom_app.run.events import Event, Finished, Stepped
+from ispom_app.run.events import Event, Finished, Pictured, Stepped
 from ispom_app.run.history.feed import IMAGES_WAITING, Feed
 from ispom_app.run.history.history import History
 from ispom_app.run.history.record import ExposureRecord
@@ -111,3 +111,24 @@ def test_a_pause_ends_when_it_is_closed(run: Playback) -> None:
     feed.close()
     pausing.join(60.0)
     assert not pausing.is_alive()
+
+
+def test_an_exposure_that_is_looked_at_gets_the_images_that_it_came_without(run: Playback) -> None:
+    history = History(memory_bytes=0)
+    for _ in range(N):
+        event = run.step()
+        history.append(ExposureRecord.of(event, history.last))
+    feed = Feed(run.opened, history, rereads=False)
+    feed.look_at(12)
+    events = [feed.take() for _ in range(13 + 2)]
+    pictured = [e for e in events if isinstance(e, Pictured)]
+    kinds = run.opened.sequence.kinds
+    other = next(i for i in reversed(range(12)) if kinds[i] != kinds[12])
+    assert sorted(p.index for p in pictured) == [other, 12], "its own, and the other camera's latest"
+    for picture in pictured:
+        exposure = picture.exposure
+        image = exposure.image if isinstance(exposure, VideoFrame) else exposure.left
+        assert image.size and [s.time_ns for s in picture.steps] == [s.time_ns for s in history[picture.index].steps]
+    assert [e.index for e in events if isinstance(e, Stepped)] == list(range(13)), "all others in their order"
+    feed.look_at(12)
+    assert isinstance(feed.take(), Stepped), "once is enough"
