@@ -22,6 +22,7 @@ from ispom.methods import names
 
 from ..outputs import require_own, write_file
 from .consistency import print_consistency
+from .gaps import GAP_METHODS, GAP_SEEDS, gaps_found, print_gaps
 from .options import Bench
 from .page.measure import ATTENDANCES, answered, attended, print_answered, print_attended
 from .page.served import Served
@@ -59,6 +60,8 @@ def bench(options: Bench) -> int:
     chosen, report = _chosen(options), _about(options)
     if options.consistency:
         report["consistency"] = _consistency(console, options)
+    elif options.gaps:
+        report["gaps"] = _gaps(console, options)
     elif options.page:
         report["page"] = _page(console, options)
     elif options.soak:
@@ -99,6 +102,22 @@ def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
                 found = _child("consistency", {"method": method, "seeds": options.seeds, "folder": folder})
             print_consistency(console, method, found)
             measured.append({"method": method, **found})
+    return measured
+
+
+def _gaps(console: Console, options: Bench) -> list[dict[str, Any]]:
+    drive, measured = next(found_below(c, options.data) for c in CASES if c.key == "kitti-06"), []
+    for method in (m for m in GAP_METHODS if not options.methods or m in options.methods):
+        tasks: list[dict[str, Any]] = [{"method": method, "seed": seed} for seed in range(GAP_SEEDS)]
+        tasks += [{"method": method, "folder": drive.source}] if drive is not None else []
+        for task in tasks:
+            with _progress(f"{method}: gaps in {task.get('folder') or 'sim:city'}"):
+                found = _child("gaps", task)
+            if isinstance(found, dict):
+                console.print(f"{method}: {found['error']}")
+                continue
+            print_gaps(console, gaps_found(found))
+            measured += found
     return measured
 
 
@@ -189,6 +208,7 @@ def _about(options: Bench) -> dict[str, Any]:
         "rows": [],
         "blocks": [],
         "consistency": [],
+        "gaps": [],
         "soak": [],
         "page": {},
         "skipped": [],

@@ -28,6 +28,9 @@ class Bench:
     simulation."""
     seeds: int = 20
     """Number of seeds for --consistency."""
+    gaps: bool = False
+    """Measure, instead of all else, whether monocular and stereo know where they are after 1-7 s without images, in
+    which the camera may turn: in sim:city (three seeds), and in KITTI 06 where it is in --data."""
     soak: bool = False
     """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
     soak_exposures: int = 20_000

@@ -79,8 +79,9 @@ def strips(places: NDArray[np.float32]) -> pa.Array:
 
 
 def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:
-    """Polylines (N, K, 3). Negative radii are screen units in Rerun."""
-    drawn = strips(np.asarray(places, np.float32))
+    """Polylines (N, K, 3), or some of different lengths. Negative radii are screen units in Rerun."""
+    alike = len({len(some) for some in places}) <= 1
+    drawn = strips(np.asarray(places, np.float32)) if alike else [np.asarray(some, np.float32) for some in places]
     return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 

@@ -87,7 +87,9 @@ class World:
         for method, trajectory in found.items():
             yield from self._path_blocks(method, self._changed(method, before))
             yield from self._map(method)
-            line = entities.lines([trajectory.translations], colours.of(method), 2.0)
+            starts = times.times_ns(np.array(self.model.methods[method].poses.starts, np.int64))
+            parts = np.split(trajectory.translations, np.searchsorted(trajectory.times_ns, np.sort(starts)))
+            line = entities.lines([part for part in parts if len(part)], colours.of(method), 2.0)
             yield Entry(f"world/{method}/path/final", line)
             indices = times.indices(times.rows(trajectory.times_ns))
             yield Columns(f"world/{method}/final", trajectory, indices, self._first_ns)
@@ -137,7 +139,7 @@ class World:
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         poses, colour = self.model.methods[method].poses, colours.of(method)
         for block in sorted(blocks):
-            yield Entry(f"world/{method}/path/{block}", entities.lines([poses.line(block)], colour, 1.5))
+            yield Entry(f"world/{method}/path/{block}", entities.lines(poses.lines(block), colour, 1.5))
 
     def _map(self, method: str, anew: bool = False) -> Iterator[Entry]:
         """Key frames and points, the blocks that changed since they were drawn last, or all of the key frames."""

@@ -96,7 +96,7 @@ class MethodScene:
         for b in sorted(poses.drawn_blocks()):
 
             def draw(name: str, b: int = b) -> None:
-                add_line(self._api, name, self._placement.apply(poses.line(b)), self._colour)
+                add_lines(self._api, name, [self._placement.apply(xyz) for xyz in poses.lines(b)], self._colour)
 
             nodes |= self._once(f"{self._root}/path/{b}", draw, poses.blocks[b], poses.blocks[b - 1] if b else None)
         return nodes
@@ -196,6 +196,11 @@ class MethodScene:
 
 def add_line(api: viser.SceneApi, name: str, xyz: Array, colour: colours.Rgb, width_px: float = 2.5) -> None:
     """One line through (K, 3)."""
-    xyz = np.repeat(xyz, 2, axis=0) if len(xyz) == 1 else xyz
-    pairs = np.stack([xyz[:-1], xyz[1:]], axis=1).astype(np.float32)
+    add_lines(api, name, [xyz], colour, width_px)
+
+
+def add_lines(api: viser.SceneApi, name: str, places: list[Array], colour: colours.Rgb, width_px: float = 2.5) -> None:
+    """Lines through (K, 3) each."""
+    places = [np.repeat(xyz, 2, axis=0) if len(xyz) == 1 else xyz for xyz in places]
+    pairs = np.concatenate([np.stack([xyz[:-1], xyz[1:]], axis=1) for xyz in places]).astype(np.float32)
     api.add_line_segments(name, pairs, colour, thickness=width_px, thickness_units="screen")

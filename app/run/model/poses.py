@@ -104,6 +104,8 @@ class PoseHistory:
 
     blocks: tuple[PoseBlock, ...] = ()
     frame: Frame = "rig"
+    starts: tuple[int, ...] = ()
+    """Rows at which segments of their own begin: nothing joins them to the poses before, nor does a line."""
 
     def with_poses(self, rows: NDArray[np.int64], poses: Trajectory, index: int) -> PoseHistory:
         """Poses at these rows (N,) of the run's times, as exposure `index` gave them."""
@@ -114,12 +116,16 @@ class PoseHistory:
             block = self._changing(blocks, b, index)
             block.rotations[inside], block.positions[inside] = poses.rotations[at], poses.translations[at]
             block.known[inside] = True
-        return PoseHistory(tuple(blocks), poses.frame)
+        return replace(self, blocks=tuple(blocks), frame=poses.frame)
 
     def with_key_frame(self, row: int, index: int) -> PoseHistory:
         blocks = list(self.blocks)
         self._changing(blocks, row // POSES_PER_BLOCK, index).key[row % POSES_PER_BLOCK] = True
         return replace(self, blocks=tuple(blocks))
+
+    def with_start(self, row: int) -> PoseHistory:
+        """A segment of its own begins at a row."""
+        return self if row in self.starts else replace(self, starts=(*self.starts, row))
 
     @staticmethod
     def _changing(blocks: list[PoseBlock], b: int, index: int) -> PoseBlock:
@@ -140,12 +146,16 @@ class PoseHistory:
                 found |= {b, b + 1}
         return {b for b in found if b < len(self.blocks) and self.blocks[b].known.any()}
 
-    def line(self, block: int) -> Array:
-        """(K, 3), joined to the pose before the block."""
-        here = self.blocks[block]
-        before = self._last_known(block * POSES_PER_BLOCK)
+    def lines(self, block: int) -> list[Array]:
+        """Polylines (K, 3), the first joined to the pose before the block, one for each segment."""
+        first = block * POSES_PER_BLOCK
+        rows = np.flatnonzero(self.blocks[block].known) + first
+        before = self._last_known(first)
         joined = [] if before is None else [self.position(before)[None]]
-        return np.concatenate([*joined, here.positions[here.known]])
+        rows = rows if before is None else np.concatenate([[before], rows])
+        xyz = np.concatenate([*joined, self.blocks[block].positions[self.blocks[block].known]])
+        parts = np.split(xyz, sorted(np.searchsorted(rows, self.starts).tolist()))
+        return [part for part in parts if len(part)]
 
     def key_frame_rows(self, block: int) -> NDArray[np.int64]:
         """(K,) of key frames with a pose."""

@@ -9,6 +9,9 @@
 
 A source is a folder of images or a video file. Left and right images need not be rectified; those exposed less
 than 2 ms apart are a pair. Where no video is named, left images are the video, too, as in other stereo recordings.
+
+A folder with the folders `left` and `right` and a rig.yaml needs no sequence.yaml; `times.txt` in it holds the times of
+both.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import is_own_rig, read_rig
 from ispom.io.tum import read_tum
-from ispom.sequences.formats.folder import folder_stream
+from ispom.sequences.formats.folder import TIMES, folder_stream, looks_like_images
 from ispom.sequences.formats.video import looks_like_video, video_stream
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
@@ -41,7 +44,7 @@ STREAM_ENTRIES = ("source", "rate_hz", "times", "offset_s")
 def looks_described(path: Path) -> bool:
     """Whether it is a YAML file, or a folder with a sequence.yaml."""
     if is_folder(path):
-        return exists(path / FILE)
+        return exists(path / FILE) or _is_pair(path)
     return path.suffix.lower() in (".yaml", ".yml")
 
 
@@ -49,8 +52,12 @@ def filmed_rig(path: Path, placed: bool = True) -> Rig:
     """The rig as its file has it (also one of another program), its pair perhaps not rectified; `placed` as in
     `read_rig`."""
     path = path / FILE if is_folder(path) else path
-    file = named_file(path, "rig", read_mapping(path).get("rig", "rig.yaml"))
+    file = named_file(path, "rig", (read_mapping(path) if exists(path) else {}).get("rig", "rig.yaml"))
     return any_rig((file,)) if is_folder(file) or not is_own_rig(file) else read_rig(file, placed)
+
+
+def _is_pair(folder: Path) -> bool:
+    return all(looks_like_images(folder / side) for side in ("left", "right"))
 
 
 def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
@@ -59,7 +66,7 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     InputError names the file and the entry that is missing or wrong. `placed` as in `read_rig`.
     """
     path = path / FILE if is_folder(path) else path
-    content = read_mapping(path)
+    content = read_mapping(path) if exists(path) else _of_pair(path.parent)
     _refuse_others(path, "", content, ENTRIES)
     name = content.get("name", path.resolve().parent.name)
     if not isinstance(name, str) or not name.isprintable():
@@ -82,6 +89,16 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     if truth is None:
         return found
     return replace(found, notes=found.notes + no_truth_note(path.parent / content["truth"], found.truth))
+
+
+def _of_pair(folder: Path) -> dict[Any, Any]:
+    """What a sequence.yaml would say of a folder with left and right images."""
+    if not exists(folder / "rig.yaml"):
+        raise InputError(
+            f"{folder} has left and right images, but no rig.yaml: make it with `ispom calibrate stereo`, or write it"
+        )
+    times = {"times": TIMES} if exists(folder / TIMES) else {}
+    return {side: {"source": side, **times} for side in ("left", "right")}
 
 
 def _recording(name: str, stereo: StereoStream, truth: Trajectory | None) -> Recording:

@@ -90,7 +90,8 @@ def test_the_past_shows_poses_as_known_then(scene: Scene, spy: Spy, run) -> None
     scene.show(models[-1].as_known_at(at, lambda i: records[i].steps), records[at], frozenset())
     past = heights(spy, "stereo")
     assert past[-1] == 0 and past[-2] == 1 and past[-3] == 2 and len(past) < 10
-    assert_allclose(spy.handles["/stereo/camera"].position, models[at].methods["stereo"].poses.line(0)[-1], atol=1e-6)
+    (line,) = models[at].methods["stereo"].poses.lines(0)
+    assert_allclose(spy.handles["/stereo/camera"].position, line[-1], atol=1e-6)
 
 
 def test_an_exposure_sends_what_it_changed(scene: Scene, spy: Spy, run) -> None:

@@ -111,6 +111,20 @@ def test_without_a_video_the_left_images_are_the_video(tmp_path: Path) -> None:
     assert sequence.kinds[:4] == ("stereo", "video", "video", "stereo") and "emulation" in sequence.notes[0]
 
 
+def test_left_and_right_folders_with_a_rig_need_no_sequence_yaml(tmp_path: Path) -> None:
+    folder = make_described(tmp_path / "flight", video=False)
+    described = open_sequence(str(folder))
+    (folder / "sequence.yaml").unlink()
+    alone = open_sequence(str(folder))
+    assert alone.kinds == described.kinds and alone.rig.has_stereo
+    assert any("images per second assumed" in note for note in alone.notes)
+    (folder / "times.txt").write_text("".join(f"{i / 4}\n" for i in range(6)))
+    assert open_sequence(str(folder)).times_ns[-1] == 1_250_000_000
+    (folder / "rig.yaml").unlink()
+    with pytest.raises(InputError, match="left and right images, but no rig"):
+        open_sequence(str(folder))
+
+
 def test_the_examples_of_the_readme_open(tmp_path: Path) -> None:
     readme = (Path(__file__).parents[3] / "README.md").read_text()
     found = dict(re.findall(r"```yaml\n# (\w+\.yaml): (.*?)```", readme, re.DOTALL))

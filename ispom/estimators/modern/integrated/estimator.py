@@ -22,6 +22,7 @@ from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
 from ispom.estimators.modern.integrated.view import Noise
+from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.settings import Range
@@ -61,6 +62,8 @@ class ModernIntegratedConfig:
     """Error of a point followed from pair to pair."""
     disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
     """Error of its match in the right image."""
+    max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
+    """As of the methods asked: the errors above are in pixels of the images that they track."""
     loss: Annotated[float, Range(0.5, 20)] = 1.0
     """Scale of the Cauchy loss, in these errors."""
     iterations: Annotated[int, Range(1, 30)] = 6
@@ -127,7 +130,8 @@ class ModernIntegrated:
 
     @property
     def _setup(self) -> Setup:
-        c, video, left = self.config, self.rig.camera("video"), self.rig.camera("left")
+        c = self.config
+        video, left = (TrackedSize.of(self.rig.camera(name), c.max_width_px).tracked for name in ("video", "left"))
         noise = Noise(c.video_sigma_px / video.fx, c.stereo_sigma_px / left.fx, c.disparity_sigma_px / left.fx, c.loss)
         return Setup(
             self.rig,

@@ -26,6 +26,14 @@ POSE_POINTS = Check(
     passes="Located: {value} points agree with one pose, {threshold} are needed.",
     fails="Not located: {value} points agree with one pose, {threshold} are needed.",
 )
+DESCRIBED_POINTS = Check(
+    "described_points",
+    "points found by descriptors",
+    "trigger",
+    LOCATED,
+    passes="Found again: {value} points agree with one pose, with descriptors as well; {threshold} are needed.",
+    fails="Not found again: {value} points agree with one pose, with descriptors as well; {threshold} are needed.",
+)
 TURN_ONLY = Check(
     "turn_only",
     "motion besides a turn",
@@ -179,6 +187,7 @@ UNIT_SPREAD = Check(
 
 CHECKS = by_key(
     POSE_POINTS,
+    DESCRIBED_POINTS,
     TURN_ONLY,
     PARALLAX,
     POINTS_LEFT,

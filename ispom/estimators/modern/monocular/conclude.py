@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import as_tracks, next_live_tracks
+from ispom.estimators.modern.places import Place, Places
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, TrackStatus, Trajectory, VideoFrame, colours_at
@@ -55,7 +56,19 @@ def next_state(
         state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
         state.covariance if outcome.covariance is None else outcome.covariance,
         state.settled.extended(outcome.settled),
+        _places(state.places, outcome, new),
     )
+
+
+def _places(places: Places, outcome: Outcome, new: NewImage) -> Places:
+    """With what a key frame of the map saw, and the others' poses as they are now; none in a new segment."""
+    world, pose = outcome.map, outcome.pose
+    if outcome.restarted:
+        return Places()
+    if world is None or pose is None or not outcome.key_frame:
+        return places
+    known = {k.time_ns: p.inverse() for k, p in zip(world.keys, world.poses, strict=True)}
+    return places.revised(known).with_place(Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance))
 
 
 def as_step(

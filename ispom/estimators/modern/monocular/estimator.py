@@ -17,6 +17,7 @@ from ispom.estimators.modern.monocular.start import poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points
+from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.settings import Range
 from ispom.stopwatch import Stopwatch
 from ispom.types import Exposure, Image, Rig, Step, Trajectory, VideoFrame, as_grey
@@ -44,6 +45,8 @@ class ModernMonocularConfig:
     """Points seen under a smaller angle get no place in the map yet."""
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
     """Deviation of a tracked place after some key frames; what is off by several of it is dropped."""
+    max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
+    """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say."""
 
@@ -68,6 +71,7 @@ class ModernMonocular:
 
     def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:
         """One frame: follow the tracks, locate it in the map (or begin one), and look for new corners."""
+        exposure = self._size.reduced(exposure)
         assert isinstance(exposure, VideoFrame)
         setup, watch = self._setup, Stopwatch()
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
@@ -76,17 +80,21 @@ class ModernMonocular:
             outcome = begin(setup, state, new)
             watch.lap("start")
         else:
-            outcome = track_map(setup, state, state.map, new, watch)
+            state, outcome = track_map(setup, state, state.map, new, watch)
         fresh = corners_for(setup, outcome, new.grey)
         after = next_state(setup, state, outcome, new, fresh)
         watch.lap("new points")
-        return after, as_step(state, after, outcome, exposure, fresh, watch.seconds)
+        return after, self._size.enlarged(as_step(state, after, outcome, exposure, fresh, watch.seconds))
+
+    @property
+    def _size(self) -> TrackedSize:
+        return TrackedSize.of(self.rig.camera("video"), self.config.max_width_px)
 
     @property
     def _setup(self) -> Setup:
         c = self.config
         return Setup(
-            self.rig.camera("video"),
+            self._size.tracked,
             LOSS * c.noise_px,
             LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * c.self_calibration,
             c.max_tracks,

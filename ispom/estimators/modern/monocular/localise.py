@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,14 @@ class Localisation:
     """(N, 3)."""
 
     @property
+    def count(self) -> int:
+        """Points that agree with one pose."""
+        return 0 if self.motion is None else int(self.motion.inliers.sum())
+
+    @property
     def agreeing(self) -> bool:
-        """Whether enough points agree with one pose."""
-        return self.motion is not None and int(self.motion.inliers.sum()) >= MIN_LOCATED
+        """Whether they are enough."""
+        return self.count >= MIN_LOCATED
 
 
 def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Localisation:
@@ -59,12 +64,18 @@ def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed
     _, xyz, x = _seen(setup, live, world, followed)
     motion, compared = pose_of(xyz, x, new.predicted, INLIER * setup.sigma), np.zeros(len(followed.status), bool)
     if motion is not None:
-        followed, compared = _realigned(setup, live, world, new, followed, motion.camera_from_world.inverse())
+        followed, compared = set_right(setup, live, world, new, followed, motion.camera_from_world.inverse())
+        return replace(located_by(setup, live, world, followed, motion.camera_from_world.inverse()), compared=compared)
     ids, xyz, x = _seen(setup, live, world, followed)
-    if motion is not None:
-        limit = INLIER * setup.sigma
-        motion = motion_only.fit_pose(xyz, x, motion.camera_from_world, limit / 2, limit)
-    return Localisation(followed, compared, motion, ids, xyz)
+    return Localisation(followed, compared, None, ids, xyz)
+
+
+def located_by(setup: Setup, live: LiveTracks, world: Map, followed: Followed, world_from_guess: Pose) -> Localisation:
+    """The pose that these tracks give, from a good guess."""
+    ids, xyz, x = _seen(setup, live, world, followed)
+    limit = INLIER * setup.sigma
+    motion = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), limit / 2, limit)
+    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz)
 
 
 def pose_of(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:
@@ -89,7 +100,7 @@ def _seen(setup: Setup, live: LiveTracks, world: Map, followed: Followed) -> tup
     return live.ids[alive][known], xyz[known], x
 
 
-def _realigned(
+def set_right(
     setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed, pose: Pose
 ) -> tuple[Followed, NDArray[np.bool_]]:
     """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""

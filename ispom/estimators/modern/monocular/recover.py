@@ -25,7 +25,9 @@ SPOT_DEG = 0.5
 """Tracks that a turn alone explains to within this (median) show no travel."""
 
 
-def recover(setup: Setup, state: ModernMonocularState, new: NewImage, followed: Followed, failed: Decision) -> Outcome:
+def recover(
+    setup: Setup, state: ModernMonocularState, new: NewImage, followed: Followed, failed: tuple[Decision, ...]
+) -> Outcome:
     """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
     frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
     last_ns, last = state.recent[-1]
@@ -33,11 +35,12 @@ def recover(setup: Setup, state: ModernMonocularState, new: NewImage, followed: 
     turn = None if state.missed else turned(before, frame, setup.sigma)
     if turn is not None:
         because, held = turn
-        return _new_start(setup, state, frame, followed, held, held, because)
+        return _new_start(setup, state, frame, followed, held, held, (*failed, because))
     # From a dark or covered lens no map can start.
     if state.missed < PATIENCE or not has_contrast(new.grey, state.live.grey):
-        failed = replace(failed, consequence="lost; the next frame is compared with the last good one")
-        return Outcome(followed, Status.LOST, map=state.map, decisions=(failed,), missed=state.missed + 1)
+        waiting = replace(failed[-1], consequence="lost; the next frame is compared with the last good one")
+        decisions = (*failed[:-1], waiting)
+        return Outcome(followed, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
     return _new_start(setup, state, frame, followed, coasted(state.recent, new.time_ns), None, failed)
 
 
@@ -61,7 +64,7 @@ def _new_start(
     followed: Followed,
     base: Pose,
     held: Pose | None,
-    because: Decision,
+    because: tuple[Decision, ...],
 ) -> Outcome:
     """A new start at `base`, in the old world and as far as possible in its unit; `held` is the pose given now."""
     world, frame = state.map, replace(frame, world_from_camera=base)
@@ -69,8 +72,8 @@ def _new_start(
     coasting = None if held is not None else partial(coasted, state.recent)
     covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
     start = Start((frame,), base, speed_of(world), world.points, setup.extra_sigma, covariance, coasting)
-    because = replace(because, consequence="lost; a new map from the last pose")
+    decisions = (*because[:-1], replace(because[-1], consequence="lost; a new map from the last pose"))
     settled = tuple(world.trajectory())
     return Outcome(
-        followed, Status.LOST, held, start=start, decisions=(because,), settled=settled, restarted=held is None
+        followed, Status.LOST, held, start=start, decisions=decisions, settled=settled, restarted=held is None
     )

@@ -11,6 +11,7 @@ from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.places import Places
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision, Image, Status
@@ -32,6 +33,8 @@ class ModernMonocularState:
     """(6, 6) of the last pose."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """Poses that nothing will revise."""
+    places: Places = Places()
+    """Where a lost frame is looked for."""
 
 
 @dataclass(frozen=True, eq=False)

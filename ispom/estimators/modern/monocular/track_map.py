@@ -13,6 +13,7 @@ from ispom.estimators.modern.monocular.localise import MIN_LOCATED, Localisation
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
 from ispom.estimators.modern.monocular.recover import recover
+from ispom.estimators.modern.monocular.relocate import relocated
 from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
@@ -24,14 +25,23 @@ MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
 
 
-def track_map(setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, watch: Stopwatch) -> Outcome:
-    """Locate the frame; where that fails recover; make it a key frame where a test says so."""
+def track_map(
+    setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, watch: Stopwatch
+) -> tuple[ModernMonocularState, Outcome]:
+    """Locate the frame; where that fails recover; make it a key frame where a test says so.
+
+    Also gives the state from which it was followed: with more tracks where it was found again by descriptors.
+    """
     found = localise(setup, state.live, world, new)
+    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing)
+    decisions = (located,)
+    if not found.agreeing:
+        state, world, again = relocated(setup, state, world, new)
+        found = again or found
+        decisions = (located, checks.DESCRIBED_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing))
     watch.lap("locate")
-    count = 0 if found.motion is None else int(found.motion.inliers.sum())
-    located = checks.POSE_POINTS.of(count, MIN_LOCATED, passed=found.agreeing)
-    if found.motion is None or not located.passed:
-        return recover(setup, state, new, found.followed, located)
+    if found.motion is None or not found.agreeing:
+        return state, recover(setup, state, new, found.followed, decisions)
     frame, residual_px = _without_outliers(setup, state, world, new, found)
     assert state.uncertainty is not None and frame.world_from_camera is not None
     tests = key_frame_tests(setup, world, frame)
@@ -40,17 +50,17 @@ def track_map(setup: Setup, state: ModernMonocularState, world: Map, new: NewIma
         Status.TRACKING,
         frame.world_from_camera,
         world,
-        decisions=(located, *tests),
+        decisions=(*decisions, *tests),
         residual_px=residual_px,
         compared=found.compared,
         covariance=state.uncertainty.of_pose(found.ids, found.xyz, found.motion, setup.sigma),
     )
     if not any(test.passed for test in tests):
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
-        return replace(outcome, map=world, settled=tuple(settled))
+        return state, replace(outcome, map=world, settled=tuple(settled))
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
     watch.lap("key frame")
-    return outcome
+    return state, outcome
 
 
 def _without_outliers(

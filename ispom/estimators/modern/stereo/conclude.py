@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.stereo.key_frame import Current
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
@@ -35,11 +36,18 @@ def next_state(
         now.pose,
         Pose() if first else now.pose @ last.left_from_world.inverse(),
         0.0 if first else (new.time_ns - last.time_ns) * 1e-9,
-        sighting.features,
         _covariance(state, now.pose, sighting, is_key),
     )
     relative = (new.time_ns, newest.time_ns, now.pose @ newest.left_from_world.inverse())
-    return replace(state, last=following, lost_pairs=0, poses=state.poses.appended(relative))
+    places = _with_place(state, now) if is_key else state.places
+    return replace(state, last=following, lost_pairs=0, poses=state.poses.appended(relative), places=places)
+
+
+def _with_place(state: ModernStereoState, now: Current) -> Places:
+    """With what this key frame saw, and the others' poses as they are now."""
+    here = (now.new.left, now.new.right)
+    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map), now.rate)
+    return state.places.revised({k.time_ns: k.left_from_world for k in state.map.keys}).with_place(place)
 
 
 def _covariance(state: ModernStereoState, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:

@@ -16,6 +16,7 @@ from ispom.estimators.modern.stereo.recover import recover
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import sight
+from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.window.prior import PAIR
@@ -31,6 +32,8 @@ class ModernStereoConfig:
     """Points tracked at a time."""
     window: Annotated[int, Range(3, 20)] = 8
     """Key frames adjusted together; older ones become a prior."""
+    max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
+    """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
     self_calibration: bool = True
     """Estimate what is wrong with the rectification: an offset of the disparity, how it grows towards the image's
     sides, and a late right shutter."""
@@ -76,20 +79,22 @@ class ModernStereo:
 
     def step(self, state: ModernStereoState, exposure: Exposure) -> tuple[ModernStereoState, Step]:
         """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
+        exposure = self._size.reduced(exposure)
         assert isinstance(exposure, StereoPair)
         watch = Stopwatch()
         outcome = self._advance(state, NewPair.of(exposure), watch)
         step = as_step(self._setup, exposure, outcome)
         watch.lap("conclude")
-        return outcome.after, replace(step, seconds=watch.seconds)
+        return outcome.after, self._size.enlarged(replace(step, seconds=watch.seconds))
 
     def _advance(self, state: ModernStereoState, new: NewPair, watch: Stopwatch) -> Outcome:
         """The algorithm, as its list of steps."""
-        setup, before = self._setup, state
-        sighting, decisions = sight(setup, state.last, state.map, new)
+        setup = self._setup
+        before, sighting, decisions = sight(setup, state, new)
         watch.lap("track")
+        state = replace(state, places=before.places)
         if state.map.keys and sighting.inliers < setup.min_inliers:
-            before, sighting, restart = recover(setup, state, sighting)
+            before, sighting, restart = recover(setup, before, sighting)
             decisions += restart
             if not restart:
                 return Outcome(before, Status.LOST, sighting, decisions)
@@ -117,10 +122,14 @@ class ModernStereo:
         return Outcome(after, status, sighting, decisions, before, len(fresh[0]), key_frame=True, restarted=restarted)
 
     @property
+    def _size(self) -> TrackedSize:
+        return TrackedSize.of(self.rig.camera("left"), self.config.max_width_px)
+
+    @property
     def _setup(self) -> Setup:
         c = self.config
         return Setup(
-            self.rig.camera("left"),
+            self._size.tracked,
             self.rig.baseline_m,
             self.rig.rig_from_left,
             c.loss_px,
@@ -144,5 +153,5 @@ class ModernStereo:
         """(4,) see window.Window.extra; 0 holds them."""
         if not self.config.self_calibration:
             return np.zeros(PAIR)
-        c, f = self.config, self.rig.camera("left").fx
+        c, f = self.config, self._size.tracked.fx
         return np.array([c.offset_sigma_px / f, c.lag_sigma_s, c.bend_sigma_px / f, c.bend_sigma_px / f])

@@ -34,7 +34,7 @@ class Current:
     points: PairPoints
     """Those alive."""
     rate: Array
-    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair."""
+    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair; 0 where that is a gap."""
 
     @staticmethod
     def of(state: ModernStereoState, new: NewPair, sighting: Sighting) -> Current:
@@ -42,7 +42,7 @@ class Current:
         last, located = state.last, sighting.located
         pose = last.predicted(new.time_ns) if located is None else located.camera_from_world
         rate = np.zeros(6)
-        if last.left is not None:
+        if last.left is not None and not sighting.relocated:
             rate = (pose @ last.left_from_world.inverse()).log() / ((new.time_ns - last.time_ns) * 1e-9)
         return Current(new, pose, sighting.alive(last.points), rate)
 

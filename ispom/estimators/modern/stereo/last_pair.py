@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ispom.estimators.modern.stereo.pair import PairPoints
-from ispom.frontends import sift
 from ispom.geometry import Array, Pose
 from ispom.types import Image
 
@@ -41,8 +40,6 @@ class LastPair:
     """curr_left_from_prev_left of the last two located pairs."""
     motion_s: float = 0.0
     """Time between them; 0 before there are two."""
-    described: sift.Features | None = None
-    """Features of the left image, where descriptors were needed to locate it."""
     covariance: Array | None = None
     """(6, 6) of left_from_world's left twist."""
 

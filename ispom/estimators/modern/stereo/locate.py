@@ -1,4 +1,4 @@
-"""Locating a pair: reprojection of the known points in both images, from a prediction, samples, or descriptors."""
+"""Locating a pair: reprojection of the known points in both images, from a prediction, or samples."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo.last_pair import LastPair, unforeseen
-from ispom.estimators.modern.stereo.pair import PairPoints
-from ispom.estimators.modern.stereo.pair_calibration import intersected, with_ideal_right
+from ispom.estimators.modern.stereo.pair_calibration import with_ideal_right
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.frontends import sift
-from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import PoseFit, fit_pose
 from ispom.solvers.multiview.resection import resect
@@ -20,8 +17,6 @@ MIN_INLIER_SHARE = 0.6
 """A pose refined from a prediction that fewer of its points agree with is sought again from three-point samples."""
 FEW = 3
 """With fewer points than so many times the least number, the expected motion counts as well."""
-MIN_DISPARITY_PX = 1.0
-"""Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
 
 
 def located(
@@ -52,17 +47,3 @@ def located(
             if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
                 found = again
     return found
-
-
-def relocated(setup: Setup, last: LastPair, world: StereoMap, now: sift.Features, before: sift.Features) -> Pose | None:
-    """left_from_world by descriptors of the left image that the last located pair (`before`) has, too."""
-    assert last.left is not None and last.right is not None
-    pairs = sift.match(before, now)
-    uv = before.uv[pairs[:, 0]]
-    disparity = PointSearch().search(last.left, last.right, uv)
-    good = disparity >= MIN_DISPARITY_PX
-    points = PairPoints(pairs[good, 0], uv[good], disparity[good])
-    xyz = intersected(setup, world, points, last.rate)
-    x = setup.camera.normalise(now.uv[pairs[good, 1]].astype(float))
-    found = resect(xyz, x, 2 * setup.limit)
-    return None if found is None else found.camera_from_world @ last.left_from_world

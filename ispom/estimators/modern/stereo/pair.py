@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.frontends import sift
 from ispom.frontends.exposure import as_bright
 from ispom.geometry import Array
 from ispom.solvers.motion_only import PoseFit
@@ -72,8 +71,8 @@ class Sighting:
     """(K,) which of the points `located` is about."""
     lower: NDArray[np.float32]
     """(K,) normalised: how much lower these are in the right image; NaN where not found."""
-    features: sift.Features | None = None
-    """Of the left image, where they were needed."""
+    relocated: bool = False
+    """Located by descriptors: since the last pair anything may have happened."""
 
     @staticmethod
     def nothing() -> Sighting:

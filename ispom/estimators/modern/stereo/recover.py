@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ispom.estimators.modern.places import Places
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
 from ispom.estimators.modern.stereo.setup import Setup
@@ -21,6 +22,6 @@ def recover(
         return state, sighting, ()
     settled = state.settled.extended((k.time_ns, k.left_from_world) for k in state.map.keys)
     last = replace(state.last, points=PairPoints())
-    state = replace(state, last=last, map=emptied(state.map), settled=settled)
+    state = replace(state, last=last, map=emptied(state.map), settled=settled, places=Places())
     restart = checks.LOST_PAIRS.of(state.lost_pairs, setup.max_lost_pairs, "a new start from the prediction")
     return state, Sighting.nothing(), (restart,)

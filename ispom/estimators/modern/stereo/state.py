@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ispom.estimators.modern.places import Places
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.window import StereoMap
@@ -22,6 +23,8 @@ class ModernStereoState:
     """Time, the key frame's time, left_from_key of every located pair."""
     settled: PersistentList[tuple[int, Pose]] = PersistentList()
     """left_from_world of the key frames that have left the window."""
+    places: Places = Places()
+    """Where a lost pair is looked for."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
-from ispom.estimators.modern.stereo.locate import located, relocated
+from ispom.estimators.modern.stereo.locate import located
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognised
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import StereoMap
-from ispom.frontends import sift
 from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
@@ -28,37 +29,42 @@ MAX_SHIFT_PX = 1.5
 """Alignment with the origin corrects tracking by no more."""
 ENOUGH_SHARE = 0.3
 """Share of the last pair's points that must agree with the pose, before other ways to find them are tried."""
-FEATURES = 2000
-"""Described in an image, where tracking lost its way."""
 NEAREST_BASELINES = 0.2
 """Depth, in baselines, of points that the prediction puts nearer or behind: as far as disparities are looked for."""
 UNGUIDED, GUIDED = Klt(levels=5), Klt(levels=2, max_forward_backward_px=np.inf)
 """Guided is from a good guess and one way only: the key frame's patch then checks what was found."""
 
 
-def sight(setup: Setup, last: LastPair, world: StereoMap, new: NewPair) -> tuple[Sighting, tuple[Decision, ...]]:
-    """The points of the last pair in this one, and the pose: guided by the motion so far, or by descriptors."""
+def sight(
+    setup: Setup, state: ModernStereoState, new: NewPair
+) -> tuple[ModernStereoState, Sighting, tuple[Decision, ...]]:
+    """The points of the last pair in this one, and the pose: guided by the motion so far, around, or by descriptors.
+
+    By descriptors the state changes: its window then holds what a key frame and this pair have in common.
+    """
+    last, world = state.last, state.map
     predicted = last.predicted(new.time_ns)
     sighting = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
     if last.left is None:
-        return sighting, ()
+        return state, sighting, ()
     wanted = max(setup.min_inliers, ENOUGH_SHARE * len(last.points))
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
     if guided.passed:
-        return sighting, (guided,)
+        return state, sighting, (guided,)
     sighting = _better(sighting, _follow(setup, last, world, new, predicted, guided=False))
     nearby = checks.NEARBY_POINTS.of(sighting.inliers, wanted)
     if nearby.passed:
-        return sighting, (guided, nearby)
+        return state, sighting, (guided, nearby)
     if not has_contrast(new.left, last.left):
         nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers, "the image shows nothing to describe")
-        return sighting, (guided, nearby, nothing)
-    features = sift.detect_and_describe(new.left, FEATURES)
-    described = relocated(setup, last, world, features, last.described or _described(last))
-    if described is not None:
-        again = _follow(setup, last, world, new, described, guided=True)
-        sighting = _better(sighting, replace(again, features=features))
-    return sighting, (guided, nearby, checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers))
+        return state, sighting, (guided, nearby, nothing)
+    state, found = recognised(setup, state, new)
+    if found is not None:
+        joint = joined(setup, state, found)
+        again = _rejoined(setup, joint, found, new)
+        if again.inliers >= max(setup.min_inliers, sighting.inliers + 1):
+            state, sighting = joint, again
+    return state, sighting, (guided, nearby, checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers))
 
 
 def _better(first: Sighting, second: Sighting) -> Sighting:
@@ -66,9 +72,32 @@ def _better(first: Sighting, second: Sighting) -> Sighting:
     return second if second.inliers > first.inliers else first
 
 
-def _described(last: LastPair) -> sift.Features:
-    assert last.left is not None
-    return sift.detect_and_describe(last.left, FEATURES)
+def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: NewPair) -> Sighting:
+    """What a key frame and the pair have in common located by both images; then the points tracked before as well,
+    where that pose puts them."""
+    last, world, count = state.last, state.map, len(state.last.points) - len(found.points)
+    uv = np.concatenate([last.points.uv[:count], found.uv])
+    status = np.full(len(uv), TrackStatus.LOST, np.uint8)
+    status[count:] = TrackStatus.ALIVE
+    first = _sighted(setup, last, world, new, found.left_from_world, uv, status)
+    if first.located is None:
+        return first
+    pose, place = first.located.camera_from_world, world.places(last.points.ids)
+    near = pose.apply(world.xyz[place])
+    expected, status = _projected(setup, new.left, near)
+    status[(place < 0) | (np.arange(len(status)) >= count)] = TrackStatus.LOST
+    uv, status = _realigned(setup, last, world, new.left, expected, status, near, pose)
+    uv[count:], status[count:] = found.uv, TrackStatus.ALIVE
+    return replace(_sighted(setup, last, world, new, pose, uv, status), relocated=True)
+
+
+def _projected(setup: Setup, left: Image, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Places (N, 2) [px] of points (N, 3) in the left image, and TrackStatus (N,)."""
+    uv = setup.camera.project(near)
+    height, width = left.shape
+    inside = np.isfinite(uv).all(axis=1) & ((uv > 0) & (uv < (width - 1, height - 1))).all(axis=1)
+    status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
+    return np.where(inside[:, None], uv, 0.0).astype(np.float32), status
 
 
 def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool) -> Sighting:
@@ -79,6 +108,21 @@ def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predic
     near = predicted.apply(world.xyz[place])
     uv, status = _tracked(setup, last, new.left, near if guided else None)
     uv, status = _realigned(setup, last, world, new.left, uv, status, near, predicted)
+    return _sighted(setup, last, world, new, predicted, uv, status)
+
+
+def _sighted(
+    setup: Setup,
+    last: LastPair,
+    world: StereoMap,
+    new: NewPair,
+    predicted: Pose,
+    uv: NDArray[np.float32],
+    status: NDArray[np.uint8],
+) -> Sighting:
+    """The pair located by the points alive at `uv` (N, 2) [px] in its left image, once found in the right one."""
+    points, place = last.points, world.places(last.points.ids)
+    near = predicted.apply(world.xyz[place])
     alive = np.flatnonzero(status == TrackStatus.ALIVE)
     disparity = np.full(len(points), np.nan, np.float32)
     depth = np.maximum(near[alive, 2], NEAREST_BASELINES * setup.baseline_m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -112,8 +113,17 @@ def test_times_of_both_kinds_of_exposure_count_once() -> None:
 
 def test_lines_join_their_blocks() -> None:
     poses = models(flight(2 * POSES_PER_BLOCK + 50))[-1].methods["m"].poses
-    assert poses.line(1)[:, 0].tolist() == list(range(POSES_PER_BLOCK - 1, 2 * POSES_PER_BLOCK))
+    assert poses.lines(1)[-1][:, 0].tolist() == list(range(POSES_PER_BLOCK - 1, 2 * POSES_PER_BLOCK))
     assert poses.last_known() == 2 * POSES_PER_BLOCK + 49
+
+
+def test_no_line_leads_to_a_segment_of_its_own() -> None:
+    model = RunModel.start(["m"])
+    for i in range(POSES_PER_BLOCK + 20):
+        model = model.after(i, i, (replace(step(i), restarted=i in (40, POSES_PER_BLOCK)),))
+    poses = model.methods["m"].poses
+    assert [line[[0, -1], 0].tolist() for line in poses.lines(0)] == [[0, 39], [40, POSES_PER_BLOCK - 1]]
+    assert [line[0, 0] for line in poses.lines(1)] == [POSES_PER_BLOCK - 1, POSES_PER_BLOCK]
 
 
 def test_without_poses_for_a_while_a_line_joins_what_was_before() -> None:
@@ -122,7 +132,7 @@ def test_without_poses_for_a_while_a_line_joins_what_was_before() -> None:
         steps = (step(i),) if i < 10 or i >= 250 else ()
         model = model.after(i, i, steps)
     poses = model.methods["m"].poses
-    assert poses.drawn_blocks() == {0, 2} and poses.line(2)[0, 0] == 9
+    assert poses.drawn_blocks() == {0, 2} and poses.lines(2)[-1][0, 0] == 9
     found = poses.second_before(model.times, 10**9 + 240)
     assert found is not None and found[0] == 9
 

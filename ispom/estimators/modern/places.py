@@ -1,0 +1,121 @@
+"""Places that key frames saw, kept to find a lost camera again: reduced images, described once that is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ispom.frontends import sift
+from ispom.geometry import Array, Pose
+from ispom.types import Image
+
+MAX_PLACES = 48
+"""Images of so many are some 30 MB at most; where there are more, older ones are thinned out evenly."""
+RECENT = 8
+"""So many of the newest are all kept: after a short gap they show most of what is seen again."""
+FEATURES = 2000
+"""Described in an image."""
+MOST_ALIKE = 2
+"""So many places that look most like the image are compared with it, after the newest one; at the next exposure, if
+that shows nothing either, the next ones: an exposure takes a bounded time, and several compare all places."""
+BESIDE = (1, 3, 6)
+"""So many key frames away are those with which what one shows is intersected, where there is one camera."""
+COARSE_PX = (40, 30)
+"""Size of the blurred images by which places are sorted (Klein & Murray 2008, section 4)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What was seen from a key frame."""
+
+    time_ns: int
+    camera_from_world: Pose
+    images: tuple[Image, ...]
+    """Grey, of the camera or of both cameras of a pair; at most sift.SEARCH_WIDTH_PX wide."""
+    reduction: float
+    """Their pixels per pixel of the camera's."""
+    covariance: Array | None = None
+    """(6, 6) of camera_from_world's left twist."""
+    rate: Array | None = None
+    """(6,) of camera_from_world's change (rho [m/s], phi [rad/s]; left), of a pair."""
+    features: sift.Features | None = None
+    """Of the first image, at the camera's pixels, once they were needed."""
+
+    @staticmethod
+    def of(
+        time_ns: int,
+        camera_from_world: Pose,
+        images: tuple[Image, ...],
+        covariance: Array | None,
+        rate: Array | None = None,
+    ) -> Place:
+        """With the images reduced where they are large."""
+        height, width = images[0].shape
+        reduction = min(1.0, sift.SEARCH_WIDTH_PX / width)
+        if reduction < 1:
+            size = (round(width * reduction), round(height * reduction))
+            images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_AREA), np.uint8) for i in images)
+        return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, rate)
+
+    def reduced(self, uv: Array) -> Array:
+        """Pixels (N, 2) of the camera as those of the reduced images."""
+        return (uv + 0.5) * self.reduction - 0.5
+
+    def described(self) -> Place:
+        """With its features."""
+        if self.features is not None:
+            return self
+        found = sift.detect_and_describe(self.images[0], FEATURES)
+        uv = ((found.uv + 0.5) / self.reduction - 0.5).astype(np.float32)
+        return replace(self, features=replace(found, uv=uv))
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    kept: tuple[Place, ...] = ()
+    """By time."""
+
+    def with_place(self, place: Place) -> Places:
+        """With one more; where that is too many, without the older one that has its neighbours nearest in time."""
+        kept = (*self.kept, place)
+        if len(kept) > MAX_PLACES:
+            times = np.array([p.time_ns for p in kept[: MAX_PLACES - RECENT]])
+            gone = 1 + int(np.argmin(times[2:] - times[:-2]))
+            kept = (*kept[:gone], *kept[gone + 1 :])
+        return Places(kept)
+
+    def revised(self, camera_from_world: Mapping[int, Pose]) -> Places:
+        """With newer poses of those at these times."""
+        return Places(
+            tuple(
+                replace(p, camera_from_world=camera_from_world.get(p.time_ns, p.camera_from_world)) for p in self.kept
+            )
+        )
+
+    def with_features(self, place: Place) -> Places:
+        """With this one in the place of that at its time."""
+        return Places(tuple(place if p.time_ns == place.time_ns else p for p in self.kept))
+
+    def before(self, time_ns: int) -> tuple[Place, ...]:
+        """Some before this time; those after it, where there are none."""
+        i = sum(p.time_ns < time_ns for p in self.kept)
+        index = [i - k for k in BESIDE if i >= k] or [i + k for k in BESIDE if i + k < len(self.kept)]
+        return tuple(self.kept[j] for j in sorted(index))
+
+    def alike(self, grey: Image, turn: int) -> tuple[Place, ...]:
+        """The newest place, and those of the others that look most like the image: at each `turn` the next ones."""
+        others, image = self.kept[:-1], _coarse(grey)
+        likeness = np.array([float((_coarse(p.images[0]) * image).sum()) for p in others])
+        order = np.argsort(-likeness, kind="stable")
+        chosen = order[(np.arange(MOST_ALIKE) + MOST_ALIKE * turn) % max(len(order), 1)] if len(order) else order
+        return (*self.kept[-1:], *(others[i] for i in dict.fromkeys(chosen.tolist())))
+
+
+def _coarse(grey: Image) -> Array:
+    """Blurred, of mean 0 and norm 1."""
+    small = cv2.GaussianBlur(cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA).astype(np.float32), (0, 0), 1.0)
+    small -= small.mean()
+    return small / max(float(np.linalg.norm(small)), 1e-9)

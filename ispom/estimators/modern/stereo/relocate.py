@@ -1,0 +1,130 @@
+"""Finding a pair again that tracking lost: by descriptors of the key frames' images, then by patches warped between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.places import FEATURES, Place
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
+from ispom.estimators.modern.stereo.pair_calibration import intersected
+from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.state import ModernStereoState
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
+from ispom.frontends import sift
+from ispom.frontends.patches import align, warps_of
+from ispom.frontends.row_search import PointSearch
+from ispom.geometry import Array, Pose
+from ispom.solvers.multiview.resection import resect
+
+MIN_DISPARITY_PX = 1.0
+"""Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
+MAX_RATIO = 0.8
+"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
+FEWEST = 8
+"""Points that agree with a pose, from which the others that it tells where to look for are looked for."""
+ENOUGH = 3
+"""With so many times the least number of points no further key frame is compared."""
+MIN_CORRELATION = 0.7
+"""Normalised correlation of a patch with that of the key frame, warped; less keeps the place of the descriptor."""
+MAX_SHIFT_PX = 3.0
+"""Descriptors are placed to about a pixel; alignment with the patch corrects them by no more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recognised:
+    """A pair that shows what a key frame saw."""
+
+    place: Place
+    points: PairPoints
+    """What both show, as the key frame saw it."""
+    xyz: Array
+    """(N, 3) in the key frame's left camera."""
+    uv: NDArray[np.float32]
+    """(N, 2) [px] where the pair's left image has them."""
+    left_from_place: Pose
+
+    @property
+    def left_from_world(self) -> Pose:
+        return self.left_from_place @ self.place.camera_from_world
+
+
+def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[ModernStereoState, Recognised | None]:
+    """The key frame that shows most of what the pair shows, if it shows anything; and the state, with descriptions."""
+    now, best = sift.detect_and_describe(new.left, FEATURES), None
+    for place in state.places.alike(new.left, state.lost_pairs):
+        described = place.described()
+        if described is not place:
+            state = replace(state, places=state.places.with_features(described))
+        found = _compared(setup, state, described, new, now)
+        if found is not None and (best is None or len(found.points) > len(best.points)):
+            best = found
+            if len(best.points) >= ENOUGH * setup.min_inliers:
+                break
+    return state, best
+
+
+def _compared(
+    setup: Setup, state: ModernStereoState, place: Place, new: NewPair, now: sift.Features
+) -> Recognised | None:
+    """The pose by resection from what both images show, and the points that agree with it; None for too few."""
+    assert place.features is not None
+    pairs = sift.match(place.features, now, MAX_RATIO)
+    uv = place.features.uv[pairs[:, 0]]
+    reduced = PointSearch().search(*place.images, place.reduced(uv).astype(np.float32))
+    disparity = (reduced / place.reduction).astype(np.float32)
+    good = disparity >= MIN_DISPARITY_PX
+    points = PairPoints(state.next_id + np.arange(int(good.sum())), uv[good], disparity[good])
+    rate = np.zeros(6) if place.rate is None else place.rate
+    xyz, uv = intersected(setup, state.map, points, rate), now.uv[pairs[good, 1]]
+    found = resect(xyz, setup.camera.normalise(uv.astype(float)), 2 * setup.limit)
+    if found is None or found.inliers.sum() < FEWEST:
+        return None
+    kept = np.flatnonzero(found.inliers)
+    points = replace(points.select(found.inliers), ids=state.next_id + np.arange(len(kept)))
+    pose = found.camera_from_world
+    return Recognised(place, points, xyz[kept], _aligned(setup, place, points, xyz[kept], uv[kept], pose, new), pose)
+
+
+def _aligned(
+    setup: Setup, place: Place, points: PairPoints, xyz: Array, uv: NDArray[np.float32], pose: Pose, new: NewPair
+) -> NDArray[np.float32]:
+    """Places (N, 2) [px] in the left image, set right by the key frame's patches as seen from `pose`."""
+    back = pose.inverse()
+    warps = place.reduction * warps_of(setup.camera, back.rotation[None], back.translation[None], pose.apply(xyz))
+    found, score = align(place.images[0], place.reduced(points.uv), new.left, uv, warps)
+    good = (score > MIN_CORRELATION) & (np.linalg.norm(found - uv, axis=1) < MAX_SHIFT_PX)
+    return np.where(good[:, None], found, uv).astype(np.float32)
+
+
+def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernStereoState:
+    """The state whose window holds the key frame and what it has in common with the pair, to be followed on from.
+
+    A key frame that has left the window begins a new one, as sure of its pose as it was.
+    """
+    place, points = found.place, found.points
+    world = state.map
+    if place.time_ns not in {k.time_ns for k in world.keys}:
+        state = replace(state, settled=state.settled.extended((k.time_ns, k.left_from_world) for k in world.keys))
+        nothing = PairPoints()
+        known = np.zeros((6, 6)) if place.covariance is None else place.covariance
+        seen, rate = nothing.seen_by(setup.camera), np.zeros(6) if place.rate is None else place.rate
+        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, rate)
+        world = with_key(emptied(world), key, setup.extra_sigma, known)
+    world = world.with_points(points.ids, place.camera_from_world.inverse().apply(found.xyz))
+    last = replace(state.last, points=PairPoints.joined(state.last.points, points))
+    next_id = state.next_id + len(points)
+    return replace(state, map=_seen_at(world, place.time_ns, points, setup), last=last, next_id=next_id)
+
+
+def _seen_at(world: StereoMap, time_ns: int, points: PairPoints, setup: Setup) -> StereoMap:
+    """With these points among what the key frame at that time saw."""
+    keys = tuple(
+        replace(k, ids=np.concatenate([k.ids, points.ids]), seen=np.concatenate([k.seen, points.seen_by(setup.camera)]))
+        if k.time_ns == time_ns
+        else k
+        for k in world.keys
+    )
+    return replace(world, keys=keys)

@@ -1,0 +1,65 @@
+"""Tracking at a bounded width: large images are halved until they are small enough; Steps speak of the large ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.types import Camera, Exposure, Image, Step, Tracks, VideoFrame
+
+MAX_WIDTH_PX = 1400
+"""Wider images are halved: windows and distances in pixels are made for 600-1400 px, and more cost time and no more."""
+
+
+@dataclass(frozen=True)
+class TrackedSize:
+    """A camera, and the one whose images are tracked: the same, or with its images halved once or more."""
+
+    full: Camera
+    tracked: Camera
+
+    @staticmethod
+    def of(camera: Camera, max_width_px: int = MAX_WIDTH_PX) -> TrackedSize:
+        """For the images of a camera."""
+        halvings = 0
+        while camera.width / 2**halvings > max_width_px:
+            halvings += 1
+        return TrackedSize(camera, camera.scaled(0.5**halvings) if halvings else camera)
+
+    @property
+    def factors(self) -> NDArray[np.float32]:
+        """(2,) pixels of the camera per pixel tracked, along x and y."""
+        full, tracked = self.full, self.tracked
+        return np.array([full.width / tracked.width, full.height / tracked.height], np.float32)
+
+    def reduced(self, exposure: Exposure) -> Exposure:
+        """The exposure as it is tracked."""
+        if self.tracked is self.full:
+            return exposure
+        if isinstance(exposure, VideoFrame):
+            return replace(exposure, image=self._image(exposure.image))
+        return replace(exposure, left=self._image(exposure.left), right=self._image(exposure.right))
+
+    def _image(self, image: Image) -> Image:
+        size = (self.tracked.width, self.tracked.height)
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+    def enlarged(self, step: Step) -> Step:
+        """A Step about the images as they were exposed: places, disparities and errors in their pixels."""
+        if self.tracked is self.full:
+            return step
+        tracks = {name: self._enlarged(some) for name, some in step.tracks.items()}
+        return replace(step, tracks=tracks, residuals_px=step.residuals_px * float(self.factors[0]))
+
+    def _enlarged(self, tracks: Tracks) -> Tracks:
+        along = self.factors[0]
+        return replace(
+            tracks,
+            uv=(tracks.uv + np.float32(0.5)) * self.factors - np.float32(0.5),
+            uv_prev=(tracks.uv_prev + np.float32(0.5)) * self.factors - np.float32(0.5),
+            residual_px=tracks.residual_px * along,
+            disparity_px=tracks.disparity_px * along,
+        )

@@ -1,0 +1,84 @@
+"""A lost camera is found again by descriptors: in its old place and unit, or in a segment of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.solvers.trajectory.alignment import umeyama
+from ispom.types import Exposure, Sequence, Status, Step, StereoPair, VideoFrame
+from tests.alone import run
+
+
+def errors_m(steps: list[Step], taken_ns: list[int], flight: Sequence, camera: str, before: int) -> np.ndarray:
+    """Distances from where the images were taken, aligned by the first steps; nan without a pose."""
+    assert flight.truth is not None
+    truth = flight.truth.moved(right=flight.rig.rig_from(camera))  # type: ignore[arg-type]
+    true = np.array([truth.at(t).translation for t in taken_ns])  # type: ignore[union-attr]
+    own = np.array(
+        [np.full(3, np.nan) if s.world_from_frame is None else s.world_from_frame.translation for s in steps]
+    )
+    onto = umeyama(own[:before], true[:before], with_scale=camera == "video")
+    return np.linalg.norm(onto.apply(own) - true, axis=1)
+
+
+def stereo(flight: Sequence, exposures: list[Exposure], order: list[int]) -> tuple[list[Step], np.ndarray]:
+    """Pairs in this order, at the times of a steady rig; negative ones upside down: another place."""
+    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    every, given = pairs[1].time_ns - pairs[0].time_ns, list[Exposure]()
+    for i, j in enumerate(order):
+        images = pairs[abs(j)].left, pairs[abs(j)].right
+        given.append(StereoPair(pairs[0].time_ns + i * every, *(v[::-1].copy() if j < 0 else v for v in images)))
+    steps = list(run(ModernStereoConfig().build(flight.rig), given))
+    return steps, errors_m(steps, [pairs[abs(j)].time_ns for j in order], flight, "rig", 4)
+
+
+def test_a_pair_after_a_gap_is_located_by_what_both_sides_show(flight: Sequence, exposures: list[Exposure]) -> None:
+    steps, error_m = stereo(flight, exposures, [0, 1, 2, 3, 7])
+    assert steps[-1].status is Status.TRACKING and not any(s.restarted for s in steps)
+    assert error_m[-1] < 0.02, "of 1.9 m"
+    assert len(steps[-1].residuals_px) > 60
+
+
+def test_a_rig_that_was_carried_off_is_found_at_any_earlier_key_frame(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    steps, error_m = stereo(flight, exposures, [0, 1, 2, 3, 4, 5, 6, 7, -3, 0, 1])
+    assert [s.status for s in steps[8:]] == [Status.LOST, Status.TRACKING, Status.TRACKING]
+    assert not any(s.restarted for s in steps) and error_m[9:].max() < 0.02
+
+
+def test_where_nothing_is_seen_again_a_segment_begins(flight: Sequence, exposures: list[Exposure]) -> None:
+    steps, _ = stereo(flight, exposures, [0, 1, 2, 3, -4, -5, -6, -7])
+    assert [i for i, s in enumerate(steps) if s.restarted] == [6]
+    assert steps[-1].status is Status.TRACKING
+
+
+def video(flight: Sequence, exposures: list[Exposure], order: list[int]) -> tuple[list[Step], np.ndarray]:
+    """Frames in this order at a steady rate; negative ones upside down."""
+    frames = [e for e in exposures if isinstance(e, VideoFrame)]
+    images = [frames[abs(j)].image[::-1].copy() if j < 0 else frames[j].image for j in order]
+    given = [VideoFrame(frames[i].time_ns, image) for i, image in enumerate(images)]
+    steps = list(run(ModernMonocularConfig().build(flight.rig), given))
+    return steps, errors_m(steps, [frames[abs(j)].time_ns for j in order], flight, "video", 36)
+
+
+def test_a_frame_after_a_gap_is_located_in_the_unit_of_before(flight: Sequence, exposures: list[Exposure]) -> None:
+    steps, error_m = video(flight, exposures, [*range(36), *range(66, 72)])
+    assert {s.status for s in steps[36:]} == {Status.TRACKING} and not any(s.restarted for s in steps)
+    assert error_m[36:].max() < 0.03, "of 1.4 m"
+
+
+def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    steps, error_m = video(flight, exposures, [*range(60), -30, -31, *range(14, 18)])
+    assert [s.status for s in steps[60:]] == [*[Status.LOST] * 2, *[Status.TRACKING] * 4]
+    assert not any(s.restarted for s in steps) and error_m[62:].max() < 0.03
+
+
+def test_the_same_images_are_found_the_same(flight: Sequence, exposures: list[Exposure]) -> None:
+    (a, _), (b, _) = (stereo(flight, exposures, [0, 1, 2, 3, 7]) for _ in range(2))
+    assert a[-1].world_from_frame is not None and b[-1].world_from_frame is not None
+    assert np.array_equal(a[-1].world_from_frame.matrix, b[-1].world_from_frame.matrix)
