@@ -57,7 +57,8 @@ class Place:
         reduction = min(1.0, sift.SEARCH_WIDTH_PX / width)
         if reduction < 1:
             size = (round(width * reduction), round(height * reduction))
-            images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_AREA), np.uint8) for i in images)
+            # At every key frame, so it must be quick; by less than half, hence without much aliasing.
+            images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_LINEAR), np.uint8) for i in images)
         return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, rate)
 
     def reduced(self, uv: Array) -> Array:

@@ -262,3 +262,20 @@ def test_tracks_that_end_say_why(walked: tuple[Trajectory, list[Step]]) -> None:
 def test_images_without_texture_give_no_map(estimator: ModernMonocular, frames: list[VideoFrame]) -> None:
     steps = list(run(estimator, [replace(f, image=np.full_like(f.image, 128)) for f in frames[:8]]))
     assert {s.status for s in steps} == {Status.INITIALISING}
+
+
+def test_a_video_of_three_times_the_size_is_as_accurate(
+    flight: Sequence, frames: list[VideoFrame], walked: tuple[Trajectory, list[Step]]
+) -> None:
+    """4K and the like: tracked at a bounded width, with the same error in degrees."""
+    camera = flight.rig.camera("video").scaled(3)
+    large = [
+        VideoFrame(f.time_ns, cv2.resize(f.image, (camera.width, camera.height), interpolation=cv2.INTER_CUBIC))  # type: ignore[arg-type]
+        for f in frames[:40]
+    ]
+    found, steps = finish(ModernMonocularConfig().build(replace(flight.rig, video=camera)), large)
+    plain = walked[0].select(np.isin(walked[0].times_ns, found.times_ns))
+    truth = video_truth(flight)
+    assert len(found) == 40 and ate(found, truth)[0] < 1.5 * ate(plain, truth)[0] + 1e-4
+    uv = steps[-1].tracks["video"].uv
+    assert 0.7 * camera.width < uv[:, 0].max() < camera.width

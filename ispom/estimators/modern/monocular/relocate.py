@@ -39,8 +39,10 @@ MIN_SIGNIFICANCE = 1.0
 """A feature's inverse depth exceeds so many standard deviations of it: far ones still say how the camera is turned."""
 FEWEST = 7
 """Points that agree with a pose, from which the tracks that there were are looked for where it puts them."""
-ENOUGH = 30
-"""With so many no further key frame is compared."""
+ENOUGH = 15
+"""With so many, as a pose needs, no further key frame is compared."""
+MOST_DESCRIBED = 5
+"""Images described at one exposure, the new one and the last one aside: those of two key frames, mostly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +67,13 @@ def recognised(
     Of the last one located, `before`, and some of the places, at each `turn` others. `extra` (2,) is the lens's
     correction, `now` are the features of the new image.
     """
-    best = None
+    best, described = None, 0
     for place in (before, *places.alike(new.grey, turn)):
-        chosen = [p.described() for p in (*places.before(place.time_ns), place)]
+        chosen = [*places.before(place.time_ns), place]
+        described += sum(p.features is None for p in chosen)
+        if described > MOST_DESCRIBED:
+            break
+        chosen = [p.described() for p in chosen]
         for one in chosen:
             places = places.with_features(one)
         found = _compared(setup, extra, chosen, new, now)

@@ -25,7 +25,7 @@ MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 FEWEST = 8
 """Points that agree with a pose, from which the others that it tells where to look for are looked for."""
-ENOUGH = 3
+ENOUGH = 2
 """With so many times the least number of points no further key frame is compared."""
 MIN_CORRELATION = 0.7
 """Normalised correlation of a patch with that of the key frame, warped; less keeps the place of the descriptor."""
