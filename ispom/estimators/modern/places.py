@@ -97,8 +97,13 @@ class Places:
         )
 
     def with_features(self, place: Place) -> Places:
-        """With this one in the place of that at its time."""
-        return Places(tuple(place if p.time_ns == place.time_ns else p for p in self.kept))
+        """With the features of this one, which is one of them; as they are, where it is not."""
+        return Places(
+            tuple(replace(p, features=place.features) if p.time_ns == place.time_ns else p for p in self.kept)
+        )
+
+    def at(self, time_ns: int) -> Place | None:
+        return next((p for p in self.kept if p.time_ns == time_ns), None)
 
     def before(self, time_ns: int) -> tuple[Place, ...]:
         """Some before this time; those after it, where there are none."""

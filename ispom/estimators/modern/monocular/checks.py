@@ -28,11 +28,11 @@ POSE_POINTS = Check(
 )
 DESCRIBED_POINTS = Check(
     "described_points",
-    "points found by descriptors",
-    "trigger",
+    "points seen again by descriptors",
+    "finding",
     LOCATED,
-    passes="Found again: {value} points agree with one pose, with descriptors as well; {threshold} are needed.",
-    fails="Not found again: {value} points agree with one pose, with descriptors as well; {threshold} are needed.",
+    passes="Tracking lost its way; descriptors show {value} points again, {threshold} tell where to look for others.",
+    fails="Tracking lost its way; descriptors show {value} points again, {threshold} would tell where to look.",
 )
 TURN_ONLY = Check(
     "turn_only",
@@ -158,6 +158,15 @@ EXPLAINED_SHARE = Check(
     passes="The best motion explains {value:.0%} of the points, {threshold:.0%} are needed.",
     fails="The best motion explains {value:.0%} of the points only, {threshold:.0%} are needed.",
 )
+SECOND_MOTION = Check(
+    "second_motion",
+    "share of points that another motion explains",
+    "finding",
+    FIRST_MAP,
+    "<",
+    passes="One motion: no other one explains {threshold:.0%} of the points, or more ({value:.0%}).",
+    fails="Two rigid motions: another one explains {value:.0%} of the points; what moves may be taken for the scene.",
+)
 UNIT_POINTS = Check(
     "unit_points",
     "points that carry the unit over",
@@ -208,6 +217,7 @@ CHECKS = by_key(
     MODEL,
     AMBIGUITY,
     EXPLAINED_SHARE,
+    SECOND_MOTION,
     UNIT_POINTS,
     UNIT_FACTOR,
     UNIT_SPREAD,

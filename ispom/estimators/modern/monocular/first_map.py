@@ -12,6 +12,7 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.key_frame import MAX_DRIFT
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
+from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MIN_INLIER_SHARE, MISTRACKED
 from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
@@ -66,14 +67,15 @@ def first_map(
         return None, (planar, checks.MAPS.of(0, 1))
     model = _model(trials[: found.essential], trials[found.essential :])
     clear = _clear(good, tried=len(trials))
-    share = float((good[0].costs < OUTLIER_COST).mean())
-    most = checks.EXPLAINED_SHARE.of(share, MIN_EXPLAINED)
+    explained = good[0].costs < OUTLIER_COST
+    most = checks.EXPLAINED_SHARE.of(float(explained.mean()), MIN_EXPLAINED)
+    second = second_motion(reference.at(ids), last.at(ids), ~explained, sigma)
     if not clear.passed and impatient:
         clear = replace(clear, passed=True, consequence="taken all the same: more parallax will not tell")
     if not (clear.passed and most.passed):
-        return None, (planar, model, clear, most)
+        return None, (planar, model, clear, most, second)
     best, unit = _in_old_unit(_chosen(trials, good[0]).map, start)
-    return _filled(best, start, sigma), (planar, model, clear, *unit)
+    return _filled(best, start, sigma), (planar, model, clear, second, *unit)
 
 
 def _chosen(trials: list[Trial | None], best: Trial) -> Trial:

@@ -12,6 +12,7 @@ from ispom.estimators.modern.monocular.key_frame import extended, key_frame_test
 from ispom.estimators.modern.monocular.localise import MIN_LOCATED, Localisation, localise, moving_tracks
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
+from ispom.estimators.modern.monocular.recognise import FEWEST
 from ispom.estimators.modern.monocular.recover import recover
 from ispom.estimators.modern.monocular.relocate import relocated
 from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
@@ -19,7 +20,7 @@ from ispom.estimators.modern.monocular.state import ModernMonocularState, NewIma
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.stopwatch import Stopwatch
-from ispom.types import Status, TrackStatus
+from ispom.types import Decision, Status, TrackStatus
 
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
@@ -33,13 +34,15 @@ def track_map(
     Also gives the state from which it was followed: with more tracks where it was found again by descriptors.
     """
     found = localise(setup, state.live, world, new)
-    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing)
-    decisions = (located,)
+    decisions: tuple[Decision, ...] = ()
     if not found.agreeing:
+        tracked = len(state.live.ids)
         state, world, again = relocated(setup, state, world, new)
         found = again or found
-        decisions = (located, checks.DESCRIBED_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing))
+        decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     watch.lap("locate")
+    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing)
+    decisions = (*decisions, located)
     if found.motion is None or not found.agreeing:
         return state, recover(setup, state, new, found.followed, decisions)
     frame, residual_px = _without_outliers(setup, state, world, new, found)

@@ -1,0 +1,164 @@
+"""What a key frame saw and an image shows as well: by descriptors, intersected between the key frames around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.lens import Lens, corrected
+from ispom.estimators.modern.monocular.setup import INLIER, Setup
+from ispom.estimators.modern.monocular.state import NewImage
+from ispom.estimators.modern.places import Place, Places
+from ispom.frontends import sift
+from ispom.frontends.patches import align, warps_of
+from ispom.geometry import Array, Pose, skew
+from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
+from ispom.solvers.multiview.resection import resect
+
+FEATURE_ERROR = 2.0
+"""Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
+MIN_CORRELATION, MAX_SHIFT_PX = 0.8, 3.0
+"""As for tracks: a patch that correlates less with that of the key frame, or is farther off, keeps its descriptor's
+place."""
+MAX_RATIO = 0.8
+"""Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
+MAX_OFF = 2.0
+"""Deviations from an epipolar line, between key frames, beyond which a feature is another one."""
+MIN_ALIKE = 0.8
+"""Product of unit descriptors: less is another thing."""
+MIN_SIGNIFICANCE = 1.0
+"""A feature's inverse depth exceeds so many standard deviations of it: far ones still say how the camera is turned."""
+FEWEST = 7
+"""Points that agree with a pose, from which the tracks that there were are looked for where it puts them."""
+ENOUGH = 15
+"""With so many, as a pose needs, no further key frame is compared."""
+MOST_DESCRIBED = 5
+"""Images described at one exposure, the new one and the last one aside: those of two key frames, mostly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recognised:
+    """A frame that shows what a key frame saw."""
+
+    views: tuple[tuple[Place, Array], ...]
+    """The key frame, last, and those before it with which its features were intersected: where (N, 2) each has them
+    [px], NaN where not."""
+    xyz: Array
+    """(N, 3) in the world."""
+    uv: NDArray[np.float32]
+    """(N, 2) [px] where the new image has them."""
+    world_from_camera: Pose
+
+
+def recognised(
+    setup: Setup, places: Places, extra: Array, new: NewImage, now: sift.Features, before: Place, turn: int
+) -> tuple[Places, Recognised | None]:
+    """The image that shows most of what the new one shows, if that is enough; and the places with what was described.
+
+    Of the last one located, `before`, and some of the places, at each `turn` others. `extra` (2,) is the lens's
+    correction, `now` are the features of the new image.
+    """
+    best, described = None, 0
+    others = (p for p in places.alike(new.grey, turn) if p.time_ns != before.time_ns)
+    for place in (before, *others):
+        chosen = [*places.before(place.time_ns), places.at(place.time_ns) or place]
+        described += sum(p.features is None for p in chosen)
+        if described > MOST_DESCRIBED:
+            break
+        chosen = [p.described() for p in chosen]
+        for one in chosen:
+            places = places.with_features(one)
+        found = _compared(setup, extra, chosen, new, now)
+        if found is not None and (best is None or len(found.uv) > len(best.uv)):
+            best = found
+            if len(best.uv) >= ENOUGH:
+                break
+    return places, best
+
+
+def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, now: sift.Features) -> Recognised | None:
+    """The pose by resection from what the last of the places and the image show; None for too few points."""
+    place, sigma = places[-1], FEATURE_ERROR * setup.sigma
+    assert place.features is not None
+    pairs = sift.match(place.features, now, MAX_RATIO)
+    if len(pairs) < FEWEST or len(places) < 2:
+        return None
+    seen = [_seen(setup, extra, place, pairs[:, 0], other, sigma) for other in places]
+    xyz, known = _intersected(setup, extra, places, seen, sigma)
+    x = corrected(setup.camera.normalise(now.uv[pairs[:, 1]]), extra)
+    found = resect(xyz[known], x[known], INLIER * sigma) if known.sum() >= FEWEST else None
+    if found is None or found.inliers.sum() < FEWEST:
+        return None
+    kept = np.flatnonzero(known)[found.inliers]
+    seen = [_agreeing(setup, extra, p, at[kept], xyz[kept], INLIER * sigma) for p, at in zip(places, seen, strict=True)]
+    uv = _aligned(setup, extra, place, seen[-1], xyz[kept], now.uv[pairs[kept, 1]], found.camera_from_world, new)
+    views = tuple(zip(places, seen, strict=True))
+    return Recognised(views, xyz[kept], uv, found.camera_from_world.inverse())
+
+
+def _seen(setup: Setup, extra: Array, place: Place, index: NDArray[np.int64], other: Place, sigma: float) -> Array:
+    """(N, 2) [px] where another place has these features of a place: on their epipolar lines; NaN where it has not."""
+    assert place.features is not None and other.features is not None
+    here, there = place.features, other.features
+    if other is place:
+        return here.uv[index].astype(float)
+    motion = other.camera_from_world @ place.camera_from_world.inverse()
+    x, y = (corrected(setup.camera.normalise(uv), extra) for uv in (here.uv[index], there.uv))
+    lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
+    off = np.abs(np.column_stack([y, np.ones(len(y))]) @ lines.T) / np.maximum(np.hypot(*lines[:, :2].T), 1e-12)
+    alike = np.where(MAX_OFF * sigma > off.T, here.descriptors[index] @ there.descriptors.T, -1.0)
+    best = alike.argmax(axis=1)
+    found = alike[np.arange(len(x)), best] > MIN_ALIKE
+    return np.where(found[:, None], there.uv[best], np.nan)
+
+
+def _agreeing(setup: Setup, extra: Array, place: Place, uv: Array, xyz: Array, limit: float) -> Array:
+    """(N, 2) [px] where a place has points (N, 3), NaN also where it has something else there. `limit` normalised."""
+    near = place.camera_from_world.apply(xyz)
+    off = corrected(setup.camera.normalise(uv), extra) - near[:, :2] / np.maximum(near[:, 2:], 1e-9)
+    return np.where((np.linalg.norm(off, axis=1) < limit)[:, None] & (near[:, 2:] > 0), uv, np.nan)
+
+
+def _intersected(
+    setup: Setup, extra: Array, places: list[Place], seen: list[Array], sigma: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Points (N, 3) in the world, and which (N,) are known well enough: by all the places together or, as one may show
+    another thing, by the last and the one that is farthest from it of those that agree."""
+    xyz, known = np.zeros((len(seen[0]), 3)), np.zeros(len(seen[0]), bool)
+    for others in (range(len(places) - 1), *([i] for i in range(len(places) - 1))):
+        chosen = [*others, len(places) - 1]
+        found = _rays_met(setup, extra, [places[i] for i in chosen], [seen[i] for i in chosen], sigma)
+        good = (found.depth > 0) & (found.worst < INLIER * sigma) & (found.significance > MIN_SIGNIFICANCE) & ~known
+        xyz[good], known = found.xyz_in_world[good], known | good
+    return xyz, known
+
+
+def _rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array], sigma: float) -> InverseDepths:
+    """Along the rays of the last place, which has all the points."""
+    stacked = np.stack(seen[::-1])
+    owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
+    poses = [p.camera_from_world for p in places[::-1]]
+    turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
+    x = corrected(setup.camera.normalise(stacked[cameras, owners]), extra)
+    return intersect(turns, ways, cameras, owners, x, stacked.shape[1], sigma)
+
+
+def _aligned(
+    setup: Setup,
+    extra: Array,
+    place: Place,
+    seen: Array,
+    xyz: Array,
+    uv: NDArray[np.float32],
+    camera_from_world: Pose,
+    new: NewImage,
+) -> NDArray[np.float32]:
+    """Places (N, 2) [px] in the image, set right by the key frame's patches at `seen` (N, 2) [px]."""
+    back, lens = place.camera_from_world @ camera_from_world.inverse(), Lens(setup.camera, extra)
+    near = camera_from_world.apply(xyz)
+    warps = place.reduction * warps_of(lens.camera, back.rotation[None], back.translation[None], near)
+    found, score = align(place.images[0], place.reduced(seen), new.grey, uv, warps)
+    good = (score > MIN_CORRELATION) & (np.linalg.norm(found - uv, axis=1) < MAX_SHIFT_PX)
+    return np.where(good[:, None], found, uv).astype(np.float32)
