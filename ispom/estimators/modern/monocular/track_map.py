@@ -25,6 +25,10 @@ from ispom.types import Decision, Status, TrackStatus
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
 
+SURE, SURE_SHARE = 2 * MIN_LOCATED, 0.3
+"""Points, and share of those tracked, that agree with a pose: fewer of both may lie on one thing that moves, or be what
+agrees by chance after a jump, and descriptors are compared."""
+
 
 def track_map(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, watch: Stopwatch
@@ -35,10 +39,12 @@ def track_map(
     """
     found = localise(setup, state.live, world, new)
     decisions: tuple[Decision, ...] = ()
-    if not found.agreeing:
-        tracked = len(state.live.ids)
-        state, world, again = relocated(setup, state, world, new)
-        found = again or found
+    known = int(np.isfinite(world.known(state.live.ids)[:, 0]).sum())
+    if not found.agreeing or found.count < min(SURE, SURE_SHARE * known):
+        tracked, (other, grown, again) = len(state.live.ids), relocated(setup, state, world, new)
+        if again is not None and again.count > found.count:
+            state, world, found = other, grown, again
+        state = replace(state, places=other.places)
         decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     watch.lap("locate")
     located = checks.POSE_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing)
