@@ -9,6 +9,7 @@ import numpy as np
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
+from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
 from ispom.estimators.modern.integrated.view import Noise, View
 from ispom.geometry import Array
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
@@ -27,14 +28,18 @@ MIN_INLIER_SHARE = 0.5
 def located(
     setup: Setup, state: ModernIntegratedState, view: View
 ) -> tuple[ModernIntegratedState, Resection | None, Status]:
-    """The window with one more view, whose pose is that of the points known by now, or that of the view before."""
+    """The window with one more view, whose pose is that of the points known by now; else that of the stereo method,
+    which may have found the way after a gap; else that of the view before."""
     window = state.window
     if not window.views:
         if view.video or len(view.ids) < MIN_POINTS:
             return state, None, Status.INITIALISING
         return replace(state, window=window.with_view(view)), None, Status.TRACKING
     found = _resected(setup.noise, window, view)
-    if found is None:
+    by_stereo = pose_by_stereo(setup, state, view) if found is None else None
+    if by_stereo is not None:
+        view = replace(view, world_from_rig=by_stereo)
+    elif found is None:
         view = replace(view, world_from_rig=window.views[-1].world_from_rig, located=False)
     else:
         rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
@@ -44,7 +49,8 @@ def located(
     state = replace(state, window=window.with_view(view))
     # The first frames have no points of known depth yet: the pair just before them says where they are.
     near = found is None and window.reference is None
-    return state, found, Status.TRACKING if found is not None or near else Status.LOST
+    known = found is not None or by_stereo is not None or near
+    return state, found, Status.TRACKING if known else Status.LOST
 
 
 def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:

@@ -35,6 +35,15 @@ def stereo_from_window(setup: Setup, state: ModernIntegratedState) -> Pose:
     return metric[pair.time_ns] @ pair.world_from_rig.inverse()
 
 
+def pose_by_stereo(setup: Setup, state: ModernIntegratedState, view: View) -> Pose | None:
+    """world_from_rig of a pair that is not in the window yet, as the stereo method located it; None where it did not,
+    or is not followed."""
+    pair, metric = common_pair(setup, state), dict(state.metric)
+    if view.video or not setup.follow_stereo or pair is None or not {pair.time_ns, view.time_ns} <= metric.keys():
+        return None
+    return stereo_from_window(setup, state).inverse() @ metric[view.time_ns]
+
+
 def alignment(setup: Setup, state: ModernIntegratedState) -> tuple[Decision, ...]:
     """How the window's pairs lie on stereo's poses, once carried onto them at the last pair; of one pair, nothing."""
     metric = dict(state.metric)
