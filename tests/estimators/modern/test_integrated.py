@@ -178,3 +178,24 @@ def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight
     told = {d.name: d for d in steps[-1].decisions or next(s for s in reversed(steps) if s.decisions).decisions}
     assert told["clock offset of the video"].value == pytest.approx(20, abs=1)
     assert told["video camera turned"].passed and "+-" in str(told["video camera shifted"])
+
+
+def test_after_a_gap_it_is_where_the_stereo_method_found_its_way(flight: Sequence, exposures: list[Exposure]) -> None:
+    """Stereo finds a pair again by descriptors, whose points the joint window does not know."""
+    assert flight.truth is not None
+    begin_ns = exposures[0].time_ns
+    seen = [e for e in exposures if not 1.1e9 <= e.time_ns - begin_ns <= 1.9e9]
+    _, steps = walk(estimator_of(flight), seen)
+    pair = next(i for i, e in enumerate(seen) if isinstance(e, StereoPair) and e.time_ns - begin_ns > 1.9e9)
+    assert steps[pair].parts[0].world_from_frame is not None
+    assert steps[pair].status is Status.TRACKING
+    later = [s for s in steps[pair:] if s.world_from_frame is not None]
+    assert len(later) > 0.9 * len(steps[pair:])
+    first = next(s for s in steps if s.world_from_frame is not None)
+    origin = flight.truth.at(first.time_ns)
+    assert origin is not None and first.world_from_frame is not None
+    onto = origin @ first.world_from_frame.inverse()
+    for step in later:
+        true = flight.truth.at(step.time_ns)
+        assert true is not None and step.world_from_frame is not None
+        assert np.linalg.norm((onto @ step.world_from_frame).translation - true.translation) < 0.06
