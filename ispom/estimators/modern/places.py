@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.frontends import sift
 from ispom.geometry import Array, Pose
@@ -23,6 +24,11 @@ MOST_ALIKE = 2
 that shows nothing either, the next ones: an exposure takes a bounded time, and several compare all places."""
 BESIDE = (1, 3, 6)
 """So many key frames away are those with which what one shows is intersected, where there is one camera."""
+MIN_SHARE = 0.25
+"""Of the points that two images seem to have in common, those that agree with a pose: fewer agree by chance."""
+MOST_NEARER = 4.0
+"""Ratio of the depths of a point in two images, either way, beyond which descriptors do not match any more: a pose so
+far off that all points are one agrees with anything."""
 COARSE_PX = (40, 30)
 """Size of the blurred images by which places are sorted (Klein & Murray 2008, section 4)."""
 
@@ -118,6 +124,14 @@ class Places:
         order = np.argsort(-likeness, kind="stable")
         chosen = order[(np.arange(MOST_ALIKE) + MOST_ALIKE * turn) % max(len(order), 1)] if len(order) else order
         return (*self.kept[-1:], *(others[i] for i in dict.fromkeys(chosen.tolist())))
+
+
+def plausible(agreeing: NDArray[np.bool_], depth_before: Array, depth_now: Array) -> NDArray[np.bool_]:
+    """Which (N,) of the points that agree with a pose can do so, with their depths (N,) in both images: none where
+    they are too small a share."""
+    ratio = depth_now / np.maximum(depth_before, 1e-9)
+    good = agreeing & (ratio < MOST_NEARER) & (ratio > 1 / MOST_NEARER)
+    return good if good.mean() >= MIN_SHARE else np.zeros(len(good), bool)
 
 
 def _coarse(grey: Image) -> Array:

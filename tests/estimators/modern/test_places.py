@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.estimators.modern.places import MAX_PLACES, MOST_ALIKE, RECENT, Place, Places
+from ispom.estimators.modern.places import MAX_PLACES, MOST_ALIKE, RECENT, Place, Places, plausible
 from ispom.geometry import Pose
 
 
@@ -51,3 +51,10 @@ def test_poses_are_revised() -> None:
     moved = Pose(np.eye(3), np.ones(3))
     places = many(3).revised({100: moved})
     assert [p.camera_from_world.translation[0] for p in places.kept] == [0.0, 1.0, 0.0]
+
+
+def test_a_pose_far_off_or_agreed_upon_by_few_is_none() -> None:
+    agreeing, depth = np.arange(20) < 12, np.full(20, 10.0)
+    assert plausible(agreeing, depth, depth + 5).sum() == 12
+    assert not plausible(agreeing, depth, depth + 140).any(), "from there all points are one"
+    assert not plausible(np.arange(20) < 4, depth, depth).any(), "so few agree by chance"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
-from ispom.estimators.modern.places import Place, Places
+from ispom.estimators.modern.places import Place, Places, plausible
 from ispom.frontends import sift
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose, skew
@@ -89,9 +89,13 @@ def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, no
     xyz, known = _intersected(setup, extra, places, seen, sigma)
     x = corrected(setup.camera.normalise(now.uv[pairs[:, 1]]), extra)
     found = resect(xyz[known], x[known], INLIER * sigma) if known.sum() >= FEWEST else None
-    if found is None or found.inliers.sum() < FEWEST:
+    if found is None:
         return None
-    kept = np.flatnonzero(known)[found.inliers]
+    then, now_at = place.camera_from_world.apply(xyz[known]), found.camera_from_world.apply(xyz[known])
+    good = plausible(found.inliers, then[:, 2], now_at[:, 2])
+    if good.sum() < FEWEST:
+        return None
+    kept = np.flatnonzero(known)[good]
     seen = [_agreeing(setup, extra, p, at[kept], xyz[kept], INLIER * sigma) for p, at in zip(places, seen, strict=True)]
     uv = _aligned(setup, extra, place, seen[-1], xyz[kept], now.uv[pairs[kept, 1]], found.camera_from_world, new)
     views = tuple(zip(places, seen, strict=True))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.places import FEATURES, Place
+from ispom.estimators.modern.places import FEATURES, Place, plausible
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.setup import Setup
@@ -80,11 +80,14 @@ def _compared(
     rate = np.zeros(6) if place.rate is None else place.rate
     xyz, uv = intersected(setup, state.map, points, rate), now.uv[pairs[good, 1]]
     found = resect(xyz, setup.camera.normalise(uv.astype(float)), 2 * setup.limit)
-    if found is None or found.inliers.sum() < FEWEST:
+    if found is None:
         return None
-    kept = np.flatnonzero(found.inliers)
-    points = replace(points.select(found.inliers), ids=state.next_id + np.arange(len(kept)))
     pose = found.camera_from_world
+    good = plausible(found.inliers, xyz[:, 2], pose.apply(xyz)[:, 2])
+    if good.sum() < FEWEST:
+        return None
+    kept = np.flatnonzero(good)
+    points = replace(points.select(good), ids=state.next_id + np.arange(len(kept)))
     return Recognised(place, points, xyz[kept], _aligned(setup, place, points, xyz[kept], uv[kept], pose, new), pose)
 
 
