@@ -6,9 +6,9 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from ispom_app.__main__ import main
 from ispom_app.bench import command, gaps
 from ispom_app.bench.gaps import Found, Trial
+from ispom_app.cli import main
 
 from ispom.geometry import Pose
 from ispom.types import Camera
