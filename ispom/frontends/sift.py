@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.geometry import Array
 from ispom.types import Image
 
 
@@ -54,6 +55,27 @@ def detect_and_describe(grey: Image, count: int) -> Features:
     keep = np.sort(first)
     root = np.sqrt(descriptors[keep] / np.maximum(descriptors[keep].sum(1, keepdims=True), 1e-9))
     return Features(uv[keep], root.astype(np.float32))
+
+
+def match_near(a: Features, b: Features, expected: Array, distance_px: float, alike: float) -> NDArray[np.int64]:
+    """Index pairs (M, 2): of each feature of `a` the most similar of `b` around where it is `expected` (N, 2) [px].
+
+    Each of `b` once. Similarity is the product of the descriptors, at least `alike`. NaN is expected nowhere.
+    """
+    pairs, best = np.zeros((0, 2), np.int64), np.zeros(0)
+    for start in range(0, len(a), ROWS_AT_ONCE):
+        rows = slice(start, start + ROWS_AT_ONCE)
+        similarity = a.descriptors[rows] @ b.descriptors.T
+        near = ((expected[rows, None] - b.uv[None]) ** 2).sum(axis=2) < distance_px**2
+        similarity[~near] = -1
+        nearest = similarity.argmax(axis=1) if len(b) else np.zeros(0, np.int64)
+        score = similarity[np.arange(len(nearest)), nearest]
+        good = score > alike
+        pairs = np.concatenate([pairs, np.stack([start + np.flatnonzero(good), nearest[good]], axis=1)])
+        best = np.concatenate([best, score[good]])
+    order = np.argsort(-best, kind="stable")
+    _, first = np.unique(pairs[order, 1], return_index=True)
+    return pairs[np.sort(order[first])]
 
 
 def match(a: Features, b: Features, max_ratio: float = 0.9) -> NDArray[np.int64]:

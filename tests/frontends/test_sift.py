@@ -32,3 +32,20 @@ def test_a_point_that_is_there_twice_is_ambiguous() -> None:
 
 def test_one_feature_matches_nothing() -> None:
     assert len(sift.match(features(1, 0), features(9, 1))) == 0
+
+
+def test_near_where_it_is_expected_the_most_similar_is_taken_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    a, b = features(100, 0), features(120, 1)
+    place = 100 * np.random.default_rng(2).permutation(120)[:100]
+    b.uv[:] = np.column_stack([100 * np.arange(120), np.zeros(120)])
+    expected = np.column_stack([place + 3.0, np.zeros(100)])
+    b.descriptors[place // 100] = a.descriptors
+    expected[7], expected[8], a.descriptors[9] = np.nan, 9e9, -a.descriptors[9]
+    expected[11], a.descriptors[11] = expected[10], 0.95 * a.descriptors[10]
+    wanted = [(i, j // 100) for i, j in enumerate(place.tolist()) if i not in (7, 8, 9, 11)]
+    for rows in (512, 16):
+        monkeypatch.setattr(sift, "ROWS_AT_ONCE", rows)
+        found = sift.match_near(a, b, expected, 5.0, 0.9)
+        assert sorted(map(tuple, found.tolist())) == wanted
+    assert len(sift.match_near(a, b, expected - 10, 5.0, 0.9)) == 0
+    assert len(sift.match_near(a, features(0, 0), expected, 5.0, 0.9)) == 0

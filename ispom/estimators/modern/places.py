@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ispom.frontends import sift
 from ispom.geometry import Array, Pose
-from ispom.types import Image
+from ispom.types import Camera, Image
 
 MAX_PLACES = 48
 """Images of so many are some 30 MB at most; where there are more, older ones are thinned out evenly."""
@@ -124,6 +124,13 @@ class Places:
         order = np.argsort(-likeness, kind="stable")
         chosen = order[(np.arange(MOST_ALIKE) + MOST_ALIKE * turn) % max(len(order), 1)] if len(order) else order
         return (*self.kept[-1:], *(others[i] for i in dict.fromkeys(chosen.tolist())))
+
+
+def in_sight(camera: Camera, near: Array) -> Array:
+    """Places (N, 2) [px] of points (N, 3) in a camera; NaN out of its image."""
+    uv = camera.project(near)
+    inside = (near[:, 2] > 0) & (uv > 0).all(axis=1) & (uv < (camera.width - 1, camera.height - 1)).all(axis=1)
+    return np.where(inside[:, None], uv, np.nan)
 
 
 def plausible(agreeing: NDArray[np.bool_], depth_before: Array, depth_now: Array) -> NDArray[np.bool_]:

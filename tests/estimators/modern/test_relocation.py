@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ispom.estimator import Estimator
@@ -32,7 +34,9 @@ def walked(
     return steps, error_m
 
 
-def stereo(flight: Sequence, exposures: list[Exposure], order: list[int]) -> tuple[list[Step], np.ndarray]:
+def stereo(
+    flight: Sequence, exposures: list[Exposure], order: list[int], relocalise: bool = True
+) -> tuple[list[Step], np.ndarray]:
     """Pairs in this order, at the times of a steady rig; negative ones upside down: another place."""
     pairs = [e for e in exposures if isinstance(e, StereoPair)]
     every, given = pairs[1].time_ns - pairs[0].time_ns, list[Exposure]()
@@ -40,7 +44,7 @@ def stereo(flight: Sequence, exposures: list[Exposure], order: list[int]) -> tup
         images = pairs[abs(j)].left, pairs[abs(j)].right
         given.append(StereoPair(pairs[0].time_ns + i * every, *(v[::-1].copy() if j < 0 else v for v in images)))
     taken_ns = [pairs[abs(j)].time_ns for j in order]
-    return walked(ModernStereoConfig().build(flight.rig), given, taken_ns, flight, "rig", 4)
+    return walked(ModernStereoConfig(relocalise=relocalise).build(flight.rig), given, taken_ns, flight, "rig", 4)
 
 
 def test_a_pair_after_a_gap_is_located_by_what_both_sides_show(flight: Sequence, exposures: list[Exposure]) -> None:
@@ -58,19 +62,37 @@ def test_a_rig_that_was_carried_off_is_found_at_any_earlier_key_frame(
     assert not any(s.restarted for s in steps) and error_m[9:].max() < 0.03
 
 
+def test_one_thing_that_stands_elsewhere_as_well_is_no_place(flight: Sequence, exposures: list[Exposure]) -> None:
+    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    height, width = pairs[3].left.shape[:2]
+    thing = np.s_[height // 3 : height // 3 + height // 4, width // 3 : width // 3 + width // 4]
+    elsewhere = []
+    for image, seen in ((pairs[7].left, pairs[3].left), (pairs[7].right, pairs[3].right)):
+        elsewhere.append(image[::-1].copy())
+        elsewhere[-1][thing] = seen[thing]
+    given = [*pairs[:4], replace(pairs[4], left=elsewhere[0], right=elsewhere[1])]
+    steps, _ = walked(
+        ModernStereoConfig().build(flight.rig), list(given), [p.time_ns for p in pairs[:5]], flight, "rig", 4
+    )
+    assert steps[-1].status is Status.LOST and len(steps[3].residuals_px) > 40
+
+
 def test_where_nothing_is_seen_again_a_segment_begins(flight: Sequence, exposures: list[Exposure]) -> None:
     steps, _ = stereo(flight, exposures, [0, 1, 2, 3, -4, -5, -6, -7])
     assert [i for i, s in enumerate(steps) if s.restarted] == [6]
     assert steps[-1].status is Status.TRACKING
 
 
-def video(flight: Sequence, exposures: list[Exposure], order: list[int]) -> tuple[list[Step], np.ndarray]:
+def video(
+    flight: Sequence, exposures: list[Exposure], order: list[int], relocalise: bool = True
+) -> tuple[list[Step], np.ndarray]:
     """Frames in this order at a steady rate; negative ones upside down."""
     frames = [e for e in exposures if isinstance(e, VideoFrame)]
     images = [frames[abs(j)].image[::-1].copy() if j < 0 else frames[j].image for j in order]
     given = list[Exposure](VideoFrame(frames[i].time_ns, image) for i, image in enumerate(images))
     taken_ns = [frames[abs(j)].time_ns for j in order]
-    return walked(ModernMonocularConfig().build(flight.rig), given, taken_ns, flight, "video", 36)
+    estimator = ModernMonocularConfig(relocalise=relocalise).build(flight.rig)
+    return walked(estimator, given, taken_ns, flight, "video", 36)
 
 
 def test_a_frame_after_a_gap_is_located_in_the_unit_of_before(flight: Sequence, exposures: list[Exposure]) -> None:
@@ -91,3 +113,10 @@ def test_the_same_images_are_found_the_same(flight: Sequence, exposures: list[Ex
     (a, _), (b, _) = (stereo(flight, exposures, [0, 1, 2, 3, 7]) for _ in range(2))
     assert a[-1].world_from_frame is not None and b[-1].world_from_frame is not None
     assert np.array_equal(a[-1].world_from_frame.matrix, b[-1].world_from_frame.matrix)
+
+
+def test_without_relocalisation_it_is_plain_odometry(flight: Sequence, exposures: list[Exposure]) -> None:
+    steps, _ = stereo(flight, exposures, [0, 1, 2, 3, 7, 6, 5], relocalise=False)
+    assert [s.status for s in steps[4:6]] == [Status.LOST] * 2 and steps[6].restarted
+    steps, _ = video(flight, exposures, [*range(60), -30, -31, *range(14, 18)], relocalise=False)
+    assert {s.status for s in steps[60:]} == {Status.LOST}

@@ -77,9 +77,14 @@ class MapUncertainty:
         )
 
     def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: PoseFit, sigma: float) -> Array:
-        """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right."""
+        """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right.
+
+        That of the last key frame, which it is no less, where none of the points was seen there.
+        """
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         use = motion.inliers & (self.ids[place] == ids)
+        if not use.any():
+            return self.pose
         place, in_camera = place[use], motion.camera_from_world.apply(xyz[use])
         by_place, by_pose, by_extra = _derivatives(in_camera)
         n = len(place)

@@ -47,6 +47,8 @@ class ModernMonocularConfig:
     """Deviation of a tracked place after some key frames; what is off by several of it is dropped."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
     """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
+    relocalise: bool = True
+    """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say."""
 
@@ -105,6 +107,7 @@ class ModernMonocular:
             c.min_share,
             c.max_view_angle_deg,
             c.max_interval_s,
+            c.relocalise,
         )
 
 

@@ -28,7 +28,7 @@ def relocated(
 ) -> tuple[ModernMonocularState, Map, Localisation | None]:
     """The frame located from an image that shows what it shows, and the state and map in which it is; else None."""
     (last_ns, last), grey = state.recent[-1], state.live.grey
-    if grey is None or not has_contrast(new.grey, grey):
+    if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
         return state, world, None
     before = (state.places.at(last_ns) or Place.of(last_ns, last.inverse(), (grey,), None)).described()
     now = sift.detect_and_describe(new.grey, FEATURES)

@@ -37,6 +37,7 @@ class Setup:
     min_share: float
     max_view_angle_deg: float
     max_interval_s: float
+    relocalise: bool
 
     @property
     def sigma(self) -> float:

@@ -38,12 +38,14 @@ def track_map(
     Also gives the state from which it was followed: with more tracks where it was found again by descriptors.
     """
     found = localise(setup, state.live, world, new)
-    decisions: tuple[Decision, ...] = ()
+    decisions, again = tuple[Decision, ...](), None
     known = int(np.isfinite(world.known(state.live.ids)[:, 0]).sum())
     if not found.agreeing or found.count < min(SURE, SURE_SHARE * known):
         tracked, (other, grown, again) = len(state.live.ids), relocated(setup, state, world, new)
         if again is not None and again.count > found.count:
             state, world, found = other, grown, again
+        else:
+            again = None
         state = replace(state, places=other.places)
         decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     watch.lap("locate")
@@ -62,11 +64,12 @@ def track_map(
         decisions=(*decisions, *tests),
         residual_px=residual_px,
         compared=found.compared,
-        covariance=state.uncertainty.of_pose(found.ids, found.xyz, found.motion, setup.sigma),
     )
-    if not any(test.passed for test in tests):
+    # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
+    if again is None and not any(test.passed for test in tests):
+        covariance = state.uncertainty.of_pose(found.ids, found.xyz, found.motion, setup.sigma)
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
-        return state, replace(outcome, map=world, settled=tuple(settled))
+        return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
     watch.lap("key frame")
     return state, outcome

@@ -34,6 +34,8 @@ class ModernStereoConfig:
     """Key frames adjusted together; older ones become a prior."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
     """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
+    relocalise: bool = True
+    """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
     self_calibration: bool = True
     """Estimate what is wrong with the rectification: an offset of the disparity, how it grows towards the image's
     sides, and a late right shutter."""
@@ -142,6 +144,7 @@ class ModernStereo:
             c.min_inliers,
             c.max_lost_pairs,
             c.iterations,
+            c.relocalise,
         )
 
     @property

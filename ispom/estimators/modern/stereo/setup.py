@@ -27,6 +27,7 @@ class Setup:
     min_inliers: int
     max_lost_pairs: int
     iterations: int
+    relocalise: bool
 
     @property
     def left_from_rig(self) -> Pose:

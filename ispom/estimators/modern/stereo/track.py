@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.places import in_sight
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.locate import located
@@ -55,8 +56,9 @@ def sight(
     nearby = checks.NEARBY_POINTS.of(sighting.inliers, wanted)
     if nearby.passed:
         return state, sighting, (guided, nearby)
-    if not has_contrast(new.left, last.left):
-        nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers, "the image shows nothing to describe")
+    if not setup.relocalise or not has_contrast(new.left, last.left):
+        why = "the image shows nothing to describe" if setup.relocalise else "descriptors are not compared"
+        nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers, why)
         return state, sighting, (guided, nearby, nothing)
     state, found = recognised(setup, state, new)
     if found is not None:
@@ -84,18 +86,17 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
         return first
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
     near = pose.apply(world.xyz[place])
-    expected, status = _projected(setup, new.left, near)
+    expected, status = _projected(setup, near)
     status[(place < 0) | (np.arange(len(status)) >= count)] = TrackStatus.LOST
     uv, status = _realigned(setup, last, world, new.left, expected, status, near, pose)
     uv[count:], status[count:] = found.uv, TrackStatus.ALIVE
     return replace(_sighted(setup, last, world, new, pose, uv, status), relocated=True)
 
 
-def _projected(setup: Setup, left: Image, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+def _projected(setup: Setup, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Places (N, 2) [px] of points (N, 3) in the left image, and TrackStatus (N,)."""
-    uv = setup.camera.project(near)
-    height, width = left.shape
-    inside = np.isfinite(uv).all(axis=1) & ((uv > 0) & (uv < (width - 1, height - 1))).all(axis=1)
+    uv = in_sight(setup.camera, near)
+    inside = np.isfinite(uv[:, 0])
     status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
     return np.where(inside[:, None], uv, 0.0).astype(np.float32), status
 
