@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
-from ispom.estimators.modern.places import Place, Places, plausible
+from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, plausible
 from ispom.frontends import sift
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose, skew
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
-from ispom.solvers.multiview.resection import resect
+from ispom.solvers.multiview.resection import Resection, refine_pose, resect
 
 FEATURE_ERROR = 2.0
 """Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
@@ -26,8 +26,6 @@ MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 MAX_OFF = 2.0
 """Deviations from an epipolar line, between key frames, beyond which a feature is another one."""
-MIN_ALIKE = 0.8
-"""Product of unit descriptors: less is another thing."""
 MIN_SIGNIFICANCE = 1.0
 """A feature's inverse depth exceeds so many standard deviations of it: far ones still say how the camera is turned."""
 FEWEST = 7
@@ -80,26 +78,38 @@ def recognised(
 
 def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, now: sift.Features) -> Recognised | None:
     """The pose by resection from what the last of the places and the image show; None for too few points."""
-    place, sigma = places[-1], FEATURE_ERROR * setup.sigma
-    assert place.features is not None
-    pairs = sift.match(place.features, now, MAX_RATIO)
+    place, lens, sigma = places[-1], Lens(setup.camera, extra), FEATURE_ERROR * setup.sigma
+    then = place.features
+    assert then is not None
+    pairs = sift.match(then, now, MAX_RATIO)
     if len(pairs) < FEWEST or len(places) < 2:
         return None
     seen = [_seen(setup, extra, place, pairs[:, 0], other, sigma) for other in places]
     xyz, known = _intersected(setup, extra, places, seen, sigma)
-    x = corrected(setup.camera.normalise(now.uv[pairs[:, 1]]), extra)
-    found = resect(xyz[known], x[known], INLIER * sigma) if known.sum() >= FEWEST else None
-    if found is None:
+    found = resect(xyz[known], lens.normalise(now.uv[pairs[known, 1]]), INLIER * sigma)
+    if found is None or _plausible(place, xyz[known], found).sum() < FEWEST:
         return None
-    then, now_at = place.camera_from_world.apply(xyz[known]), found.camera_from_world.apply(xyz[known])
-    good = plausible(found.inliers, then[:, 2], now_at[:, 2])
-    if good.sum() < FEWEST:
+    # All that the key frame has is looked for where this pose puts it.
+    seen = [_seen(setup, extra, place, np.arange(len(then)), other, sigma) for other in places]
+    xyz, known = _intersected(setup, extra, places, seen, sigma)
+    near = found.camera_from_world.apply(xyz)
+    expected = np.where(known[:, None], in_sight(setup.camera, near, lens.project(near)), np.nan)
+    pairs = sift.match_near(then, now, expected, INLIER * FEATURE_ERROR * setup.loss_px, MIN_ALIKE)
+    xyz, uv = xyz[pairs[:, 0]], now.uv[pairs[:, 1]]
+    found = refine_pose(xyz, lens.normalise(uv), found.camera_from_world, INLIER * sigma)
+    good = np.zeros(0, bool) if found is None else _plausible(place, xyz, found)
+    if found is None or not confirmed(good, expected, FEWEST):
         return None
-    kept = np.flatnonzero(known)[good]
-    seen = [_agreeing(setup, extra, p, at[kept], xyz[kept], INLIER * sigma) for p, at in zip(places, seen, strict=True)]
-    uv = _aligned(setup, extra, place, seen[-1], xyz[kept], now.uv[pairs[kept, 1]], found.camera_from_world, new)
-    views = tuple(zip(places, seen, strict=True))
-    return Recognised(views, xyz[kept], uv, found.camera_from_world.inverse())
+    kept, xyz, uv = pairs[good, 0], xyz[good], uv[good]
+    seen = [_agreeing(setup, extra, p, at[kept], xyz, INLIER * sigma) for p, at in zip(places, seen, strict=True)]
+    uv = _aligned(setup, extra, place, seen[-1], xyz, uv, found.camera_from_world, new)
+    return Recognised(tuple(zip(places, seen, strict=True)), xyz, uv, found.camera_from_world.inverse())
+
+
+def _plausible(place: Place, xyz: Array, found: Resection) -> NDArray[np.bool_]:
+    """Which (N,) of the points agree with the pose, and can do so."""
+    then, now = place.camera_from_world.apply(xyz), found.camera_from_world.apply(xyz)
+    return plausible(found.inliers, then[:, 2], now[:, 2])
 
 
 def _seen(setup: Setup, extra: Array, place: Place, index: NDArray[np.int64], other: Place, sigma: float) -> Array:
@@ -111,11 +121,16 @@ def _seen(setup: Setup, extra: Array, place: Place, index: NDArray[np.int64], ot
     motion = other.camera_from_world @ place.camera_from_world.inverse()
     x, y = (corrected(setup.camera.normalise(uv), extra) for uv in (here.uv[index], there.uv))
     lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
-    off = np.abs(np.column_stack([y, np.ones(len(y))]) @ lines.T) / np.maximum(np.hypot(*lines[:, :2].T), 1e-12)
-    alike = np.where(MAX_OFF * sigma > off.T, here.descriptors[index] @ there.descriptors.T, -1.0)
-    best = alike.argmax(axis=1)
-    found = alike[np.arange(len(x)), best] > MIN_ALIKE
-    return np.where(found[:, None], there.uv[best], np.nan)
+    lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
+    out = np.full((len(index), 2), np.nan)
+    for start in range(0, len(index), sift.ROWS_AT_ONCE):
+        rows = slice(start, start + sift.ROWS_AT_ONCE)
+        alike = here.descriptors[index[rows]] @ there.descriptors.T
+        alike[np.abs(lines[rows] @ np.column_stack([y, np.ones(len(y))]).T) >= MAX_OFF * sigma] = -1
+        best = alike.argmax(axis=1)
+        found = alike[np.arange(len(alike)), best] > MIN_ALIKE
+        out[rows][found] = there.uv[best[found]]
+    return out
 
 
 def _agreeing(setup: Setup, extra: Array, place: Place, uv: Array, xyz: Array, limit: float) -> Array:

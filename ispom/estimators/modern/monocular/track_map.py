@@ -41,11 +41,12 @@ def track_map(
     decisions, again = tuple[Decision, ...](), None
     known = int(np.isfinite(world.known(state.live.ids)[:, 0]).sum())
     if not found.agreeing or found.count < min(SURE, SURE_SHARE * known):
-        tracked, (other, grown, again) = len(state.live.ids), relocated(setup, state, world, new)
-        if again is not None and again.count > found.count:
-            state, world, found = other, grown, again
-        else:
+        tracked = len(state.live.ids)
+        other, grown, again = relocated(setup, state, world, new)
+        if again is not None and again.count <= found.count:
             again = None
+        if again is not None:
+            state, world, found = other, grown, again
         state = replace(state, places=other.places)
         decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     watch.lap("locate")

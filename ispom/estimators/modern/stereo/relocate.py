@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.places import FEATURES, Place, in_sight, plausible
+from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, plausible
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.setup import Setup
@@ -25,11 +25,6 @@ MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 FEWEST = 8
 """Points that agree with a pose, from which the others that it tells where to look for are looked for."""
-MIN_ALIKE = 0.8
-"""Product of unit descriptors: less is another thing."""
-MIN_CONFIRMED = 0.1
-"""Of the features that a pose brings into sight, those that are found there: a wrong pose finds 3-6 % of them by
-chance, a right one 14 % and more, where 24 m of road lie between two images of it."""
 ENOUGH = 2
 """With so many times the least number of points no further key frame is compared."""
 MIN_CORRELATION = 0.7
@@ -82,11 +77,11 @@ def _compared(
     found = _agreeing(setup, xyz, now.uv, pairs)
     if found is None or found[1].sum() < FEWEST:
         return None
-    expected = in_sight(setup.camera, found[0].apply(xyz))
+    near = found[0].apply(xyz)
+    expected = in_sight(setup.camera, near, setup.camera.project(near))
     pairs = sift.match_near(then, now, expected, 2 * setup.max_error_px, MIN_ALIKE)
     found = _agreeing(setup, xyz, now.uv, pairs, found[0])
-    wanted = max(setup.min_inliers, MIN_CONFIRMED * np.isfinite(expected[:, 0]).sum())
-    if found is None or found[1].sum() < wanted:
+    if found is None or not confirmed(found[1], expected, FEWEST):
         return None
     pose, (i, j) = found[0], pairs[found[1]].T
     points = PairPoints(state.next_id + np.arange(len(i)), points.uv[i], points.disparity_px[i])

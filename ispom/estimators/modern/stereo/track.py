@@ -95,7 +95,7 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
 
 def _projected(setup: Setup, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Places (N, 2) [px] of points (N, 3) in the left image, and TrackStatus (N,)."""
-    uv = in_sight(setup.camera, near)
+    uv = in_sight(setup.camera, near, setup.camera.project(near))
     inside = np.isfinite(uv[:, 0])
     status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
     return np.where(inside[:, None], uv, 0.0).astype(np.float32), status
