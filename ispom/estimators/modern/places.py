@@ -33,7 +33,7 @@ MIN_ALIKE = 0.8
 """Product of unit descriptors: less is another thing."""
 MIN_CONFIRMED = 0.1
 """Of the features that a pose brings into sight, those that are found there: a wrong pose finds 3-6 % of them by
-chance, a right one 14 % and more, where 24 m of road lie between two images of it."""
+chance, a right one 10-14 % where 20-25 m of road lie between two images of it, and more where less."""
 COARSE_PX = (40, 30)
 """Size of the blurred images by which places are sorted (Klein & Murray 2008, section 4)."""
 
