@@ -65,11 +65,11 @@ def test_a_rig_that_was_carried_off_is_found_at_any_earlier_key_frame(
 def test_one_thing_that_stands_elsewhere_as_well_is_no_place(flight: Sequence, exposures: list[Exposure]) -> None:
     pairs = [e for e in exposures if isinstance(e, StereoPair)]
     height, width = pairs[3].left.shape[:2]
-    thing = np.s_[height // 3 : height // 3 + height // 4, width // 3 : width // 3 + width // 4]
+    rows, columns = slice(height // 3, height // 2), np.arange(width // 5, width // 5 + width // 8)
     elsewhere = []
     for image, seen in ((pairs[7].left, pairs[3].left), (pairs[7].right, pairs[3].right)):
         elsewhere.append(image[::-1].copy())
-        elsewhere[-1][thing] = seen[thing]
+        elsewhere[-1][rows, columns + width // 2] = seen[rows, columns]
     given = [*pairs[:4], replace(pairs[4], left=elsewhere[0], right=elsewhere[1])]
     steps, _ = walked(
         ModernStereoConfig().build(flight.rig), list(given), [p.time_ns for p in pairs[:5]], flight, "rig", 4
