@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimator import Estimator
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.geometry import Pose
+from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Exposure, Frame, Sequence, Status, Step, StereoPair, VideoFrame
 
@@ -107,6 +110,14 @@ def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
     steps, error_m = video(flight, exposures, [*range(60), -30, -31, *range(14, 18)])
     assert [s.status for s in steps[60:]] == [*[Status.LOST] * 2, *[Status.TRACKING] * 4]
     assert not any(s.restarted for s in steps) and error_m[62:].max() < 0.05
+    assert steps[62].key_frame, "only the map's adjustment says how sure it is of what a key frame showed long ago"
+
+
+def test_a_pose_by_points_that_the_last_key_frame_did_not_see_is_no_surer_than_that() -> None:
+    known = MapUncertainty(np.arange(2), np.zeros((2, 3, 3)), np.zeros((2, 3, 4)), np.zeros((2, 4)), np.eye(6), 0, 0)
+    xyz = np.array([[0.0, 0, 5], [1, 0, 5], [0, 1, 5], [1, 1, 6]])
+    motion = PoseFit(Pose(), np.zeros(4), np.ones(4, bool), np.eye(6))
+    np.testing.assert_array_equal(known.of_pose(np.arange(10, 14), xyz, motion, 0.001), np.eye(6))
 
 
 def test_the_same_images_are_found_the_same(flight: Sequence, exposures: list[Exposure]) -> None:
