@@ -92,7 +92,8 @@ def _intersected(
     setup: Setup, state: ModernStereoState, place: Place, features: sift.Features
 ) -> tuple[PairPoints, NDArray[np.float32], Array]:
     """The features of a key frame that have a depth, their descriptors, and points (N, 3) in its left camera."""
-    reduced = PointSearch().search(*place.images, place.reduced(features.uv).astype(np.float32))
+    left, right = place.images
+    reduced = PointSearch().search(left, right, place.reduced(features.uv).astype(np.float32))
     disparity = (reduced / place.reduction).astype(np.float32)
     good = disparity >= MIN_DISPARITY_PX
     points = PairPoints(np.arange(int(good.sum())), features.uv[good], disparity[good])
