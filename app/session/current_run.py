@@ -6,6 +6,7 @@ from dataclasses import replace
 from threading import Thread
 
 from ispom.errors import InputError
+from ispom.evaluation.metrics import errors
 from ispom.methods import Config
 
 from ..diff.compare import divergences
@@ -159,6 +160,15 @@ class CurrentRun:
         """What was known after exposure `index`."""
         model, history = self._model, self.history
         return model if index + 1 >= len(history) else model.as_known_at(index, lambda i: history[i].steps)
+
+    def aligned_ate_m(self, method: str) -> float | None:
+        """ATE [m] of a method's trajectory as it is known now, after a similarity alignment: of one without a metric
+        unit. None without truth, or with too few poses."""
+        model, truth = self._model, self.opened.truth
+        if truth is None or method not in model.methods:
+            return None
+        found = errors(model.methods[method].poses.trajectory(model.times), truth, self.opened.sequence.rig, False)
+        return found["ate_m"]
 
     def rest(self) -> None:
         """Gives most of its memory back; older exposures are read from disk, and more of them are replayed."""

@@ -17,6 +17,7 @@ from ispom_app.session.state import State, reduce
 from ispom_app.viser_ui.branch_scene import BranchScene
 from ispom_app.viser_ui.panels.compare.branches import COMPARE, DELETE, SHOW, BranchesPanel
 
+from ispom.evaluation.metrics import errors
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -44,7 +45,8 @@ def two(run: CurrentRun) -> State:
 
 def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
     asked: list[do.Command] = []
-    session: Any = SimpleNamespace(state=state, post=asked.append)
+    run: Any = SimpleNamespace(aligned_ate_m=lambda method: 0.25)
+    session: Any = SimpleNamespace(state=state, post=asked.append, branch=lambda number: run)
     panel = BranchesPanel(server.gui, session)
     panel.show(state)
     return panel, asked
@@ -78,6 +80,23 @@ def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServe
     assert "first run, from exposure 9 on: stereo.max-tracks 500 → 300. 12 of 22 exposures" in text
     assert text.count("Stereo") == 2 and "lost" in text and "RMSE" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
+
+
+def test_without_a_metric_unit_the_error_is_that_after_a_similarity(server: viser.ViserServer, two: State) -> None:
+    tally = Tally({"monocular": replace(two.branches[0].tally.methods["monocular"], with_error=0)})
+    branches = tuple(replace(branch, tally=tally) for branch in two.branches)
+    panel, _ = made(server, replace(two, branches=branches))
+    assert panel._text.content.count("0.2500 m (sim3)") == 2
+    panel.show(replace(two, branches=branches, playing=True))
+    assert panel._text.content.count("0.2500 m (sim3)") == 1, "not of one that is being computed"
+
+
+def test_the_aligned_error_is_that_of_the_evaluation(run: CurrentRun) -> None:
+    finished, truth = run.playback.finish(), run.opened.truth
+    assert truth is not None
+    wanted = errors(finished.trajectories["monocular"], truth, run.opened.sequence.rig, metric=False)["ate_m"]
+    assert run.aligned_ate_m("monocular") == pytest.approx(wanted, abs=1e-9)
+    assert run.aligned_ate_m("nobody") is None
 
 
 def test_methods_are_in_the_order_of_the_registry(server: viser.ViserServer, run: CurrentRun) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import viser
@@ -19,6 +20,8 @@ from ...markup import render
 if TYPE_CHECKING:
     from ....session.session import Session
 
+AlignedAte = Callable[[Branch, str], float | None]
+"""Of a branch and a method: ATE [m] after a similarity alignment."""
 NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
 COMMANDS = {SHOW: do.ShowBranch, COMPARE: do.CompareBranch, DELETE: do.DeleteBranch}
@@ -31,7 +34,9 @@ HINT = (
 class BranchesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._branches, self._shown = session, (), -1
-        self._text = gui.add_html(_text(session.state))
+        self._ates: dict[tuple[int, int, str], float | None] = {}
+        """By branch, exposures and method: of those without a metric unit."""
+        self._text = gui.add_html(_text(session.state, self._ate_m))
         self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
         self._choice.on_update(lambda _: self._fill())
         self._buttons = gui.add_button_group("", tuple(COMMANDS), hint=HINT)
@@ -65,7 +70,7 @@ class BranchesPanel:
             self._name.value, self._drawn.value = branch.name, not branch.hidden
 
     def show(self, state: State) -> None:
-        if (text := _text(state)) != self._text.content:
+        if (text := _text(state, self._ate_m)) != self._text.content:
             self._text.content = text
         labels, chosen, moved = _labels(state), self._chosen, state.branch != self._shown
         self._branches, self._shown = state.branches, state.branch
@@ -78,6 +83,16 @@ class BranchesPanel:
             self._fill()
         for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
             control.visible = len(state.branches) > 1
+
+    def _ate_m(self, branch: Branch, method: str) -> float | None:
+        """After a similarity alignment, computed once for as many exposures."""
+        run, key = self._session.branch(branch.number), (branch.number, branch.computed, method)
+        if run is None:
+            return None
+        if key not in self._ates:
+            self._ates = {k: v for k, v in self._ates.items() if k[0] != branch.number or k[1] == branch.computed}
+            self._ates[key] = run.aligned_ate_m(method)
+        return self._ates[key]
 
 
 def _counterpart(state: State) -> Branch | None:
@@ -96,9 +111,9 @@ def _label(branch: Branch) -> str:
     return f"{branch.number}: {branch.name}"
 
 
-def _text(state: State) -> str:
+def _text(state: State, ate_m: AlignedAte) -> str:
     """The branches and how each method does in them, as HTML."""
-    branches = [_entry(branch, state) for branch in state.branches]
+    branches = [_entry(branch, state, ate_m) for branch in state.branches]
     return render("branches.html", branches=branches, others=[_other(beside, state) for beside in state.beside])
 
 
@@ -113,22 +128,28 @@ def _other(beside: Beside, state: State) -> dict[str, Any]:
     return known | {"rmse": rmse, "missing": missing, "alignment": placed.alignment}
 
 
-def _entry(branch: Branch, state: State) -> dict[str, Any]:
+def _entry(branch: Branch, state: State, ate_m: AlignedAte) -> dict[str, Any]:
     names = {b.number: b.name for b in state.branches}
     origin = f"{branch.computed} of {state.total} exposures"
     if branch.parent is not None:
         changes = "; ".join(branch.changes) or "nothing changed"
         origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
-    rows = [_row(name, branch.tally.methods[name]) for name in in_order(branch.tally.methods)]
     shown = branch.number == state.branch
+    settled = not (shown and state.playing)  # while it is computed, the trajectory is another one at each exposure
+    rows = []
+    for name in in_order(branch.tally.methods):
+        tally = branch.tally.methods[name]
+        aligned_m = ate_m(branch, name) if tally.rmse_m is None and settled else None
+        rows.append(_row(name, tally, aligned_m))
     known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
     return known | {"shown": shown, "origin": origin, "methods": rows}
 
 
-def _row(method: str, tally: MethodTally) -> dict[str, Any]:
+def _row(method: str, tally: MethodTally, aligned_m: float | None) -> dict[str, Any]:
+    aligned = "n/a" if aligned_m is None else f"{aligned_m:.4f} m (sim3)"
     return {
         "label": colours.label(method),
-        "rmse": "no truth" if tally.rmse_m is None else f"{tally.rmse_m:.3f} m",
+        "rmse": aligned if tally.rmse_m is None else f"{tally.rmse_m:.3f} m",
         "lost": tally.lost,
         "ms": "" if tally.ms is None else f"{tally.ms:.1f}",
     }
