@@ -18,12 +18,13 @@ from .bench.options import Bench
 from .calibrate.options import Calibrate, PrintTarget
 from .experiment.options import Experiment
 from .map.options import Map
-from .options import App, Demo, Diff, Evaluate, Export, Fork, Perturb, Repair, Report, Run, Sources
+from .options import App, Demo, Diff, Evaluate, Export, Fork, Learn, Perturb, Repair, Report, Run, Sources
 from .run.playback import Builder
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[App, tyro.conf.subcommand("app")]
+    | Annotated[Learn, tyro.conf.subcommand("learn")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Experiment, tyro.conf.subcommand("experiment")]
     | Annotated[Fork, tyro.conf.subcommand("fork")]

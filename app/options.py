@@ -182,6 +182,15 @@ class App(Serve):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Learn(Serve):
+    """Opens the app with its lessons: predict, run, and see."""
+
+    lesson: tyro.conf.Positional[str] = ""
+    """Which to begin: scale, rotation, collapse, bundle, stereo, integration, clock, calibration, outliers, errors,
+    table1; or a Markdown file of your own. Without it, choose in the page."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Run(Options):
     """Runs the methods over a source without a window, and writes trajectories, metrics and a recording."""
 

@@ -27,11 +27,11 @@ LAYERS = (
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation"), ("calibration", "frontends")}
 APP_LAYERS = (
-    {"colours", "decisions", "external", "options", "outputs", "subscribers", "templating", "texts"},
+    {"colours", "decisions", "external", "options", "outputs", "subscribers", "templating", "texts", "user_files"},
     {"uncertainty"},
     {"run"},
     {"calibrate", "diff", "expressions", "inspect", "sensitivity"},
-    {"rerun_log"},
+    {"learn", "rerun_log"},
     {"review"},
     {"session"},
     {"viser_ui"},

@@ -30,6 +30,12 @@ def holds(expression: Expression, now: Row, before: Row) -> bool:
     return _value(expression.node, now, before) is True
 
 
+def number(expression: Expression, now: Row, before: Row) -> float | None:
+    """What it gives at an exposure; None where something in it is missing."""
+    value = _value(expression.node, now, before)
+    return None if value is None else _number(value)
+
+
 def values(expression: Expression, now: Row) -> dict[str, Value]:
     """By name: what it speaks of, from left to right."""
     return {quantity.name: now.get(quantity.method, {}).get(quantity.key) for quantity in expression.quantities}

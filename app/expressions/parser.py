@@ -24,7 +24,7 @@ CALLED: Mapping[Kind, str] = {"number": "a number", "flag": "a condition", "text
 
 @dataclass(frozen=True)
 class Expression:
-    """A condition that every exposure can be asked."""
+    """A condition, or a number, that every exposure can be asked."""
 
     text: str
     node: Node
@@ -39,12 +39,20 @@ class Expression:
 
 def parse(text: str, known: Mapping[str, Quantity]) -> Expression:
     """The expression; InputError in one sentence, with the column of the first mistake, for any other text."""
-    parser = _Parser(words(text, known), known)
-    node = parser.whole()
-    quantities = tuple(dict.fromkeys(names(node)))
-    if not quantities:
+    found = _parsed(text, known, "flag")
+    if not found.quantities:
         raise mistake(1, "it names nothing that changes: name something such as stereo.status")
-    return Expression(text, node, quantities)
+    return found
+
+
+def parse_number(text: str, known: Mapping[str, Quantity]) -> Expression:
+    """The same for a text that gives a number, such as `stereo.inliers / 2`."""
+    return _parsed(text, known, "number")
+
+
+def _parsed(text: str, known: Mapping[str, Quantity], kind: Kind) -> Expression:
+    node = _Parser(words(text, known), known).whole(kind)
+    return Expression(text, node, tuple(dict.fromkeys(names(node))))
 
 
 @dataclass
@@ -62,8 +70,8 @@ class _Parser:
     def word(self) -> Word:
         return self.words[self.at]
 
-    def whole(self) -> Node:
-        node = self._wanted(1, *self._condition(), "flag")
+    def whole(self, kind: Kind) -> Node:
+        node = self._wanted(1, *self._condition(), kind)
         if self.word.kind != "end":
             raise mistake(self.word.column, f"{self.word} cannot stand here: join conditions with and, or")
         return node

@@ -1,23 +1,26 @@
-"""`ispom demo` and `ispom app`: a source in a session, and the session on a page."""
+"""`ispom demo`, `ispom app` and `ispom learn`: a source in a session, and the session on a page."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
-from platformdirs import user_config_path
+from platformdirs import user_config_path, user_state_path
 
 from ispom.errors import InputError
 from ispom.methods import in_order
 from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
-from ..options import App, Serve
+from ..learn.lesson import Lesson
+from ..learn.library import Library, own_lesson
+from ..options import App, Learn, Serve
 from ..rerun_log.live import LiveStream
 from ..run import warmup
 from ..run.beside.given import Given, given
 from ..run.beside.placed import beside_run
 from ..run.playback import Builder, truth_from_start
+from ..session.learning.commands import Learn as Begin
 from ..session.session import Session
 from ..session.sources.folders import Folders
 from ..session.sources.opening import stored_at
@@ -30,7 +33,8 @@ LEAST_HISTORY_MB = 20
 
 def open_page(command: Serve, builder: Builder) -> int:
     """Serves the page until it is ended, and returns the exit code. InputError for a mistake in what was asked."""
-    source = command.source if isinstance(command, App) else "sim:city"
+    library, begun = _lessons(command)
+    source = command.source if isinstance(command, App) else "sim:city" if begun is None else begun.steps[0].own.source
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
@@ -39,7 +43,7 @@ def open_page(command: Serve, builder: Builder) -> int:
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
 
     def session(live: LiveStream) -> Session:
-        return Session(
+        found = Session(
             opener,
             source,
             Path("recordings"),
@@ -54,7 +58,12 @@ def open_page(command: Serve, builder: Builder) -> int:
             folders=Folders(None if command.root is None else command.root.expanduser()),
             recent=RecentSources(user_config_path("ispom") / "recent.json"),
             beside=beside,
+            lessons=library,
+            autoplay=begun is None,
         )
+        if begun is not None and isinstance(command, Learn) and command.lesson:
+            found.post(Begin(begun.name))
+        return found
 
     return serve(
         session,
@@ -67,6 +76,16 @@ def open_page(command: Serve, builder: Builder) -> int:
             onlookers=command.read_only,
         ),
     )
+
+
+def _lessons(command: Serve) -> tuple[Library, Lesson | None]:
+    """What can be learned, and the lesson that is begun, or is the first of them. InputError for one that is none."""
+    progress = user_state_path("ispom") / "lessons.json"
+    if not isinstance(command, Learn):
+        return Library(progress=progress), None
+    own = own_lesson(command.lesson)
+    library = Library(own, progress, leads=True)
+    return library, own or (library.lesson(command.lesson) if command.lesson else library.lessons[0])
 
 
 def _check_beside(beside: tuple[Given, ...], source: str, opener: Callable[..., Sequence], builder: Builder) -> None:

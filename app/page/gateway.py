@@ -23,6 +23,7 @@ from ..session.sources.known import run_name
 from ..viser_ui.portless import CLIENT, PortlessViser
 from . import numbers
 from .access import Access
+from .answers import Answers
 from .calibrating import CalibrationPage
 from .connections import Connections
 from .files import SECURITY, VISER_SECURITY, pictures, recordings, send_file, send_one_of
@@ -98,7 +99,7 @@ class Gateway:
         """Hears of what happens in other threads, as long as the server runs."""
         self._assets = self._unpacking()
         self._states, self._grown = Wakeup(), Wakeup()
-        self._people = People(self._states.ring)
+        self._people, self._answers = People(self._states.ring), Answers(self._states.ring)
         self._to.session.changes.add(self._states.ring)
         self._to.live.grown.add(self._grown.ring)
         yield
@@ -187,6 +188,8 @@ class Gateway:
         state, run = session.state, session.run
         if run is None or state.index < 0 or what not in ("exposure", "run", "rig"):
             raise web.HTTPNotFound
+        if state.lesson is not None and state.lesson.covers:
+            raise web.HTTPForbidden(text="A question of the lesson is open: the numbers are there when it is answered.")
         if what == "rig":
             text = await asyncio.to_thread(corrected_by, run.history, state.index, run.opened.sequence.rig)
         elif what == "exposure":
@@ -203,7 +206,7 @@ class Gateway:
 
     async def _talk(self, request: web.Request) -> web.StreamResponse:
         socket = await opened(request, COMMAND_BYTES)
-        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request))
+        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request), self._answers)
         return await self._until_closed(socket, talk.serve(socket))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:

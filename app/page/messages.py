@@ -12,9 +12,11 @@ from ispom.methods import names
 
 from .. import colours
 from ..rerun_log.blueprint import hidden_paths
-from ..rerun_log.layers import LAYERS
+from ..rerun_log.layers import LAYERS, MEASURES
 from ..session import commands as do
 from ..session.actions import ACTIONS, BY_NAME
+from ..session.learning.commands import EndLesson, Learn, Reveal, TurnTo
+from ..session.learning.learning import covered
 from ..session.sources.known import run_name
 from ..session.state import State
 from ..texts import length, size
@@ -43,6 +45,14 @@ class Pane:
 
 
 @dataclass(frozen=True)
+class Given:
+    """An answer to the question of a lesson, from whomever it comes."""
+
+    answer: Any
+    """As it was sent."""
+
+
+@dataclass(frozen=True)
 class Wheel:
     """Who drives from now on."""
 
@@ -52,11 +62,17 @@ class Wheel:
 
 def message_of(state: State) -> dict[str, Any]:
     """What the status bar shows, and what the Rerun viewer is to show."""
-    recording = state.recording
+    covers = state.lesson is not None and state.lesson.covers
+    state, recording = covered(state), state.recording
     return {
         "source": state.source,
         "name": state.name or state.source,
-        "address": {"run": run_name(state.source), "branch": state.branch, "hidden": sorted(state.hidden)},
+        "address": {
+            "lesson": f"{state.lesson.lesson.name}:{state.lesson.place + 1}" if state.lesson else "",
+            "run": run_name(state.source),
+            "branch": state.branch,
+            "hidden": sorted(state.hidden),
+        },
         "branches": [branch.number for branch in state.branches],
         "notes": state.notes,
         "guess": None if state.guess is None else round(100 * state.guess.sigma, 1),
@@ -80,9 +96,9 @@ def message_of(state: State) -> dict[str, Any]:
         "ended": state.ended,
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
-        "methods": [_method(method, state) for method in state.methods],
+        "methods": [] if covers else [_method(method, state) for method in state.methods],
         "plotted": state.plotted,
-        "hidden": hidden_paths(state.methods, state.hidden, state.colour_by),
+        "hidden": hidden_paths(state.methods, state.hidden | ({MEASURES} if covers else set()), state.colour_by),
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
         else None,
@@ -124,7 +140,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
     }
 
 
-def command_of(text: str) -> do.Command | Pane | Wheel | None:
+def command_of(text: str) -> do.Command | Pane | Wheel | Given | None:
     """What a page's message says; None for anything that is not understood."""
     try:
         message = json.loads(text)
@@ -147,6 +163,17 @@ def command_of(text: str) -> do.Command | Pane | Wheel | None:
                 return Wheel()
             case "hand_over":
                 return Wheel(int(message["to"]))
+            case "answer":
+                return Given(message["given"])
+            case "learn":
+                name, _, step = str(message["lesson"]).partition(":")
+                return Learn(name, int(step) - 1 if step else None)
+            case "turn_to":
+                return TurnTo(int(message["place"]))
+            case "reveal":
+                return Reveal()
+            case "end_lesson":
+                return EndLesson()
             case "select":
                 return do.Select(str(message["what"]))
             case "pick":

@@ -13,8 +13,10 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from ..session.session import Session
 from ..viser_ui.portless import PortlessViser
+from .answers import Answers
 from .check_plot import plot_of
-from .messages import KEYS, Pane, Wheel, command_of, message_of
+from .lesson import LessonNews
+from .messages import KEYS, Given, Pane, Wheel, command_of, message_of
 from .people import People, Person
 from .time_axis import AxisNews
 from .wakeup import Wakeup
@@ -41,11 +43,17 @@ class Talk:
     """States out, commands in."""
 
     def __init__(
-        self, session: Session, news: Wakeup, see: Callable[[Talk, Pane], None], people: People, person: Person
+        self,
+        session: Session,
+        news: Wakeup,
+        see: Callable[[Talk, Pane], None],
+        people: People,
+        person: Person,
+        answers: Answers,
     ) -> None:
         """`see` is told what of viser this page of `person` has in sight."""
         self._session, self._news, self._see = session, news, see
-        self._people, self._person = people, person
+        self._people, self._person, self._answers = people, person, answers
 
     async def serve(self, socket: web.WebSocketResponse) -> None:
         """Until the page goes away."""
@@ -72,21 +80,25 @@ class Talk:
                 self._people.take_over(self._person)
             else:
                 self._people.hand_over(self._person, heard.to)
+        elif isinstance(heard, Given):
+            self._answers.put(self._person.key, self._session.state.lesson, heard.answer)
         elif heard is not None and self._people.drives(self._person):
             self._session.post(heard)  # type: ignore[arg-type]
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, keys, axis, people = None, KEYS, AxisNews(), {}
+        shown, keys, axis, people, answers, lesson = None, KEYS, AxisNews(), {}, 0, LessonNews()
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
                 state, seen = self._session.state, self._people.seen_by(self._person)
-                if state is not shown or axis.behind or seen != people:
-                    shown, people = state, seen
+                answered = self._answers.version
+                if state is not shown or axis.behind or seen != people or answers != answered:
+                    shown, people, answers = state, seen, answered
                     message = message_of(state) | {"keys": keys, "people": people}
                     run = self._session.run
                     plot = plot_of(state, run)
                     message |= {"axis": axis.since(state, run), "plot": None if plot is None else asdict(plot)}
+                    message |= lesson.since(state, run, self._answers, self._person.key)
                     keys = None
                     await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)

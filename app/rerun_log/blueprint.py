@@ -23,7 +23,7 @@ from ..run.events import Opened
 from ..run.model.drawn_size import drawn_truth
 from . import entities
 from .coloured import path_of
-from .layers import IMAGE_LAYERS
+from .layers import IMAGE_LAYERS, MEASURES
 from .plots import NO_ERROR, why_no_error
 
 PLOTS = {
@@ -103,10 +103,13 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
     images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in ("video", "left")}
+    unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
+    texts = ["decisions", "log"] if MEASURES in hidden else []
     return (
         {"/world": world + [f"world/{m}" for m in gone]}
         | {f"/{name}": paths for name, paths in images.items()}
-        | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in gone + others] for kind in PLOTS}
+        | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in unplotted] for kind in PLOTS}
+        | {f"/{text}": [text] for text in texts}
     )
 
 

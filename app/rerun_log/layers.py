@@ -26,4 +26,6 @@ HINTS = {
     "trails": "Where the tracks were in the exposures before [px].",
     "disparity": "From each point of the left image to its place in the right one [px].",
 }
+MEASURES = "measures"
+"""Of no layer: all plots and texts, which a lesson keeps out of sight."""
 IMAGE_LAYERS = ("tracks", "trails", "disparity")

@@ -11,6 +11,7 @@ from ispom.methods import Config
 from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from .flicker import Side
+from .learning.commands import OfLessons
 from .state import Look
 
 
@@ -313,6 +314,7 @@ Command = (
     | Restart
     | OfBranches
     | OfCalibration
+    | OfLessons
     | OfLook
     | PutBookmark
     | ToggleBookmark

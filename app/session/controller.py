@@ -8,6 +8,8 @@ from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.sequences.address import without_secrets
 
+from ..learn.lesson import Asked
+from ..learn.library import Library
 from ..options import SourceOptions
 from . import break_points, flicker, integration, moves, selecting
 from . import commands as do
@@ -17,6 +19,7 @@ from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .effects import EffectDesk
+from .learning.desk import LessonDesk
 from .player import Player
 from .plotting import plotted
 from .recording.desk import RecordingDesk
@@ -55,6 +58,7 @@ class Controller:
         methods: tuple[str, ...] | None,
         history_bytes: int,
         recent: RecentSources,
+        lessons: Library,
     ) -> None:
         """`first` is opened at the start; `methods` None means the usual ones of each source."""
         self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
@@ -63,6 +67,9 @@ class Controller:
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay = first, autoplay
         self._wanted, self._history_bytes = methods, history_bytes
+        self._lessons = LessonDesk(
+            store, lessons, self._obey, self._open_asked, self._run_beside, lambda: self._player.run
+        )
 
     def begin(self) -> None:
         try:
@@ -74,6 +81,13 @@ class Controller:
 
     def obey(self, command: do.Command) -> None:
         """InputError where it cannot be done."""
+        if isinstance(command, do.OfLessons):
+            self._lessons.obey(command)
+        else:
+            self._lessons.require_allowed(command)
+            self._obey(command)
+
+    def _obey(self, command: do.Command) -> None:
         store, player = self._store, self._player
         match command:
             case do.Play(on):
@@ -169,6 +183,7 @@ class Controller:
         """Advances the run, whatever becomes of what goes on beside it."""
         try:
             self._player.advance()
+            self._lessons.turn()
         finally:
             self._branches.compare_on()
             self._effects.watch(self._store)
@@ -178,7 +193,7 @@ class Controller:
             self._watch_recordings()
 
     def patience_s(self) -> float:
-        if self._branches.comparing:
+        if self._branches.comparing or self._lessons.busy:
             return 0.0
         busy = self._recordings.busy or self._repairs.busy
         return self._player.patience_s(RECORDING_S if busy else IDLE_S)
@@ -188,6 +203,7 @@ class Controller:
         if not isinstance(fault, InputError):
             log.error("the session worker failed", exc_info=fault)
         self._pause(str(fault) if isinstance(fault, InputError) else _internal(fault))
+        self._lessons.failed()
 
     def end(self) -> None:
         if self._player.run is not None:
@@ -224,6 +240,25 @@ class Controller:
         recent = self._recent.add(source)
         self._store.set(source_options=options or before.source_options, recent=recent)
         return True
+
+    def _open_asked(self, asked: Asked) -> CurrentRun:
+        """The run that a step of a lesson asks for, on the screen."""
+        found = self._run_of(asked)
+        if self._player.run is not None:
+            self._player.run.stop()
+        self._store.emit(Opening(asked.source))
+        self._begin(found)
+        return found
+
+    def _run_beside(self, asked: Asked, name: str) -> CurrentRun:
+        """Another one, as a branch."""
+        found = self._run_of(asked)
+        self._show(*self._branches.add(found, name, 0, (name,)))
+        return found
+
+    def _run_of(self, asked: Asked) -> CurrentRun:
+        playback = self._opener.playback(asked.source, None, asked.methods, asked.config, strict=True)
+        return CurrentRun(playback, self._history_bytes)
 
     def _restart(self, methods: tuple[str, ...], config: Config) -> None:
         if self._player.run is None:

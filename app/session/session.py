@@ -10,6 +10,7 @@ from ispom.methods import Config, Variant
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
+from ..learn.library import Library
 from ..options import SourceOptions
 from ..run.beside.given import Given
 from ..run.events import Opened
@@ -55,15 +56,16 @@ class Session:
         folders: Folders | None = None,
         recent: RecentSources | None = None,
         beside: tuple[Given, ...] = (),
+        lessons: Library | None = None,
     ) -> None:
         """`opener(source)` opens the source as the command line said, `opener(source, options)` as the page says.
 
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
-        `beside` are trajectories of other programs.
+        `beside` are trajectories of other programs, and `lessons` those that can be begun.
         """
-        recent = recent or RecentSources(None)
+        recent, self.library = recent or RecentSources(None), lessons or Library()
         self.folders = folders or Folders()
         self.recordings_dir = recordings_dir
         self._store = Store(
@@ -72,6 +74,7 @@ class Session:
                 config=config or Config(),
                 source_options=source_options or SourceOptions(),
                 recent=recent.names,
+                progress=self.library.progress.steps,
             )
         )
         self.changes = self._store.changes
@@ -94,6 +97,7 @@ class Session:
             methods=methods,
             history_bytes=history_bytes,
             recent=recent,
+            lessons=self.library,
         )
         self._worker = Worker(controller)
 

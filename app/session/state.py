@@ -23,6 +23,7 @@ from .branching.comparing import Comparison
 from .effects import Effect
 from .flicker import Flicker
 from .integration import Integration
+from .learning.learning import Learning
 
 MAX_NOTICES = 5
 Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals", "geometry"]
@@ -128,6 +129,10 @@ class State:
     """The integration that is looked at step by step."""
     effect: Effect | None = None
     """What an error of the calibration would do."""
+    lesson: Learning | None = None
+    """The lesson that is on, and where it is."""
+    progress: Mapping[str, int] = field(default_factory=dict)
+    """By lesson: the steps whose answer was revealed."""
     loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
@@ -251,6 +256,7 @@ Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
+_CHANGEABLE |= {"lesson", "progress"}
 _CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 

@@ -16,6 +16,7 @@ from ispom.types import Sequence, Trajectory
 from ..rerun_log.blueprint import looking_at
 from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
+from ..session.learning.learning import covered
 from ..session.session import Session
 from ..session.state import State
 from .look_scene import LookScene, clicked
@@ -27,6 +28,8 @@ from .panels.compare.effect import EffectPanel
 from .panels.compare.error_curves import ErrorCurvesPanel
 from .panels.compare.flicker import FlickerPanel
 from .panels.integration import IntegrationPanel
+from .panels.learn import NAME as LEARN
+from .panels.learn import LearnPanel
 from .panels.look.tab import NAME, LookTab, looked_at
 from .panels.methods import MethodsPanel
 from .panels.record import RecordPanel
@@ -48,6 +51,7 @@ Panel = (
     | ErrorCurvesPanel
     | FlickerPanel
     | IntegrationPanel
+    | LearnPanel
     | BreakPointPanel
     | ViewPanel
     | WhyPanel
@@ -112,6 +116,8 @@ class Screen:
         run = RunPanel(gui, self._session)
         source = SourcePanel(gui, self._session)
         tabs = gui.add_tab_group()
+        self._covered = (source.folder, tabs)
+        learn = self._learn_panel(gui, tabs) if self._session.library.leads else None
         with tabs.add_tab("Why"):
             why = WhyPanel(gui)
         with tabs.add_tab(NAME):
@@ -132,9 +138,20 @@ class Screen:
         with tabs.add_tab("Record"):
             record = RecordPanel(gui, self._session)
             bookmarks = BookmarksPanel(gui, self._session)
+        learn = learn or self._learn_panel(gui, tabs)
         of_branches: list[Panel] = [branches, curves, differences, flicker, effect]
-        of_views: list[Panel] = [self._steps, view, record, bookmarks]
+        of_views: list[Panel] = [self._steps, view, record, bookmarks, learn]
         return [run, source, why, self._look, methods, *of_branches, break_point, *of_views]
+
+    def _learn_panel(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle) -> LearnPanel:
+        with tabs.add_tab(LEARN):
+            return LearnPanel(gui, self._session)
+
+    def _cover(self, covers: bool) -> None:
+        """What gives the answer to an open question is out of sight."""
+        for handle in self._covered:
+            if handle.visible == covers:
+                handle.visible = not covers
 
     def _look_at(self, truth: Trajectory | None) -> None:
         self._aim(*looking_at(truth))
@@ -168,9 +185,11 @@ class Screen:
         state = self._session.state
         if state is not self._painted and (not state.playing or time.monotonic() >= self._due_s):
             self._painted, self._due_s = state, time.monotonic() + PLAYING_S
+            seen = covered(state)
+            self._cover(seen is not state)
             for panel in self.panels:
-                panel.show(state)
-        if self._look_wanted:
+                panel.show(seen)
+        if self._look_wanted and covered(state) is state:
             self._look.refresh(state)
         self._scene.turn(state.flicker)
         if not self.scene_wanted or time.monotonic() < self._scene_due_s:

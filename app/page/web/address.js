@@ -1,9 +1,11 @@
 // The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that
 // somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at and plotted, exposure.
+// Of a lesson it names that and the step alone: `#lesson=collapse:2`.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
 const PATIENCE_MS = 3000; // for a part that the run does not have, such as an exposure beyond its end
-const DEFAULTS = { branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
+const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
 const STEPS = [
+  step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? { do: "learn", lesson } : { do: "end_lesson" })),
   step("run", (state) => state.address.run, (run) => ({ do: "open_named", run })),
   step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
   step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
@@ -26,7 +28,8 @@ export function makeAddress(send, drives) {
   const write = (state) => {
     due = null;
     writtenAt = performance.now();
-    const parts = STEPS.map(({ name, shown }) => [name, String(shown(state))]);
+    const named = state.address.lesson ? STEPS.slice(0, 1) : STEPS;
+    const parts = named.map(({ name, shown }) => [name, String(shown(state))]);
     const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
     const hash = `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
     if (hash !== location.hash) history.replaceState(null, "", hash);
@@ -70,5 +73,6 @@ const idle = (state) => state.target === null && !state.activity;
 // The parts of the address; null where it names nothing.
 function read() {
   const found = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+  if (found.lesson) return { lesson: found.lesson };
   return found.run === undefined && found.at === undefined ? null : { ...DEFAULTS, ...found };
 }

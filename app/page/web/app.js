@@ -3,6 +3,7 @@ import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
 import { openControls } from "./controls.js";
 import { listen, setKeys } from "./keyboard.js";
+import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makePeople } from "./people.js";
 import { makePlot } from "./plot.js";
@@ -36,6 +37,7 @@ function connect() {
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
     if (state.keys) setKeys(state.keys);
+    if (state.lesson !== undefined) lesson.news(state.lesson);
     window.ispom = { state, viewer, send, axis: axis.data };
     show(state);
     showNotices(state.notices);
@@ -56,6 +58,7 @@ function show(state) {
   viewer.follow(shown);
   address.follow(shown);
   controls.follow(!people.drives());
+  lesson.follow(people.drives(), state.people);
   tour(shown);
 }
 
@@ -81,6 +84,7 @@ const controls = openControls(dark.matches, command, (tab) => paneBecame({ tab }
 const address = makeAddress(people.command, people.drives);
 const showPlot = makePlot(command);
 const tour = makeTour();
+const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
 const axis = makeAxis((index) => command({ do: "seek", index }));
 

@@ -1,12 +1,13 @@
-// What the panels' own HTML asks for: an element with data-select, data-seek or data-pick is one that a click, or Enter,
+// What the panels' own HTML asks for: an element with data-select, data-seek, data-pick or data-learn is one that a click, or Enter,
 // answers, and so is a button with data-plot (Enter and Space click it anyway); and which tab is open, for what nobody sees is not drawn.
 
 export function listenToPanels(page, command, tabOpened) {
   const body = page.body;
   const asked = (event) => {
-    const element = event.target.closest?.("[data-select], [data-seek], [data-pick], [data-plot]");
+    const element = event.target.closest?.("[data-select], [data-seek], [data-pick], [data-plot], [data-learn]");
     if (!element) return;
-    const { select, seek, pick, plot } = element.dataset;
+    const { select, seek, pick, plot, learn } = element.dataset;
+    if (learn !== undefined) command({ do: "learn", lesson: learn });
     if (seek !== undefined) command({ do: "seek", index: Number(seek) });
     if (select !== undefined) command({ do: "select", what: select });
     if (plot !== undefined && event.type === "click") command({ do: "plot", name: plot });

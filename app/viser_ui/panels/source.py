@@ -29,7 +29,8 @@ class SourcePanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session = session
         self._state: State | None = None
-        with gui.add_folder("Source", expand_by_default=False):
+        self.folder = gui.add_folder("Source", expand_by_default=False)
+        with self.folder:
             self._source = gui.add_text("source", session.state.source, hint=HINT)
             hint = "Opens the source with the options below; the run that is shown, and its branches, are left."
             gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, hint=hint).on_click(self._open)

@@ -1,0 +1,128 @@
+"""What the path of a method says, beside the true one."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.evaluation.ate import Alignment, aligned, alignment
+from ispom.evaluation.ate import ate_m as distance_m
+from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
+from ispom.evaluation.metrics import MIN_POSES
+from ispom.evaluation.rpe import rpe
+from ispom.evaluation.step_scale import StepScale, step_scale
+from ispom.geometry import Array
+from ispom.methods import method as registered
+from ispom.types import Trajectory
+
+from ..ran import Ran
+
+
+def ate_m(ran: Ran, method: str, alignment: str) -> float:
+    """Root mean square distance of the positions from the true ones [m], after an alignment."""
+    own, true = _compared(ran, method)
+    return distance_m(aligned(own, true, _kind(alignment)), true)
+
+
+def ate_percent(ran: Ran, method: str, alignment: str) -> float:
+    """The same as a share of the true path's length [%]."""
+    return 100 * ate_m(ran, method, alignment) / _compared(ran, method)[1].length
+
+
+def rpe_m(ran: Ran, method: str, alignment: str) -> float:
+    """Root mean square error of the motion from one pose to the next [m]."""
+    own, true = _compared(ran, method)
+    return rpe(aligned(own, true, _kind(alignment)), true)[0]
+
+
+def error_at_end_m(ran: Ran, method: str, alignment: str) -> float:
+    """Distance of the last position from the true one [m]."""
+    own, true = _compared(ran, method)
+    return float(np.linalg.norm(aligned(own, true, _kind(alignment)).translations[-1] - true.translations[-1]))
+
+
+def metres_per_unit(ran: Ran, method: str) -> float:
+    """By which its path has to be multiplied to come closest to the true one."""
+    return alignment(*_compared(ran, method), "sim3").scale
+
+
+def step_scale_end(ran: Ran, method: str) -> float:
+    """Estimated over true step length in the last tenth of the path, over that in the first."""
+    return _step_scale(ran, method).end_over_start
+
+
+def step_scale_curve(ran: Ran, method: str) -> tuple[Array, Array]:
+    """Along the path [%]: estimated over true step length, over that in its first tenth."""
+    windows = np.array(_step_scale(ran, method).windows)
+    return 100 * (np.arange(len(windows)) + 0.5) / len(windows), windows
+
+
+def error_curve(ran: Ran, method: str, alignment: str) -> tuple[Array, Array]:
+    """Over time [s]: distance of the positions from the true ones [m], after an alignment."""
+    own, true = _compared(ran, method)
+    errors = np.linalg.norm(aligned(own, true, _kind(alignment)).translations - true.translations, axis=1)
+    return (true.times_ns - ran.sequence.times_ns[0]) * 1e-9, errors
+
+
+def length_m(ran: Ran, method: str) -> float:
+    """Of its path [m, or its own unit]."""
+    return ran.path(method).length
+
+
+def speed_m_per_s(ran: Ran, method: str) -> float:
+    """True mean speed of the camera whose poses it gives."""
+    true = ran.truth(ran.path(method).frame)
+    return true.length / _seconds(true)
+
+
+def poses_per_s(ran: Ran, method: str) -> float:
+    return (len(ran.path(method)) - 1) / _seconds(ran.path(method))
+
+
+def located_percent(ran: Ran, method: str) -> float:
+    """Of the exposures that it takes, those with a pose in the end [%]."""
+    kinds = np.array(ran.sequence.kinds[: ran.count])
+    path = ran.finished.trajectories.get(method)
+    return 100 * (len(path) if path is not None else 0) / np.isin(kinds, list(registered(method).needs)).sum()
+
+
+def between_stereo_m(ran: Ran, method: str, stereo: str) -> float:
+    """Root mean square error of its positions relative to the stereo pose before each [m]."""
+    return _known(between_stereo_rmse_m(ran.path(method), ran.path(stereo), ran.truth("rig")))
+
+
+def spline_between_stereo_m(ran: Ran, method: str, stereo: str) -> float:
+    """The same of a spline through the stereo poses alone, at its times [m]."""
+    return _known(spline_between_stereo_rmse_m(ran.path(method), ran.path(stereo), ran.truth("rig")))
+
+
+def _compared(ran: Ran, method: str) -> tuple[Trajectory, Trajectory]:
+    own, true = ran.compared(method)
+    if len(own) < MIN_POSES:
+        raise InputError(f"{method} has {len(own)} poses with a known truth, {MIN_POSES} are needed")
+    return own, true
+
+
+def _step_scale(ran: Ran, method: str) -> StepScale:
+    found = step_scale(*_compared(ran, method))
+    if found is None:
+        raise InputError(f"the path of {method} is too short for its step scale: take a longer source")
+    return found
+
+
+def _kind(text: str) -> Alignment:
+    if text not in get_args(Alignment):
+        raise InputError(f"{text!r} is no alignment: choose from {', '.join(get_args(Alignment))}")
+    return text
+
+
+def _known(value: float | None) -> float:
+    if value is None:
+        raise InputError("no pose of the method lies between two stereo poses: there is nothing to compare")
+    return value
+
+
+def _seconds(path: Trajectory) -> float:
+    return float(path.times_ns[-1] - path.times_ns[0]) * 1e-9

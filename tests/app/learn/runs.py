@@ -1,0 +1,42 @@
+"""The runs of lessons without a page: each once, however many steps ask for it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from ispom_app.learn.lesson import OWN, Asked, Lesson, Step
+from ispom_app.learn.ran import Ran
+from ispom_app.learn.reveal import Revealed, revealed
+from ispom_app.options import SourceOptions
+from ispom_app.run.playback import Playback
+from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.learning.desk import ran
+
+from ispom.types import Sequence
+
+BYTES = 500_000_000
+
+
+def shown(lesson: Lesson, seed: int) -> list[tuple[Step, Revealed]]:
+    """Each step, and what it reveals."""
+    found = dict[tuple[str, int | None], list[Ran]]()
+    return [(step, revealed(step, runs_of(step, seed, found))) for step in lesson.steps]
+
+
+def runs_of(step: Step, seed: int, found: dict) -> dict[str, Ran]:
+    return {name: _ran(asked, step.to, seed, found) for name, asked in {OWN: step.own, **step.runs}.items()}
+
+
+def _ran(asked: Asked, to: int | None, seed: int, found: dict) -> Ran:
+    key = (repr(asked), to)
+    if key not in found:
+        run = CurrentRun(Playback(_sequence(asked.source, seed), asked.methods, asked.config), BYTES)
+        for _ in range(len(run.playback.sequence) if to is None else to + 1):
+            run.step()
+        found[key] = ran(run)
+    return found[key]
+
+
+@cache
+def _sequence(source: str, seed: int) -> Sequence:
+    return SourceOptions(seed=seed).open(source)
