@@ -102,9 +102,8 @@ def _convert(where: str, text: str, kind: type) -> Any:
         return msgspec.convert(yaml.safe_load(text), kind)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        raise InputError(
-            f"{where}{f', line {mark.line + 1}' if mark else ''}: this is not valid YAML: correct it"
-        ) from None
+        line = f", line {mark.line + 1} of its YAML" if mark else ""
+        raise InputError(f"{where}{line}: this is not valid YAML: correct it") from None
     except (msgspec.ValidationError, ValueError) as error:
         raise InputError(f"{where}: {error}: correct it") from None
 
@@ -149,8 +148,9 @@ def _require_values(where: str, step: Step) -> None:
 
 
 def _over(base: RunEntry, entry: RunEntry) -> RunEntry:
-    """The entry, with the base where it says nothing."""
-    settings = base.settings if entry.settings is None else entry.settings
+    """The entry, with the base where it says nothing: source, methods, and each setting."""
+    below, own = base.settings or {}, entry.settings or {}
+    settings = {name: below.get(name, {}) | own.get(name, {}) for name in below | own}
     return RunEntry(source=entry.source or base.source, methods=entry.methods or base.methods, settings=settings)
 
 

@@ -25,7 +25,8 @@ class AxisNews:
     """What one page knows so far."""
 
     def __init__(self) -> None:
-        self._run: CurrentRun | None = None
+        self._run: tuple[CurrentRun | None, bool] = (None, False)
+        """And whether an open question of a lesson covers what its methods did."""
         self._branches: tuple[Branch, ...] = ()
         self._bookmarks: tuple[Bookmark, ...] = ()
         self._marked: Expression | None = None
@@ -37,12 +38,13 @@ class AxisNews:
         if run is None:
             return None
         news: dict[str, Any] = {}
-        if run is not self._run:
-            self._run, self._marked, self._branches, self._bookmarks = run, None, (), ()
+        covers = state.lesson is not None and state.lesson.covers
+        methods = () if covers else run.opened.methods
+        if (run, covers) != self._run:
+            self._run, self._marked, self._branches, self._bookmarks = (run, covers), None, (), ()
             self._read = self._computed = self._asked = 0
-            methods = run.opened.methods
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
-        news |= self._exposures(run) | self._results(run) | self._matches(state.marked, run.series)
+        news |= self._exposures(run) | self._results(run, methods) | self._matches(state.marked, run.series)
         if state.branches != self._branches:
             before, self._branches = self._points(), state.branches
             news |= {"branches": self._points()} if self._points() != before else {}
@@ -69,12 +71,12 @@ class AxisNews:
         times_ms = (sequence.times_ns[start : self._read] - sequence.times_ns[0]) // 1_000_000
         return {"times_ms": times_ms.tolist(), "kinds": "".join(kind[0] for kind in sequence.kinds[start : self._read])}
 
-    def _results(self, run: CurrentRun) -> dict[str, Any]:
+    def _results(self, run: CurrentRun, methods: tuple[str, ...]) -> dict[str, Any]:
         start, self._computed = self._computed, len(run.series)
         if start == self._computed:
             return {}
-        methods = [_result(run.series, method, start, self._computed) for method in run.opened.methods]
-        return {"computed": self._computed, "results": methods}
+        results = [_result(run.series, method, start, self._computed) for method in methods]
+        return {"computed": self._computed, "results": results}
 
     def _matches(self, marked: Expression | None, series: Series) -> dict[str, Any]:
         """A slice of the exposures at which the condition holds."""

@@ -65,7 +65,7 @@ export function makeLesson(send, command) {
   }
 
   function act(text, hint, message, kind = "") {
-    const made = Object.assign(element("button", `${kind} act`, text), { title: hint, ariaLabel: text && text !== "✕" ? null : hint });
+    const made = Object.assign(element("button", `${kind} act`, text), { title: hint, ariaLabel: kind === "sign" ? hint : null });
     made.onclick = () => command(message);
     return made;
   }

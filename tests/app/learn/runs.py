@@ -14,27 +14,27 @@ from ispom_app.session.learning.desk import ran
 
 from ispom.types import Sequence
 
-BYTES = 500_000_000
+BYTES = 100_000_000
+_RAN: dict[tuple[str, int | None, int], Ran] = {}
 
 
 def shown(lesson: Lesson, seed: int) -> list[tuple[Step, Revealed]]:
     """Each step, and what it reveals."""
-    found = dict[tuple[str, int | None], list[Ran]]()
-    return [(step, revealed(step, runs_of(step, seed, found))) for step in lesson.steps]
+    return [(step, revealed(step, runs_of(step, seed))) for step in lesson.steps]
 
 
-def runs_of(step: Step, seed: int, found: dict) -> dict[str, Ran]:
-    return {name: _ran(asked, step.to, seed, found) for name, asked in {OWN: step.own, **step.runs}.items()}
+def runs_of(step: Step, seed: int) -> dict[str, Ran]:
+    return {name: _ran(asked, step.to, seed) for name, asked in {OWN: step.own, **step.runs}.items()}
 
 
-def _ran(asked: Asked, to: int | None, seed: int, found: dict) -> Ran:
-    key = (repr(asked), to)
-    if key not in found:
+def _ran(asked: Asked, to: int | None, seed: int) -> Ran:
+    key = (repr(asked), to, seed)
+    if key not in _RAN:
         run = CurrentRun(Playback(_sequence(asked.source, seed), asked.methods, asked.config), BYTES)
         for _ in range(len(run.playback.sequence) if to is None else to + 1):
             run.step()
-        found[key] = ran(run)
-    return found[key]
+        _RAN[key] = ran(run)
+    return _RAN[key]
 
 
 @cache

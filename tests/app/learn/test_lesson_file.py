@@ -74,7 +74,7 @@ def test_a_lesson_is_what_its_file_says():
         ("---\ntitle", "title", "has no front matter: begin it with"),
         ("title: A title\n", "", "front matter: Object missing required field `title`"),
         ("minutes: 5", "minutes: five", "front matter: Expected `int`, got `str` - at `$.minutes`"),
-        ("minutes: 5", "minutes: [", "front matter, line 3 of its YAML is not valid YAML"),
+        ("minutes: 5", "minutes: [", "front matter, line 4 of its YAML: this is not valid YAML"),
         ("minutes: 5", "minutes: 5\nlevel: 3", "front matter: Object contains unknown field `level`"),
         ("[stereo.paper]", "[stero]", "'stero' is no method"),
         ("```step\nat", "```\nat", "step 1 has 0 blocks ```step"),

@@ -1,0 +1,24 @@
+"""What the texts of the lessons say is what the runs show, whatever the seed."""
+
+from __future__ import annotations
+
+import pytest
+from ispom_app.learn.lesson import Choose, Lesson, Point
+from ispom_app.learn.library import built_in
+from ispom_app.learn.markdown import html
+
+from tests.app.learn.runs import shown
+
+
+@pytest.mark.parametrize("lesson", built_in(), ids=lambda lesson: lesson.name)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_each_answer_is_what_the_text_claims(lesson: Lesson, seed: int):
+    for number, (step, found) in enumerate(shown(lesson, seed), 1):
+        where = f"step {number} of {lesson.name}: {dict(found.values)}"
+        assert not found.broken, where
+        assert step.claims or isinstance(step.ask, Point), where
+        if isinstance(step.ask, Choose):
+            assert len(found.right) == 1, where
+        if isinstance(step.ask, Point):
+            assert found.right, where
+        assert "nan" not in html(step.after, found.values), where

@@ -1,0 +1,199 @@
+"""Lessons in a real browser: one leads, each answers for themselves, and no answer is shown before it is revealed."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ispom_app.learn.library import built_in
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - a fixture
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+HTML = """() => {
+  const copy = document.documentElement.cloneNode(true);
+  for (const program of copy.querySelectorAll("script, style")) program.remove();
+  return copy.outerHTML + JSON.stringify(window.ispom?.state ?? "");
+}"""
+NUMBER = re.compile(r"\d+\.\d+|\d{2,}")
+
+
+def served(folder: Path, *options: str) -> Iterator[App]:
+    found = launched([sys.executable, "-m", "tests.app.page.serve_lessons", str(folder), *options], folder)
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    yield from served(tmp_path_factory.mktemp("own"), "own")
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    yield from served(tmp_path_factory.mktemp("recordings"))
+
+
+class Learner(Page):
+    """A page at a lesson."""
+
+    @property
+    def lesson(self):
+        return self.tab.locator("#lesson")
+
+    def asked(self, title: str) -> None:
+        """The question of this step is open."""
+        self.lesson.get_by_role("heading", name=title).wait_for()
+        self.lesson.locator(".reveal").wait_for(state="attached")
+
+    def revealed(self) -> None:
+        self.lesson.locator(".after").wait_for()
+
+    def html(self) -> str:
+        """All that is in the page, and in the frame of its panels, but for their programs."""
+        return "".join(frame.evaluate(HTML) for frame in self.tab.frames)
+
+
+@pytest.fixture(scope="module")
+def both(browser, own: App) -> Iterator[tuple[Learner, Learner]]:  # noqa: F811
+    teacher, student = (Learner(browser, own.url, viewer=FAKE) for _ in range(2))
+    student.until("state.people.driver === 1", "the first one drives")
+    yield teacher, student
+    for page in (teacher, student):
+        assert not page.faults
+        page.tab.close()
+
+
+def test_the_learn_tab_comes_first_and_a_click_begins_a_lesson_for_all(both: tuple[Learner, Learner]):
+    teacher, student = both
+    assert teacher.controls.get_by_role("tab").first.inner_text() == "Learn"
+    teacher.controls.get_by_text("Stand-ins").click()
+    for page in both:
+        page.asked("Choose")
+        assert page.lesson.get_by_text("About stand-ins.").is_visible()
+    assert not student.lesson.locator(".reveal").is_visible()
+    student.lesson.get_by_text("Person 1 leads through the lesson.").wait_for()
+
+
+def test_while_a_question_is_open_panels_and_numbers_are_gone(both: tuple[Learner, Learner]):
+    for page in both:
+        page.controls.get_by_role("tab").first.wait_for(state="detached")
+        assert page.tab.locator("#methods").inner_text() == "" and "double:" not in page.html()
+        status = page.tab.evaluate("fetch('numbers/run').then((answer) => answer.status)")
+        assert status == 403
+        page.faults.clear()  # the browser's own line about the 403
+
+
+def test_each_answers_for_themselves_and_sees_who_was_right(both: tuple[Learner, Learner]):
+    teacher, student = both
+    teacher.lesson.get_by_role("button", name="It is wrong").click()
+    student.lesson.get_by_role("button", name="It is exact").click()
+    teacher.lesson.get_by_text("2 people have answered.").wait_for()
+    assert teacher.lesson.get_by_role("button", name="It is wrong").get_attribute("aria-pressed") == "true"
+    assert student.lesson.get_by_role("button", name="It is wrong").get_attribute("aria-pressed") == "false"
+    assert not teacher.tab.locator("#lesson .right").count()
+    teacher.lesson.locator(".reveal").click()
+    for page, verdict in zip(both, ("Your answer is not what the run shows.", "Your answer is right."), strict=True):
+        page.revealed()
+        page.lesson.get_by_text(verdict).wait_for()
+        page.lesson.get_by_text("1 of 2 answers are right.").wait_for()
+        page.controls.get_by_role("tab").first.wait_for()
+    assert "Off by 0.000 m, 3.0 poses a second." in teacher.lesson.inner_text()
+
+
+def test_a_number_is_kept_over_a_reload_and_the_page_says_where_the_text_is_wrong(both: tuple[Learner, Learner]):
+    teacher, student = both
+    teacher.lesson.get_by_role("button", name="Next").click()
+    student.asked("Give a number")
+    student.lesson.get_by_label("your answer").fill("29.5")
+    teacher.lesson.get_by_text("Reveal without an answer").wait_for()
+    student.tab.reload()
+    student.asked("Give a number")
+    assert student.lesson.get_by_label("your answer").input_value() == "29.5"
+    teacher.lesson.locator(".reveal").click()
+    student.lesson.get_by_text("Your answer is right.").wait_for()
+    student.lesson.get_by_text("the run: 30 tracks").wait_for()
+    student.lesson.get_by_text("On this machine the run came out otherwise").wait_for()
+
+
+def test_a_click_points_at_the_nearest_track_and_a_drag_draws(both: tuple[Learner, Learner]):
+    teacher, student = both
+    teacher.lesson.get_by_role("button", name="Next").click()
+    student.asked("Point")
+    student.lesson.locator("svg").click()
+    student.lesson.locator("svg .yours[visibility=visible]").wait_for()
+    assert not student.lesson.locator("circle.right").count()
+    teacher.lesson.locator(".reveal").click()
+    student.lesson.locator("circle.right").first.wait_for()
+    teacher.lesson.get_by_role("button", name="Next").click()
+    student.asked("Draw")
+    drawn(student)
+    teacher.lesson.get_by_text("Reveal without an answer").wait_for()
+    teacher.lesson.locator(".reveal").click()
+    student.lesson.locator(".verdict").wait_for()
+    assert len(student.lesson.locator("polyline.right").get_attribute("points").split()) == 24
+    assert student.lesson.locator("polyline.yours").get_attribute("points") != ""
+
+
+def test_the_address_names_lesson_and_step_and_ending_it_brings_the_page_back(both: tuple[Learner, Learner]):
+    teacher, _ = both
+    teacher.until("location.hash === '#lesson=stand-ins:4'", "the address")
+    teacher.tab.evaluate("location.hash = '#lesson=stand-ins:2'")
+    teacher.asked("Give a number")
+    teacher.lesson.get_by_role("button", name="end the lesson").click()
+    teacher.lesson.wait_for(state="hidden")
+    teacher.until("location.hash.startsWith('#run=double')", "the address without a lesson")
+    teacher.controls.get_by_text("4 of 5").wait_for()
+
+
+def drawn(page: Learner) -> None:
+    """A level line through the whole chart."""
+    box = page.lesson.locator("svg").bounding_box()
+    page.tab.mouse.move(box["x"] + 5, box["y"] + box["height"] / 2)
+    page.tab.mouse.down()
+    page.tab.mouse.move(box["x"] + box["width"] - 2, box["y"] + box["height"] / 2)
+    page.tab.mouse.up()
+
+
+@pytest.fixture(scope="module")
+def learner(browser, app: App) -> Iterator[Learner]:  # noqa: F811
+    page = Learner(browser, app.url, viewer=FAKE)
+    yield page
+    assert not page.faults
+    page.tab.close()
+
+
+@pytest.mark.parametrize("name", [lesson.name for lesson in built_in()])
+def test_a_lesson_is_finished_and_shows_no_answer_before_it_is_revealed(learner: Learner, name: str):
+    lesson = next(each for each in built_in() if each.name == name)
+    learner.send(f"{{do: 'learn', lesson: '{name}:1'}}")
+    for number, step in enumerate(lesson.steps, 1):
+        learner.asked(step.title)
+        before = learner.html()
+        answer(learner)
+        learner.lesson.get_by_role("button", name="Run and reveal").click()
+        learner.revealed()
+        said, own = learner.lesson.locator(".after").inner_text(), NUMBER.findall(step.before + step.after)
+        values = [value for value in NUMBER.findall(said) if value not in own and float(value) != 0]
+        assert not [value for value in values if value in before], "the answer was there before"
+        assert learner.lesson.locator(".verdict").count() == 1, "the text says something else than the run"
+        learner.lesson.get_by_role("button", name="Finish" if number == len(lesson.steps) else "Next").click()
+    learner.lesson.wait_for(state="hidden")
+
+
+def answer(page: Learner) -> None:
+    """Of whatever kind."""
+    question = page.lesson.locator(".question")
+    if question.locator(".option").count():
+        question.locator(".option").first.click()
+    elif question.locator("input").count():
+        question.locator("input").fill("1")
+    elif question.locator("image").count():
+        question.locator("svg").click()
+    else:
+        drawn(page)

@@ -1,0 +1,136 @@
+"""Lessons in a session: a step sets the page, keeps its answer out of reach, and reveals it by running."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from ispom_app.learn.library import Library
+from ispom_app.page.messages import message_of
+from ispom_app.session import commands as do
+from ispom_app.session.learning.commands import EndLesson, Learn, Reveal, TurnTo
+from ispom_app.session.learning.learning import Learning, covered
+from ispom_app.session.session import Session
+
+from tests.app.helpers import started, wait_for
+from tests.app.session.learning.lessons import LESSON
+
+
+@pytest.fixture
+def session(tmp_path) -> Iterator[Session]:
+    found = started(tmp_path, "double:30", lessons=Library(LESSON, tmp_path / "lessons.json"), autoplay=False)
+    yield found
+    found.close(5.0)
+
+
+def at(session: Session, place: int, phase: str) -> Learning:
+    def there() -> bool:
+        lesson = session.state.lesson
+        return lesson is not None and (lesson.place, lesson.phase) == (place, phase)
+
+    wait_for(there, f"step {place} {phase}")
+    assert session.state.lesson is not None
+    return session.state.lesson
+
+
+def refused(session: Session, command: do.Command) -> str:
+    before = session.state.notice_count
+    session.post(command)
+    wait_for(lambda: session.state.notice_count > before, f"a notice of {command}")
+    return session.state.notices[-1].text
+
+
+def test_a_step_shows_its_exposure_and_computes_no_further(session: Session):
+    session.post(Learn("stand-ins"))
+    at(session, 0, "asking")
+    state = session.state
+    assert (state.index, state.computed, state.hidden, state.playing) == (5, 6, frozenset({"truth"}), False)
+    assert state.source == "double:40" and set(state.methods) == {"stereo.paper", "monocular.paper"}
+
+
+def test_what_would_answer_an_open_question_is_refused(session: Session):
+    session.post(Learn("stand-ins"))
+    at(session, 0, "asking")
+    config = session.state.config
+    for command in (
+        do.Play(True),
+        do.Seek(6),
+        do.StepBy(1),
+        do.Hide(frozenset()),
+        do.Plot("stereo.paper.inliers"),
+        do.Fork(("stereo.paper",), config),
+        do.Open("double:4"),
+        do.RunUntil("exposure > 9"),
+    ):
+        assert refused(session, command).startswith("a question of the lesson is open")
+    session.post(do.Seek(2))
+    wait_for(lambda: session.state.index == 2, "a look back")
+    assert session.state.computed == 6 and session.state.hidden == frozenset({"truth"})
+
+
+def test_nothing_that_pages_are_told_of_an_open_question_has_numbers_or_names_of_the_source(session: Session):
+    session.post(Learn("stand-ins"))
+    at(session, 0, "asking")
+    seen, message = covered(session.state), message_of(session.state)
+    assert seen.displayed is not None and not seen.displayed.steps and not seen.displayed.errors_m
+    assert message["methods"] == [] and message["name"] == "Stand-ins" and "double" not in str(message)
+    assert any("plots" in path for path in message["hidden"]) and any("decisions" in path for path in message["hidden"])
+
+
+def test_it_reveals_by_running_and_what_was_shown_is_shown_again(session: Session):
+    session.post(Learn("stand-ins"))
+    at(session, 0, "asking")
+    session.post(Reveal())
+    found = at(session, 0, "revealed").revealed
+    assert found is not None and found.values["error"] < 1e-6 and found.right == {0} and not found.broken
+    assert found.values["poses"] == pytest.approx(3.0)
+    state = session.state
+    assert state.branch == 0 and [branch.name for branch in state.branches] == ["first run", "other"]
+    assert state.computed == state.total and not state.hidden and state.progress == {"stand-ins": 1}
+    assert message_of(state)["methods"] and covered(state) is state
+
+
+def test_the_next_step_goes_on_with_the_same_run_and_the_lesson_where_it_was_left(session: Session):
+    session.post(Learn("stand-ins"))
+    at(session, 0, "asking")
+    session.post(Reveal())
+    at(session, 0, "revealed")
+    run = session.run
+    session.post(TurnTo(1))
+    at(session, 1, "asking")
+    assert session.run is run and session.state.index == 8
+    session.post(EndLesson())
+    wait_for(lambda: session.state.lesson is None, "the end of the lesson")
+    session.post(Learn("stand-ins"))
+    at(session, 1, "asking")
+
+
+def test_a_text_that_says_otherwise_than_the_run_is_noticed(session: Session):
+    session.post(Learn("stand-ins", 1))
+    at(session, 1, "asking")
+    session.post(Reveal())
+    found = at(session, 1, "revealed").revealed
+    assert found is not None and found.values["count"] == 30 and found.broken == ("count > 1000",)
+
+
+def test_the_right_tracks_are_those_of_the_picture_for_which_the_condition_holds(session: Session):
+    session.post(Learn("stand-ins", 2))
+    asked = at(session, 2, "asking")
+    assert asked.pictured is not None and asked.pictured[0] == 8
+    session.post(Reveal())
+    found = at(session, 2, "revealed").revealed
+    tracks = asked.pictured[1]
+    assert found is not None and found.right == set(tracks.ids[tracks.status >= 2].tolist())
+
+
+def test_what_cannot_be_computed_is_said_and_the_question_stays_open(session: Session):
+    session.post(Learn("stand-ins", 4))
+    at(session, 4, "asking")
+    assert "stereo.paper says nothing of the clock" in refused(session, Reveal())
+    assert at(session, 4, "asking").revealed is None
+
+
+def test_a_lesson_or_step_that_there_is_not_is_said(session: Session):
+    assert "there is no lesson 'none'" in refused(session, Learn("none"))
+    assert "has 5 steps: there is no step 9" in refused(session, Learn("stand-ins", 8))
+    assert session.state.lesson is None
