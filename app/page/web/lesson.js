@@ -51,7 +51,7 @@ export function makeLesson(send, command) {
       moves(),
     );
     if (after === null) place.scrollTop = 0;
-    else place.querySelector(".verdict, .after")?.scrollIntoView({ block: "nearest" });
+    else place.querySelector(".verdict, .after").scrollIntoView();
   }
 
   function moves() {
