@@ -209,12 +209,13 @@ def _ask(where: str, entry: StepEntry, known: Mapping[str, Quantity], runs: set[
         case NumberEntry() as number:
             if number.value not in entry.values:
                 raise InputError(f"{where}: {number.value!r}, which is asked for, is none of the step's values")
-            return Number(**msgspec.structs.asdict(number))
+            return Number(number.value, number.unit, number.within, number.within_percent)
         case PointEntry() as point:
             return Point(point.camera, _parsed(where, parse, point.right, TRACK))
         case DrawEntry() as draw:
             curve = _called(where, draw.curve, runs, facts.CURVES)
             if curve is None:
                 raise InputError(f"{where}: {draw.curve!r} is no curve: write such as step_scale_curve(this, stereo)")
-            return Draw(**(msgspec.structs.asdict(draw) | {"curve": curve}))
-    return Choose(tuple(Option(text, _parsed(where, parse, when, known)) for text, when in asked[0].items()))
+            return Draw(curve, draw.x, draw.y, draw.x_range, draw.y_range, draw.within)
+        case options:
+            return Choose(tuple(Option(text, _parsed(where, parse, when, known)) for text, when in options.items()))

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array
 from ispom.types import Rig, Tracks, TrackStatus
 
 from ..expressions.evaluate import holds
@@ -35,7 +34,7 @@ def right_tracks(tracks: Tracks, rig: Rig, condition: Expression) -> NDArray[np.
     return np.array([holds(condition, row, NO_ROW) for row in rows], bool)
 
 
-def _columns(tracks: Tracks, rig: Rig) -> dict[str, Array]:
+def _columns(tracks: Tracks, rig: Rig) -> dict[str, NDArray]:
     disparity_px = np.asarray(tracks.disparity_px, float)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth_m = rig.camera("left").fx * rig.baseline_m / disparity_px if rig.has_stereo else disparity_px * np.nan

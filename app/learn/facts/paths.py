@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import cast, get_args
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def _step_scale(ran: Ran, method: str) -> StepScale:
 def _kind(text: str) -> Alignment:
     if text not in get_args(Alignment):
         raise InputError(f"{text!r} is no alignment: choose from {', '.join(get_args(Alignment))}")
-    return text
+    return cast(Alignment, text)
 
 
 def _known(value: float | None) -> float:

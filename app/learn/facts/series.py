@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.geometry import Array
@@ -43,7 +44,7 @@ def quantity_curve(ran: Ran, quantity: str) -> tuple[Array, Array]:
     return (ran.sequence.times_ns[at] - ran.sequence.times_ns[0]) * 1e-9, values
 
 
-def _said(ran: Ran, quantity: str) -> tuple[Array, Array]:
+def _said(ran: Ran, quantity: str) -> tuple[NDArray[np.int64], Array]:
     if quantity not in ran.series.quantities:
         raise InputError(f"{quantity!r} is no quantity of this run: give METHOD.KEY")
     at, values = ran.series.said(quantity, ran.count)
