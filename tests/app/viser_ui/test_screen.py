@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
+from ispom_app.learn.library import Library
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
@@ -51,6 +52,7 @@ class FakeSession:
         self._run, self.asked = run, list[do.Command]()
         self.run = run
         self.opened, self.folders, self.post = run.opened, Folders(folder), self.asked.append
+        self.library = Library()
         self.known_at = run.known_at
         self.beside, self.series, self.branch = (lambda state: {}), run.series, (lambda number: run)
         self.state = reduce(State("double:40"), run.opened)
