@@ -20,6 +20,7 @@ dark.addEventListener("change", () => location.reload());
 
 let socket;
 let state = null;
+let taught = null; // the lesson, as the server sent it last
 const pane = { wide: false, tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const people = makePeople(send, (text) => showNotice({ text, kind: "info" }), () => show(state));
@@ -37,8 +38,8 @@ function connect() {
   socket.onmessage = ({ data }) => {
     state = JSON.parse(data);
     if (state.keys) setKeys(state.keys);
-    if (state.lesson !== undefined) lesson.news(state.lesson);
-    window.ispom = { state, viewer, send, axis: axis.data };
+    if (state.lesson !== undefined) lesson.news((taught = state.lesson));
+    window.ispom = { state, viewer, send, axis: axis.data, lesson: taught };
     show(state);
     showNotices(state.notices);
   };
