@@ -44,9 +44,9 @@ export function makeTour() {
     show(0);
   });
   let begun = false;
-  // With the first state that has something to show.
+  // With the first state that has something to show, and no lesson of its own.
   return (state) => {
-    if (begun || state.index < 0 || !state.people.may_drive) return;
+    if (begun || state.index < 0 || state.address.lesson || !state.people.may_drive) return;
     begun = true;
     if (firstTime()) show(0);
   };
