@@ -14,7 +14,7 @@ from ..run.history.quantities import Value
 
 Compared = Value | tuple[float, ...]
 """A position (3,) or a quaternion (4,) x, y, z, w is compared as a whole."""
-ORIENTATION = "orientation_xyzw"
+POSITION, ORIENTATION = "position", "orientation_xyzw"
 DIGEST = "_digest"
 """How the names of digests end: they are equal or not, and nothing in between."""
 STEP = "step"

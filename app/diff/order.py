@@ -10,7 +10,7 @@ from ..run.folder.digests import DIGESTS
 from ..run.folder.step_log import POSE
 from ..run.history.quantities import DROPPED, STEP_QUANTITIES, Value, finite, step_values
 from ..run.history.record import ExposureRecord
-from .compare import ORIENTATION, Compared, MethodRow
+from .compare import ORIENTATION, POSITION, Compared, MethodRow
 
 FOLLOWED = "tracks_digest"
 FATES = ("fates_digest", *DROPPED, "new", "alive")
@@ -33,7 +33,7 @@ def in_order(
         found |= {f"{name}.passed": bool(d.passed), f"{name}.consequence": d.consequence}
     found |= {key: said[key] for key in (*FATES, *RESULTS)}
     if pose is not None:
-        found |= {"position": pose[:3], ORIENTATION: pose[3:]}
+        found |= {POSITION: pose[:3], ORIENTATION: pose[3:]}
     return found | {key: said[key] for key in AT_LAST}
 
 

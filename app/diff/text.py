@@ -4,36 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .compare import ORIENTATION, Difference, Divergence
+from .compare import DIGEST, ORIENTATION, POSITION, Difference, Divergence
 
 MOST = 8
 """Quantities that are shown of an exposure."""
+FEW, LOSSLESS = 4, 17
+"""Significant digits."""
 
 
 def lines(divergence: Divergence) -> Iterator[str]:
-    """The exposure, and what differs there first."""
+    """The exposure, and what differs there first; how far the positions are apart, whatever comes before them."""
     at = "final" if divergence.exposure is None else f"exposure {divergence.exposure}"
     yield f"{at} ({divergence.time_ns / 1e9:.3f} s)"
-    shown = divergence.differences[:MOST]
-    yield from (f"  {_line(difference)}" for difference in shown)
-    if left := len(divergence.differences) - len(shown):
+    first, rest = divergence.differences[:MOST], divergence.differences[MOST:]
+    positions = tuple(d for d in rest if d.name.endswith(POSITION))
+    yield from (f"  {_line(difference)}" for difference in (*first, *positions))
+    if left := len(rest) - len(positions):
         yield f"  and {left} more"
 
 
-def shown(value: object) -> str:
-    """A value of one side: all digits that tell it from others."""
+def shown(value: object, digits: int = LOSSLESS) -> str:
+    """A value of one side, with so many significant digits."""
     if value is None:
         return "missing"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
-        return f"({', '.join(map(shown, value))})"
-    return f"{value!r}" if isinstance(value, int | float) else str(value) or "empty"
+        return f"({', '.join(shown(part, digits) for part in value)})"
+    if isinstance(value, float):
+        return f"{value!r}" if digits >= LOSSLESS else f"{value:.{digits}g}"
+    return str(value) if value != "" else "empty"
 
 
 def _line(difference: Difference) -> str:
+    if difference.name.endswith(DIGEST):
+        return f"{difference.name}: differs"
     by = "" if difference.by is None else f", apart by {difference.by:.3g}{_unit(difference)}"
-    return f"{difference.name}: {shown(difference.a)} | {shown(difference.b)}{by}"
+    a, b = _told_apart(difference.a, difference.b)
+    return f"{difference.name}: {a} | {b}{by}"
+
+
+def _told_apart(a: object, b: object) -> tuple[str, str]:
+    """Both sides, with as many digits as it takes to tell them apart, and a few at least."""
+    both = ((shown(a, digits), shown(b, digits)) for digits in range(FEW, LOSSLESS + 1))
+    return next((pair for pair in both if pair[0] != pair[1]), (shown(a), shown(b)))
 
 
 def _unit(difference: Difference) -> str:
