@@ -145,10 +145,12 @@ class Normal:
     tangents: Array
     """(M, 4, 3) and along what their steps go."""
     scores: Array
-    """(M, P) each point's part of the gradient of lens and poses."""
+    """(M, P) each point's part of the gradient of lens and poses; empty where nobody asks."""
 
 
-def normal_equations(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, damping: float) -> Normal:
+def normal_equations(
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, damping: float, scored: bool = False
+) -> Normal:
     """At a scene, in units of the loss's scale."""
     views, count = len(scene.rotations), len(scene.points)
     size = LENS + POSE * views
@@ -182,9 +184,10 @@ def normal_equations(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_p
     columns = LENS + POSE * seen.view[:, None] + np.arange(POSE)
     rows = seen.point[:, None, None], np.arange(3)[:, None], columns[:, None]
     mixed[rows] = np.swapaxes(by_point, 1, 2) @ by_pose
-    scores = np.zeros((count, size))
-    scores[:, :LENS] = _summed((by_lens * residual[..., None]).sum(1), seen.point, count)
-    scores[seen.point[:, None], columns] = (by_pose * residual[..., None]).sum(1)
+    scores = np.zeros((count if scored else 0, size))
+    if scored:
+        scores[:, :LENS] = _summed((by_lens * residual[..., None]).sum(1), seen.point, count)
+        scores[seen.point[:, None], columns] = (by_pose * residual[..., None]).sum(1)
 
     free = prior.sigma > 0
     index = np.flatnonzero(free)

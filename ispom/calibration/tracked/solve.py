@@ -146,7 +146,7 @@ def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float) 
     Errors of one track go together from image to image, those of different tracks do not: the points are the
     clusters of a sandwich estimate (Huber 1967), and the prior is one more.
     """
-    normal = normal_equations(scene, seen, prior, held, scale_px, 0.0)
+    normal = normal_equations(scene, seen, prior, held, scale_px, 0.0, scored=True)
     matrix, _ = reduced(normal)
     matrix = matrix + 1e-9 * np.diag(np.diag(normal.matrix))
     inverse = np.linalg.inv(matrix)[:LENS]
