@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.calibration.detection import detect
+from ispom.calibration.detection.hint import hint
 from ispom.calibration.targets import parse_target
 from ispom.geometry import Pose
 from ispom.simulation.board import Exposing, board_image
@@ -73,3 +74,19 @@ def test_blurred_images_are_rejected() -> None:
     start, end = np.array([-0.1, -0.08, 0.35]), np.array([-0.07, -0.08, 0.35])
     poses = tuple(Pose(translation=start + share * (end - start)) for share in np.linspace(0, 1, 12))
     assert detect(target, board_image(picture_of(target), LEFT, poses)).reason
+
+
+@pytest.mark.parametrize("spec", ["aprilgrid:6x6:0.03:0.3", "charuco:8x5:0.03:0.022"])
+def test_a_mirrored_board_is_told(spec: str) -> None:
+    target = parse_target(spec)
+    x, y = (-side / 2 for side in target.size_m)
+    grey = board_image(picture_of(target), LEFT, Pose(translation=np.array([x, y, 0.5])))
+    mirrored = np.ascontiguousarray(grey[:, ::-1])
+    assert not detect(target, grey).reason and detect(target, mirrored).reason
+    assert "mirrored" in hint(target, mirrored) and "mirrored" not in hint(target, grey)
+
+
+def test_a_board_of_another_size_is_told() -> None:
+    shown = parse_target("chessboard:8x6:0.025")
+    grey = board_image(picture_of(shown), LEFT, Pose(translation=np.array([-0.09, -0.06, 0.35])))
+    assert "a chessboard of 8x6 inner corners" in hint(parse_target("chessboard:9x6:0.0242"), grey)
