@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ispom_app.page.messages import message_of
+from ispom_app.session.state import State
+
+from ispom.types import Guess
 from tests.app.page.served import COOKIE, Served, serving
 
 
@@ -32,3 +36,8 @@ def test_onlookers_start_no_calibration(tmp_path: Path) -> None:
             assert (answer.status, (await answer.json())["number"]) == (200, 1)
 
     serving(tmp_path, check, onlookers="look" * 8)
+
+
+def test_how_sure_a_camera_without_a_calibration_is_stands_in_the_message() -> None:
+    assert message_of(State("film.mp4"))["guess"] is None
+    assert message_of(State("film.mp4", guess=Guess(420.0, 0.0184, "from the motion")))["guess"] == 1.8
