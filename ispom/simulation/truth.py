@@ -64,7 +64,7 @@ class Truth:
         towards = xyz[asked] - then.translation
         hits = scene.caster.hits(then.translation, towards.astype(np.float32))
         in_sight[asked] = _lengths(scene, hits, then.translation, towards) > 1 - SAME
-        pixel = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
+        pixel = np.stack(np.meshgrid(np.arange(float(camera.width)), np.arange(float(camera.height))), axis=-1)
         shape = (camera.height, camera.width)
         return uv.reshape(*shape, 2) - pixel, in_sight.reshape(shape)
 
