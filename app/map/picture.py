@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from ..colours import label
 from .laser import TRUE, Placed
 
-WIDTH_IN = 11.0
+PANEL_IN = 4.4
 LENGTH_M, DEPTH_M = 16.0, 14.0
 """Of what is shown: a stretch in the middle of the path, and how far it goes to the left."""
 WORST_M = 0.3
@@ -24,8 +24,8 @@ WORST_M = 0.3
 def picture(found: Mapping[str, Placed]) -> bytes:
     """PNG: seen from the side that the path has at its left; each point in the colour of its error."""
     shown = {name: each for name, each in found.items() if each.true_world is not None and len(each.points)}
-    figure = Figure(figsize=(WIDTH_IN, 0.6 + 2.9 * len(shown)), layout="constrained")
-    places = figure.subplots(len(shown), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    figure = Figure(figsize=(1 + PANEL_IN * len(shown), 5.2), layout="constrained")
+    places = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     norm, colours = Normalize(0, 100 * WORST_M), colormaps["viridis"]
     middle = float(np.median(np.concatenate([each.true_world[:, 2] for each in shown.values()])))  # type: ignore[index]
     for axes, (name, each) in zip(places, shown.items(), strict=True):
@@ -38,9 +38,9 @@ def picture(found: Mapping[str, Placed]) -> bytes:
         numbers = each.numbers
         who = "the true poses" if name == TRUE else f"{label(name)}, {each.poses_hz:.0f} poses/s"
         rms, median = (f"{100 * numbers[key]:.1f} cm" for key in ("rmse_m", "median_m"))
-        axes.set_title(f"{who}: {rms} from the true surfaces (RMS), median {median}", fontsize=9)
-        axes.set(ylabel="height [m]", aspect="equal")
-    places[-1].set_xlabel("along the street [m]")
+        axes.set_title(f"{who}\n{rms} from the true surfaces (RMS), median {median}", fontsize=9)
+        axes.set(xlabel="along the street [m]", aspect="equal")
+    places[0].set_ylabel("height [m]")
     figure.colorbar(ScalarMappable(norm, colours), ax=list(places), label="error [cm]", shrink=0.6)
     content = BytesIO()
     figure.savefig(content, format="png", dpi=110, metadata={"Software": None})
