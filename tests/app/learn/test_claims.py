@@ -13,6 +13,7 @@ from ispom_app.learn.markdown import html
 from tests.app.learn.runs import shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lesson", built_in(), ids=lambda lesson: lesson.name)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_each_answer_is_what_the_text_claims(lesson: Lesson, seed: int):

@@ -30,6 +30,7 @@ def held(page: Page) -> list[str]:
     return json.loads(page.tab.evaluate(HELD))
 
 
+@pytest.mark.slow
 def test_runs_that_are_over_leave_the_browsers_memory(browser, app: App):  # noqa: F811
     page = Page(browser, app.url)
     drawn(page)
