@@ -2,7 +2,7 @@
 // somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at and plotted, exposure.
 // Of a lesson it names that and the step alone: `#lesson=collapse:2`.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
-const PATIENCE_MS = 3000; // for a part that the run does not have, such as an exposure beyond its end
+const PATIENCE_MS = 8000; // for a part that the run does not have, such as an exposure beyond its end
 const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
 const STEPS = [
   step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? { do: "learn", lesson } : { do: "end_lesson" })),
