@@ -12,6 +12,9 @@ from ispom_app.learn.library import built_in
 
 from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - a fixture
 
+NAMES = [lesson.name for lesson in built_in()]
+ALWAYS = ("collapse", "rotation", "stereo")
+"""They have every kind of question."""
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 TEXT = """() => {
@@ -174,7 +177,7 @@ def learner(browser, app: App) -> Iterator[Learner]:  # noqa: F811
     page.tab.close()
 
 
-@pytest.mark.parametrize("name", [lesson.name for lesson in built_in()])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in ALWAYS else pytest.mark.slow) for n in NAMES])
 def test_a_lesson_is_finished_and_shows_no_answer_before_it_is_revealed(learner: Learner, name: str):
     lesson = next(each for each in built_in() if each.name == name)
     learner.send(f"{{do: 'learn', lesson: '{name}:1'}}")
