@@ -63,6 +63,7 @@ def test_place_and_clock_are_found_without_noise() -> None:
     assert best.offset_s == pytest.approx(-OFFSET_S, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_place_and_clock_are_within_three_standard_errors_in_95_percent_of_seeds() -> None:
     shares, turned, late = [], [], []
     for seed in range(SEEDS):

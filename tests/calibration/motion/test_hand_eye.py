@@ -77,6 +77,7 @@ def test_exact_trajectories_give_exact_values() -> None:
     assert abs(error[6]) < 1e-4
 
 
+@pytest.mark.slow
 def test_noisy_trajectories_are_within_three_standard_errors_in_95_percent_of_seeds() -> None:
     shares, wrong = [], []
     for seed in range(SEEDS):
