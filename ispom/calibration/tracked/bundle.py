@@ -250,4 +250,4 @@ def _summed(values: Array, owner: NDArray[np.int64], count: int) -> Array:
     """(count, ...) sums of values (K, ...) by owner."""
     flat = values.reshape(len(values), -1)
     out = np.stack([np.bincount(owner, column, count) for column in flat.T], axis=1)
-    return out.reshape(count, *values.shape[1:])
+    return out.reshape(count, *values.shape[1:]).astype(float)
