@@ -70,4 +70,4 @@ def test_the_rerun_is_a_branch_that_is_compared_with_the_prediction(page: Page):
 def test_no_error_puts_the_sliders_back(page: Page):
     page.controls.get_by_role("button", name="No error").click()
     page.until("state.effect && Object.keys(state.effect.wrong).length === 0", "nothing wrong")
-    assert page.controls.get_by_role("button", name="Rerun as a branch").is_disabled()
+    page.controls.get_by_role("button", name="Rerun as a branch", disabled=True).wait_for()
