@@ -31,11 +31,13 @@ def answers(decisions: Iterable[Decision]) -> list[Answer]:
 
 
 def mark(decision: Decision) -> str:
-    """A cross is a failure and nothing else; a trigger that did not fire is an empty circle."""
+    """A cross is a failure and nothing else; a trigger that did not fire is an empty circle, what is doubtful an !."""
     if decision.kind == "trigger":
         return "●" if decision.passed else "○"
     if decision.kind == "finding":
         return "·"
+    if decision.kind == "warning":
+        return "·" if decision.passed else "!"
     return "✓" if decision.passed else "✕"
 
 

@@ -7,8 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from ispom.types import Decision, Step
 
 from ..run.folder.digests import DIGESTS
-from ..run.folder.step_log import POSE
-from ..run.history.quantities import DROPPED, STEP_QUANTITIES, Value, finite, step_values
+from ..run.history.quantities import DROPPED, POSE, STEP_QUANTITIES, Value, finite, step_values
 from ..run.history.record import ExposureRecord
 from .compare import ORIENTATION, POSITION, Compared, MethodRow
 
@@ -40,9 +39,7 @@ def in_order(
 def step_row(index: int, step: Step, error_m: float | None) -> MethodRow:
     """Of a step in memory: the same as its run's folder gives."""
     said = {**step_values(step, error_m), **{key: of(step) for key, of in DIGESTS.items()}}
-    pose = step.world_from_frame
-    numbers = None if pose is None else (*pose.translation.tolist(), *pose.xyzw.tolist())
-    return MethodRow(index, step.time_ns, step.method, in_order(said, step.decisions, numbers))
+    return MethodRow(index, step.time_ns, step.method, in_order(said, step.decisions, stored_pose(said)))
 
 
 def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[MethodRow]:
@@ -58,6 +55,6 @@ def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[Me
 
 
 def stored_pose(said: Mapping[str, Value]) -> tuple[float, ...] | None:
-    """(x, y, z, qx, qy, qz, qw) of a row of steps.csv; None where it has no pose."""
+    """(x, y, z, qx, qy, qz, qw) of what a step said; None where it has no pose."""
     numbers = tuple(value for value in map(said.get, POSE) if isinstance(value, float))
     return numbers or None

@@ -9,7 +9,7 @@ from typing import Literal
 
 from ispom.errors import InputError
 
-LONGEST = 1_000
+LONGEST = 4_000
 """Characters of an expression."""
 LARGEST = 1e15
 RESERVED = ("and", "or", "not", "abs", "changed", "increased")

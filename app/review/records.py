@@ -19,8 +19,8 @@ from ispom.types import Frame, Kind, Rig, Status, Step
 
 from ..run.folder.placements import Placed
 from ..run.folder.run_folder import STEPS
-from ..run.folder.step_log import POSE
 from ..run.folder.step_reader import StoredStep, stored_steps
+from ..run.history.quantities import POSE
 from ..run.history.record import ExposureRecord, MethodStatus
 
 MOST = 1_000_000

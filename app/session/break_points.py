@@ -13,10 +13,14 @@ from ..expressions.until import shown
 from .current_run import CurrentRun
 from .state import Displayed, Event, NoticeAdded, State, changed
 
+JUMP = 5
+"""A step so many times as long as the usual one is an anomaly."""
+
 
 def anomaly(methods: Iterable[str]) -> str:
-    """The condition behind "next anomaly": a method becomes lost, or starts a new world."""
-    one = '(changed({0}.status) and {0}.status == "lost") or {0}.restarted'
+    """The condition behind "next anomaly": a method becomes lost, starts a new world, or jumps."""
+    lost, jumps = '(changed({0}.status) and {0}.status == "lost")', f"{{0}}.moved > {JUMP} * {{0}}.moved_usual"
+    one = f"{lost} or {{0}}.restarted or {jumps}"
     return " or ".join(one.format(method) for method in methods)
 
 

@@ -9,7 +9,7 @@ ADJUSTED = "How did the adjustment go?"
 COST = Check(
     "cost",
     "cost after the adjustment, against before",
-    "finding",
+    "warning",
     ADJUSTED,
     "<=",
     passes="The cost fell from {threshold} to {value}.",
@@ -27,7 +27,7 @@ ITERATIONS = Check(
 BUNDLE_COST = Check(
     "bundle_cost",
     "bundle cost, after / before",
-    "finding",
+    "warning",
     ADJUSTED,
     "<",
     passes="Bundle adjustment left {value:.1%} of the cost.",

@@ -11,11 +11,23 @@ import numpy as np
 
 from ispom.geometry import Array, Pose, rotation_angle_rad
 from ispom.testing.trial import Trial, Walk
-from ispom.types import Camera, Decision, Frame, Landmarks, Rig, Status, Step, Tracks, TrackStatus, Trajectory
+from ispom.types import (
+    Camera,
+    Decision,
+    DecisionKind,
+    Frame,
+    Landmarks,
+    Rig,
+    Status,
+    Step,
+    Tracks,
+    TrackStatus,
+    Trajectory,
+)
 
 KEY = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 RELATIONS = frozenset({">=", "<=", ">", "<", "="})
-KINDS = frozenset({"requirement", "trigger", "finding"})
+KINDS = frozenset(get_args(DecisionKind))
 FINAL_SHARE = 0.01
 """Poses that were declared final move by at most so much of the path until there, and turn by so many radians."""
 CODES = [int(status) for status in TrackStatus]

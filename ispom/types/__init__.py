@@ -6,7 +6,7 @@ from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey
 from ispom.types.guess import Guess
 from ispom.types.integration import SegmentFit, SplineFit
 from ispom.types.sequence import Sequence
-from ispom.types.step import Decision, Status, Step
+from ispom.types.step import Decision, DecisionKind, Status, Step
 from ispom.types.timed_points import TimedPoints
 from ispom.types.tracks import Landmarks, Tracks, TrackStatus
 from ispom.types.trajectory import Trajectory
@@ -15,6 +15,7 @@ __all__ = [
     "Camera",
     "Check",
     "Decision",
+    "DecisionKind",
     "Exposure",
     "Frame",
     "Guess",

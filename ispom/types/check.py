@@ -6,7 +6,7 @@ import operator
 from dataclasses import dataclass
 from typing import Literal
 
-from ispom.types.step import Decision
+from ispom.types.step import Decision, DecisionKind
 
 Relation = Literal[">=", "<=", ">", "<"]
 COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
@@ -18,7 +18,7 @@ class Check:
 
     key: str
     name: str
-    kind: Literal["requirement", "trigger", "finding"]
+    kind: DecisionKind
     question: str = ""
     relation: Relation = ">="
     unit: str = ""

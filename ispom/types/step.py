@@ -15,6 +15,8 @@ from ispom.types.integration import SegmentFit, SplineFit
 from ispom.types.tracks import Landmarks, Tracks
 from ispom.types.trajectory import Trajectory
 
+DecisionKind = Literal["requirement", "trigger", "finding", "warning"]
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -33,9 +35,10 @@ class Decision:
     """Stable name for plots, columns and break points, as in `parallax`; unique within a Step together with `about`."""
     question: str = ""
     """What the check helps to answer ("New key frame?"); empty where it stands for itself."""
-    kind: Literal["requirement", "trigger", "finding"] = "requirement"
+    kind: DecisionKind = "requirement"
     """requirement: not passed is a failure; trigger: any one that passes answers the question with yes; finding: a
-    measurement beside its threshold, where neither outcome is a failure."""
+    measurement beside its threshold, where neither outcome is a failure; warning: a measurement that is doubtful
+    where it does not pass, though the method goes on."""
     about: str = ""
     """The track, pair or key frame that it is about, where a Step has the same check several times."""
 

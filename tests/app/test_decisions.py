@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from ispom_app.decisions import answers, margin, mark, measured, sentence
 
 from ispom.types import Check, Decision
@@ -36,6 +37,12 @@ def test_a_finding_is_neither_good_nor_bad():
     assert (answer.question, answer.text, mark(finding)) == ("", "", "·")
     assert measured(finding) == "0.3 px (≥ 0.1)"
     assert measured(Decision("points", 1386, 12, True)) == "1386 (≥ 12)"
+
+
+@pytest.mark.parametrize(("passed", "wanted"), [(True, "·"), (False, "!")])
+def test_a_warning_is_marked_where_it_is_beyond_its_limit_and_is_no_failure(passed: bool, wanted: str):
+    warning = Decision("scale spread", 30, 10, passed, "%", "<=", kind="warning")
+    assert mark(warning) == wanted and not warning.failed
 
 
 def test_questions_keep_their_order():

@@ -9,13 +9,12 @@ from typing import Self
 from ispom.types import Step
 
 from ..events import Stepped
-from ..history.quantities import STEP_QUANTITIES, Value, by_method, finite, step_values
+from ..history.quantities import POSE, STEP_QUANTITIES, Value, by_method, finite, step_values
 from .digests import DIGESTS
 from .run_folder import DECISIONS, STEPS, RunFolder
 from .statistics import RunStatistics
 from .table import GrowingTable
 
-POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 STEP_COLUMNS = (
     *("exposure", "time_ns", "method", *(quantity.key for quantity in STEP_QUANTITIES), "stages"),
     *("frame", *POSE, *DIGESTS),
@@ -73,11 +72,11 @@ def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
 
 
 def _step_row(event: Stepped, step: Step) -> list[str]:
-    values, pose = step_values(step, event.errors_m.get(step.method)), step.world_from_frame
-    numbers = ("",) * len(POSE) if pose is None else (*pose.translation.tolist(), *pose.xyzw.tolist())
+    values = step_values(step, event.errors_m.get(step.method))
     cells = (event.index, step.time_ns, step.method, *(values[quantity.key] for quantity in STEP_QUANTITIES))
     stages = ";".join(f"{stage}={_cell(seconds)}" for stage, seconds in step.seconds.items())
-    return [_cell(c) for c in (*cells, stages, step.frame, *numbers, *(of(step) for of in DIGESTS.values()))]
+    pose = (values.get(key) for key in POSE)
+    return [_cell(c) for c in (*cells, stages, step.frame, *pose, *(of(step) for of in DIGESTS.values()))]
 
 
 def _decision_rows(event: Stepped, step: Step) -> Iterator[list[str]]:

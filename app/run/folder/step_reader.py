@@ -15,17 +15,17 @@ from typing import Any, get_args
 
 from ispom.errors import InputError
 from ispom.io.files import exists, opened
-from ispom.types import Decision, Frame, Status
+from ispom.types import Decision, DecisionKind, Frame, Status
 
-from ..history.quantities import STEP_QUANTITIES, Value, check_values, finite
+from ..history.quantities import POSE, STEP_QUANTITIES, Value, check_values, finite
 from .digests import DIGESTS
 from .run_folder import DECISIONS, STEPS
-from .step_log import DECISION_COLUMNS, POSE, STEP_COLUMNS
+from .step_log import DECISION_COLUMNS, STEP_COLUMNS
 
 Record = tuple[int, dict[str, str]]
 """Number of the line, and the cells by column."""
 KINDS = {quantity.key: quantity.kind for quantity in STEP_QUANTITIES}
-RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), ("requirement", "trigger", "finding")
+RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), get_args(DecisionKind)
 
 
 @dataclass(frozen=True, eq=False)

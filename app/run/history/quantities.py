@@ -1,6 +1,7 @@
 """The quantities of an exposure, by stable name: METHOD.KEY, in tables, break points, plots and comparisons alike.
 
 `monocular.inliers`, `stereo.status`: what each Step says (STEP_QUANTITIES), in the columns of steps.csv.
+`monocular.x`, `.moved`: its pose, in columns of steps.csv as well, and how far it is from the one before.
 `monocular.parallax`, `.passed`, `.margin`, `.threshold`: what each check of the method says, in decisions.csv.
 `exposure`, `time_s`: which exposure it is.
 """
@@ -104,8 +105,18 @@ STEP_QUANTITIES = (
     StepQuantity("seconds", lambda s, _: sum(s.seconds.values()), "wall time; differs from run to run", unit="s"),
 )
 """In the order of the columns of steps.csv."""
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Keys of world_from_frame: the position in the method's own world and unit, and the orientation as a quaternion."""
 MOMENTARY = ("key_frame", "restarted")
 """Flags that are true at one exposure: another method's step does not find them true again."""
+USUAL_STEPS = 10.0
+"""Over about so many steps the usual one is an exponential mean."""
+MOTION: Mapping[str, tuple[str, str]] = {
+    "moved": ("distance from its pose one step before, in its unit", ""),
+    "turned_deg": ("angle to its pose one step before", "deg"),
+    "moved_usual": (f"mean of `moved` over about the {USUAL_STEPS:.0f} steps before this one", ""),
+}
+"""By key, help and unit: what a step is beside the one before it."""
 EXPOSURE_QUANTITIES = (
     Quantity("", "exposure", "number", "counted from 0"),
     Quantity("", "time_s", "number", "in the clock of the source", "s"),
@@ -117,6 +128,8 @@ def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
     found = list(EXPOSURE_QUANTITIES)
     for method in sorted(methods, key=len):  # of `a.b.c`, method `a.b` wins over `a`
         found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
+        found += [Quantity(method, key, "number", f"{key} of the pose as it was given then") for key in POSE]
+        found += [Quantity(method, key, "number", text, unit) for key, (text, unit) in MOTION.items()]
         for check in registered(method).checks.values():
             found += _of_check(method, check)
     return {quantity.name: quantity for quantity in found}
@@ -125,7 +138,13 @@ def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
 def step_values(step: Step, error_m: float | None) -> dict[str, Value]:
     """By key. Where a step has the same check several times, that of the least margin counts."""
     found = {quantity.key: known(quantity.of(step, error_m)) for quantity in STEP_QUANTITIES}
-    return found | check_values(step.decisions)
+    return found | pose_values(step) | check_values(step.decisions)
+
+
+def pose_values(step: Step) -> dict[str, Value]:
+    """POSE of a step; nothing without one."""
+    pose = step.world_from_frame
+    return {} if pose is None else dict(zip(POSE, (*pose.translation.tolist(), *pose.xyzw.tolist()), strict=True))
 
 
 def check_values(decisions: Iterable[Decision]) -> dict[str, Value]:
@@ -152,8 +171,33 @@ def row_with(before: Row, index: int, time_ns: int, said: Row) -> Row:
     return {
         **{method: _over(values) for method, values in before.items()},
         "": {"exposure": index, "time_s": time_ns / 1e9},
-        **said,
+        **{method: {**values, **_motion(before.get(method, {}), values)} for method, values in said.items()},
     }
+
+
+def _motion(before: Mapping[str, Value], now: Mapping[str, Value]) -> dict[str, Value]:
+    """MOTION of a step, by what was said at it and at the method's step before it; over a restart there is none."""
+    if now.get("restarted"):
+        return dict.fromkeys(MOTION)
+    usual, moved = _number(before.get("moved_usual")), _number(before.get("moved"))
+    if moved is not None:
+        usual = moved if usual is None else usual + (moved - usual) / USUAL_STEPS
+    was, here = (_numbers(values) for values in (before, now))
+    if was is None or here is None:
+        return {"moved": None, "turned_deg": None, "moved_usual": usual}
+    away = min(math.dist(was[3:], here[3:]), math.dist(was[3:], [-q for q in here[3:]]))  # q and -q are one orientation
+    turned = math.degrees(4 * math.asin(min(away / 2, 1.0)))
+    return {"moved": math.dist(was[:3], here[:3]), "turned_deg": turned, "moved_usual": usual}
+
+
+def _numbers(values: Mapping[str, Value]) -> list[float] | None:
+    """The pose among the values of a step."""
+    found = [number for key in POSE if (number := _number(values.get(key))) is not None]
+    return found if len(found) == len(POSE) else None
+
+
+def _number(value: Value) -> float | None:
+    return None if value is None or isinstance(value, str) else float(value)
 
 
 def _over(values: Mapping[str, Value]) -> Mapping[str, Value]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -65,17 +65,20 @@ def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...]
     switched = [f"{m} off" for m in old_methods if m not in new_methods]
     switched += [f"{m} on" for m in new_methods if m not in old_methods]
     for name in with_asked(new_methods):
-        switched += _differences(name, old.of(name), new.of(name))
+        switched += differences(name, old.of(name), new.of(name))
     return tuple(switched)
 
 
-def _differences(where: str, old: Any, new: Any) -> Iterator[str]:
+def differences(where: str, old: Any, new: Any) -> tuple[str, ...]:
+    """What differs between two settings of a method, or of a part of it, a phrase each: `FLAG OLD → NEW`."""
+    found: list[str] = []
     for field in fields(new):
         a, b, flag = getattr(old, field.name), getattr(new, field.name), f"{where}.{field.name.replace('_', '-')}"
         if is_dataclass(b):
-            yield from _differences(flag, a, b)
+            found += differences(flag, a, b)
         elif a != b:
-            yield f"{flag} {_text(a)} → {_text(b)}"
+            found.append(f"{flag} {_text(a)} → {_text(b)}")
+    return tuple(found)
 
 
 def _text(value: Any) -> str:

@@ -21,13 +21,19 @@ from ...run.model.drawn_size import unit_in_metres
 from ...texts import length
 from ...uncertainty import describe
 
-TINTS = {"✓": "light-dark(#00795a, #2bb58d)", "✕": "light-dark(#c62828, #ff7b70)", "●": "light-dark(#0072b2, #56b4e9)"}
+TINTS = {
+    "✓": "light-dark(#00795a, #2bb58d)",
+    "✕": "light-dark(#c62828, #ff7b70)",
+    "●": "light-dark(#0072b2, #56b4e9)",
+    "!": "light-dark(#8a5a00, #f0b429)",
+}
 HINTS = {
     "✓": "required: passed",
     "✕": "required: failed",
     "●": "trigger: fired",
     "○": "trigger: did not fire",
     "·": "measurement: neither pass nor fail",
+    "!": "measurement: doubtful, beyond its limit",
 }
 KEYS = {status: key for key, status in DROPPED.items()} | {TrackStatus.ALIVE: "alive", TrackStatus.NEW: "new"}
 """Under which key the tracks of a status are counted."""

@@ -10,6 +10,7 @@ from ispom.methods import Config, method, names, possible_methods
 
 from ... import colours
 from ...session import commands as do
+from ...session.branching.branches import differences
 from ...session.state import State
 from ..controls import ConfigForm
 
@@ -79,6 +80,10 @@ class MethodsPanel:
         state = self._state
         for name, folder in self._folders.items():
             folder.visible = bool(self._on[name].value)
+            other = differences(name, Config().of(name), self._forms[name].value)
+            label = f"{colours.label(name)} settings{f' · {len(other)} not default' if other else ''}"
+            if folder.label != label:
+                folder.label = label
         applied = all(state.config.of(name) == form.value for name, form in self._forms.items())
         self._text.content = APPLIED if applied and self._chosen == state.methods else PENDING
 

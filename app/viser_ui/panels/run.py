@@ -42,7 +42,7 @@ class RunPanel:
         self._progress = gui.add_progress_bar(0)
         self._text = gui.add_html(_text(session.state))
         with gui.add_folder("Moves and loop", expand_by_default=False):
-            self._moves = [_buttons(gui, session, label, names) for label, names in MOVES.items()]
+            self._moves = {label: _buttons(gui, session, label, names) for label, names in MOVES.items()}
         # Their keys are the page's (keyboard.js): two that listen would step twice.
         for action in ACTIONS:
             entry = gui.add_command(action.label, description=f"{action.hint} Key: {action.key}")
@@ -71,6 +71,10 @@ class RunPanel:
         if state.index >= 0 and not touched and self._slider.value != state.index:
             self._slider.value = state.index
         self._progress.value = round(100 * state.computed / max(state.total, 1), 1)
+        opened = self._session.opened
+        stereo = opened is None or opened.sequence.rig.has_stereo
+        if self._moves["stereo"].visible != stereo:
+            self._moves["stereo"].visible = stereo
         if (text := _text(state)) != self._text.content:
             self._text.content = text
 

@@ -61,7 +61,7 @@ SCALE_TRANSFER = Check(
 SCALE_SPREAD = Check(
     "scale_spread",
     "spread of the shared points' depth ratios",
-    "finding",
+    "warning",
     UNIT,
     "<=",
     "%",
@@ -163,7 +163,7 @@ SCALE_RATIO = Check(
 SCALE_CHANGE = Check(
     "scale_change",
     "scale ratio against the segment before",
-    "finding",
+    "warning",
     CLOSED,
     "<=",
     "%",
@@ -173,7 +173,7 @@ SCALE_CHANGE = Check(
 SEGMENT_TURN = Check(
     "segment_turn",
     "segment vector turned by",
-    "finding",
+    "warning",
     CLOSED,
     "<=",
     "deg",
@@ -183,7 +183,7 @@ SEGMENT_TURN = Check(
 END_ORIENTATION = Check(
     "end_orientation",
     "last orientation missed by",
-    "finding",
+    "warning",
     CLOSED,
     "<=",
     "deg",

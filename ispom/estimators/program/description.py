@@ -6,11 +6,11 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from ispom.estimators.program import plain
 from ispom.estimators.program.pipe import Pipe, ProgramFault
-from ispom.types import Check, Frame
+from ispom.types import Check, DecisionKind, Frame
 
 VERSION = 1
 HELLO = json.dumps({"type": "hello", "version": VERSION}).encode() + b"\n"
@@ -62,7 +62,7 @@ def _check(entry: dict[str, Any]) -> Check:
     key = plain.text(entry.get("key"), "a check's key")
     if not KEY.fullmatch(key):
         raise plain.wrong("a check's key", key, "small letters, digits and single underscores")
-    kind = plain.choice(entry.get("kind", "requirement"), "a check's kind", ("requirement", "trigger", "finding"))
+    kind = plain.choice(entry.get("kind", "requirement"), "a check's kind", get_args(DecisionKind))
     question = plain.text(entry.get("question", ""), "a check's question")
     if (question and not question.endswith("?")) or (kind == "trigger" and not question):
         raise plain.wrong("a check's question", question, "a question, as every trigger has one")

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from ispom_app.expressions.evaluate import holds
 from ispom_app.expressions.parser import parse
 from ispom_app.run.history.quantities import quantities
 from ispom_app.session import commands as do
@@ -104,6 +105,13 @@ def test_another_move_ends_the_search(session: Session) -> None:
 def test_the_anomaly_is_a_condition_over_all_methods() -> None:
     expression = parse(anomaly(METHODS), quantities(METHODS))
     assert expression.methods == set(METHODS)
+
+
+def test_a_jump_is_an_anomaly() -> None:
+    expression = parse(anomaly(["stereo"]), quantities(["stereo"]))
+    said = {"status": "tracking", "restarted": False, "moved_usual": 0.1}
+    rows = [{"stereo": {**said, "moved": moved}} for moved in (None, 0.49, 0.51)]
+    assert [holds(expression, row, rows[0]) for row in rows] == [False, False, True]
 
 
 def test_a_fork_has_the_quantities_of_its_past(session: Session) -> None:

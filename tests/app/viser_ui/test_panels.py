@@ -13,6 +13,7 @@ from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import Kept, Recording, State
+from ispom_app.viser_ui.panels.methods import MethodsPanel
 from ispom_app.viser_ui.panels.record import RecordPanel
 from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel
 from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
@@ -116,6 +117,23 @@ def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
     triggers = [Decision(n, 0.1, 0.5, False, question="New key frame?", kind="trigger") for n in (HOSTILE, "turn")]
     text = report(replace(STATE, displayed=record(0, *triggers)))
     assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text
+
+
+@pytest.mark.parametrize("has_stereo", [True, False])
+def test_moves_by_stereo_exposures_are_offered_where_there_are_some(gui, session, has_stereo: bool):
+    panel = RunPanel(gui, session)
+    session.opened = SimpleNamespace(sequence=SimpleNamespace(rig=SimpleNamespace(has_stereo=has_stereo)))
+    panel.show(STATE)
+    assert panel._moves["stereo"].visible is has_stereo and panel._moves["key frame"].visible
+
+
+def test_a_method_whose_settings_are_not_the_defaults_says_so_on_its_folder(gui, session):
+    session.state = replace(STATE, config=Config({"stereo": replace(Config().of("stereo"), max_tracks=123)}))
+    panel = MethodsPanel(gui, session)
+    assert panel._folders["stereo"].label == "Stereo settings · 1 not default"
+    assert panel._folders["monocular"].label == "Monocular settings"
+    panel._defaults(None)
+    assert panel._folders["stereo"].label == "Stereo settings"
 
 
 def test_why_names_the_settings_that_are_not_the_defaults():

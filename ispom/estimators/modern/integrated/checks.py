@@ -32,7 +32,7 @@ POINTS = Check(
 SPLINE_MISFIT = Check(
     "spline_misfit",
     "misfit of the poses to the spline",
-    "finding",
+    "warning",
     ADJUSTED,
     "<=",
     passes="A spline with these knots follows the motion: misfit {value} (in variances), {threshold} allowed.",
@@ -41,7 +41,7 @@ SPLINE_MISFIT = Check(
 JOINT_COST = Check(
     "joint_cost",
     "joint cost, after / before",
-    "finding",
+    "warning",
     ADJUSTED,
     "<=",
     passes="The adjustment left {value:.1%} of the cost.",

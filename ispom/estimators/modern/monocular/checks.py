@@ -73,7 +73,7 @@ OUTLIERS = Check(
 STEP_SCALE = Check(
     "step_scale",
     "scale drift of this step",
-    "finding",
+    "warning",
     UNIT,
     "<=",
     passes="The unit of this step differs from the map's by {value:.2%}, no more than noise ({threshold:.2%}).",
@@ -82,7 +82,7 @@ STEP_SCALE = Check(
 SCALE_DRIFT = Check(
     "scale_drift",
     "scale drift since the start, 1 sigma",
-    "finding",
+    "warning",
     UNIT,
     "<=",
     "%",
@@ -92,7 +92,7 @@ SCALE_DRIFT = Check(
 FOCAL_LENGTH = Check(
     "focal_length",
     "correction of the focal length",
-    "finding",
+    "warning",
     CALIBRATED,
     "<=",
     "%",
@@ -161,7 +161,7 @@ EXPLAINED_SHARE = Check(
 SECOND_MOTION = Check(
     "second_motion",
     "share of points that another motion explains",
-    "finding",
+    "warning",
     FIRST_MAP,
     "<",
     passes="One motion: no other one explains {threshold:.0%} of the points, or more ({value:.0%}).",
@@ -186,7 +186,7 @@ UNIT_FACTOR = Check(
 UNIT_SPREAD = Check(
     "unit_spread",
     "spread of the unit carried over, 1 sigma",
-    "finding",
+    "warning",
     UNIT,
     "<=",
     "%",

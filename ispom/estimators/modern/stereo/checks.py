@@ -69,7 +69,7 @@ DISPLACEMENT = Check(
 ADJUSTED_ERROR = Check(
     "adjusted_error",
     "median error after adjustment",
-    "finding",
+    "warning",
     ADJUSTED,
     "<=",
     "px",

@@ -7,10 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from ispom_app.run.events import Stepped
 from ispom_app.run.folder.step_log import STEP_COLUMNS
-from ispom_app.run.history.quantities import NO_ROW, STEP_QUANTITIES, Row, quantities, row_after, step_values
+from ispom_app.run.history.quantities import (
+    MOTION,
+    NO_ROW,
+    POSE,
+    STEP_QUANTITIES,
+    USUAL_STEPS,
+    Row,
+    quantities,
+    row_after,
+    step_values,
+)
+from scipy.spatial.transform import Rotation
 
+from ispom.geometry import Pose
 from ispom.methods import names, registry
 from ispom.types import Check, Decision, Exposure, Step
 from tests import doubles
@@ -38,14 +52,55 @@ def rows(found: list[tuple[int, Exposure, Step]]) -> list[Row]:
 
 @pytest.mark.parametrize("method", names())
 def test_no_two_quantities_of_a_method_have_one_name(method: str) -> None:
-    keys = [q.key for q in STEP_QUANTITIES] + list(registry()[method].checks)
+    own = [*(q.key for q in STEP_QUANTITIES), *POSE, *MOTION]
+    keys = own + list(registry()[method].checks)
     assert len(set(keys)) == len(keys) and all(re.fullmatch(r"[a-z]+(_[a-z]+)*", key) for key in keys)
     of_checks = 4 * len(registry()[method].checks)
-    assert len([q for q in quantities(names()).values() if q.method == method]) == len(STEP_QUANTITIES) + of_checks
+    assert len([q for q in quantities(names()).values() if q.method == method]) == len(own) + of_checks
 
 
 def test_every_quantity_of_a_step_is_a_column() -> None:
-    assert {q.key for q in STEP_QUANTITIES} <= set(STEP_COLUMNS)
+    assert {q.key for q in STEP_QUANTITIES} | set(POSE) <= set(STEP_COLUMNS)
+
+
+def at(row: Row, index: int, x_m: float, *, turn_deg: float = 0.0, restarted: bool = False, lost: bool = False) -> Row:
+    """The row of a step at this place, after another row."""
+    _, exposure, step = stepped(3)[0]
+    pose = None if lost else Pose(Rotation.from_euler("y", turn_deg, degrees=True).as_matrix(), np.array([x_m, 0, 0]))
+    made = replace(step, world_from_frame=pose, restarted=restarted)
+    return row_after(row, index, exposure.time_ns, (made,), {})
+
+
+def test_a_step_is_told_beside_the_usual_one() -> None:
+    row, told = NO_ROW, []
+    for i, x in enumerate([0.0, 1.0, 2.0, 4.0, 4.0]):
+        row = at(row, i, x, turn_deg=10.0 * x)
+        told.append([row["monocular"][key] for key in MOTION])
+    assert told[0] == [None, None, None]
+    assert told[1] == [1.0, pytest.approx(10.0), None]
+    assert told[2] == [1.0, pytest.approx(10.0), 1.0]
+    assert told[3] == [2.0, pytest.approx(20.0), 1.0]
+    assert told[4] == [0.0, pytest.approx(0.0, abs=1e-6), 1 + 1 / USUAL_STEPS]
+
+
+def test_no_step_goes_over_a_gap_or_into_a_new_world() -> None:
+    row = at(at(at(NO_ROW, 0, 0.0), 1, 1.0), 2, 0.0, lost=True)
+    assert [row["monocular"][key] for key in MOTION] == [None, None, 1.0]
+    row = at(row, 3, 9.0)
+    assert [row["monocular"][key] for key in MOTION] == [None, None, 1.0]
+    assert [at(row, 4, 0.0, restarted=True)["monocular"][key] for key in MOTION] == [None, None, None]
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1), st.floats(0, 180))
+def test_the_angle_of_a_step_is_that_of_its_rotation(quaternion: list[float], angle: float) -> None:
+    first = Rotation.from_quat(quaternion)
+    second = Rotation.from_rotvec([0, np.radians(angle), 0]) * first
+    _, exposure, step = stepped(3)[0]
+    row = NO_ROW
+    for i, turned in enumerate((first, second)):
+        made = replace(step, world_from_frame=Pose(turned.as_matrix(), np.zeros(3)))
+        row = row_after(row, i, exposure.time_ns, (made,), {})
+    assert row["monocular"]["turned_deg"] == pytest.approx(angle, abs=1e-5)
 
 
 def test_what_a_step_says_is_finite_or_missing_and_of_its_kind() -> None:
