@@ -114,7 +114,7 @@ USUAL_STEPS = 10.0
 MOTION: Mapping[str, tuple[str, str]] = {
     "moved": ("distance from its pose one step before, in its unit", ""),
     "turned_deg": ("angle to its pose one step before", "deg"),
-    "moved_usual": (f"mean of `moved` over about the {USUAL_STEPS:.0f} steps before this one", ""),
+    "moved_usual": (f"mean of `moved` over about the {USUAL_STEPS:.0f} steps before this one that moved", ""),
 }
 """By key, help and unit: what a step is beside the one before it."""
 EXPOSURE_QUANTITIES = (
@@ -180,7 +180,7 @@ def _motion(before: Mapping[str, Value], now: Mapping[str, Value]) -> dict[str, 
     if now.get("restarted"):
         return dict.fromkeys(MOTION)
     usual, moved = _number(before.get("moved_usual")), _number(before.get("moved"))
-    if moved is not None:
+    if moved:  # a pose that is held, or told again for another camera's exposure, says nothing of the motion
         usual = moved if usual is None else usual + (moved - usual) / USUAL_STEPS
     was, here = (_numbers(values) for values in (before, now))
     if was is None or here is None:
