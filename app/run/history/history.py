@@ -22,7 +22,7 @@ from .encoding import decode, encode
 from .record import ExposureRecord, size_bytes
 
 log = logging.getLogger(__name__)
-MEMORY_BYTES = 300_000_000
+MEMORY_BYTES = 200_000_000
 DISK_BYTES = 8_000_000_000
 SEGMENTS = 16
 """Of so many pieces of the disk's budget, the oldest is given up when it is used up."""
