@@ -29,6 +29,15 @@ def detect(
     found = cv2.goodFeaturesToTrack(searched, count, 0.005, min_distance_px / factor, mask=mask, blockSize=5)
     if found is None or not len(found):
         return np.zeros((0, 2), np.float32)
-    start = np.ascontiguousarray(factor * found.reshape(-1, 1, 2))
-    refined = cv2.cornerSubPix(grey, start, (3, 3), (-1, -1), (cv2.TERM_CRITERIA_COUNT, 5, 0.01))
-    return np.asarray(refined, np.float32).reshape(-1, 2)
+    return at_subpixel(grey, np.asarray(factor * found.reshape(-1, 2), np.float32), 3, 5)
+
+
+def at_subpixel(grey: Image, uv: NDArray[np.float32], radius_px: int, iterations: int) -> NDArray[np.float32]:
+    """(M, 2) where the edges about each place (M, 2) meet (Foerstner & Guelch 1987): a point that is not on its corner
+    does not stay on the scene as the camera turns about its axis."""
+    start = np.array(uv, np.float32).reshape(-1, 1, 2)
+    if not len(start):
+        return start.reshape(-1, 2)
+    criteria = (cv2.TERM_CRITERIA_COUNT, iterations, 0.01)
+    exact = cv2.cornerSubPix(grey, start, (radius_px, radius_px), (-1, -1), criteria)
+    return np.asarray(exact, np.float32).reshape(-1, 2)

@@ -17,6 +17,8 @@ from ispom.numerics.twist import moved
 
 LENS, POSE = 5, 6
 """Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
+Scale = float | Array
+"""Of the loss [px]: of all observations, or (K,) of each."""
 BEHIND = 1e6
 """Squared error in scales of a point behind its camera."""
 MIN_DEPTH = 1e-9
@@ -74,7 +76,7 @@ class Held:
 
 
 def adjusted(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, iterations: int, tolerance: float = 1e-4
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float = 1e-4
 ) -> tuple[Scene, float]:
     """The scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
     found = minimise(
@@ -88,7 +90,7 @@ def adjusted(
     return found.values, found.cost
 
 
-def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: float) -> float:
+def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: Scale) -> float:
     """Half the robust sum of squares, with the prior's part."""
     squares = np.minimum((errors_px(scene, seen) / scale_px) ** 2, BEHIND)
     free = prior.sigma > 0
@@ -149,7 +151,7 @@ class Normal:
 
 
 def normal_equations(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, damping: float, scored: bool = False
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float, scored: bool = False
 ) -> Normal:
     """At a scene, in units of the loss's scale."""
     views, count = len(scene.rotations), len(scene.points)
@@ -203,12 +205,14 @@ def normal_equations(
 
 def reduced(normal: Normal) -> tuple[Array, Array]:
     """(P, P) and (P,) without the points."""
-    size = normal.mixed.shape[2]
-    gain, mixed = (normal.inverse @ normal.mixed).reshape(-1, size), normal.mixed.reshape(-1, size)
-    return normal.matrix - mixed.T @ gain, normal.gradient - normal.by_point.ravel() @ gain
+    if not normal.inverse.any():  # points that stay
+        return normal.matrix, normal.gradient
+    root = np.swapaxes(np.linalg.cholesky(normal.inverse), 1, 2)
+    half = (root @ normal.mixed).reshape(-1, normal.mixed.shape[2])  # half.T @ half: a symmetric product, half the work
+    return normal.matrix - half.T @ half, normal.gradient - (root @ normal.by_point[..., None]).ravel() @ half
 
 
-def _stepped(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, damping: float) -> Scene:
+def _stepped(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float) -> Scene:
     normal = normal_equations(scene, seen, prior, held, scale_px, damping)
     matrix, gradient = reduced(normal)
     diagonal = np.diag(normal.matrix)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.calibration.tracked.bundle import (
     Held,
     Prior,
+    Scale,
     Scene,
     Seen,
     adjusted,
@@ -99,11 +100,12 @@ def _located(scene: Scene, v: int, points: NDArray[np.int64], uv: Array, scale_p
 
 
 def adjusted_part(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float, iterations: int, tolerance: float = 1e-4
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float = 1e-4
 ) -> tuple[Scene, float]:
     """As `adjusted`, of those views and points only that are seen twice or more."""
-    often = np.bincount(seen.point, minlength=len(scene.points)) >= 2
-    seen = seen.select(often[seen.point])
+    often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
+    seen = seen.select(often)
+    scale_px = scale_px[often] if isinstance(scale_px, np.ndarray) else scale_px
     points, owner = np.unique(seen.point, return_inverse=True)
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])

@@ -14,6 +14,7 @@ import numpy as np
 
 from ispom.calibration.tracked.bundle import (
     LENS,
+    POSE,
     Held,
     Prior,
     Scene,
@@ -23,8 +24,8 @@ from ispom.calibration.tracked.bundle import (
     normal_equations,
     reduced,
 )
+from ispom.calibration.tracked.realign import realigned
 from ispom.calibration.tracked.reconstruct import (
-    FINE_PX,
     adjusted_part,
     begun,
     first_views,
@@ -46,7 +47,17 @@ REFERENCE_PX = 750.0
 LEAST_VIEWS = 5
 LEAST_SEEN = 3
 """Key frames in which a point is seen, to count."""
-ROUNDS, STEPS = 3, 25
+ROUNDS, STEPS = (4, 4, 8), 12
+"""Adjustments as followed, and as found again by a first and by a better scene."""
+LEAST_PX = 0.1
+"""What is assumed of a track's errors before they are seen."""
+CLASS = 3.0
+"""From one class of tracks to the next, their errors grow by this factor."""
+MOST_PX = 20.0
+"""Larger errors count as so large."""
+SMALL = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
+"""What is a small change of the lens."""
+HALF_STEPS = 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
 
@@ -92,12 +103,44 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
     if not good:
         return None
     scene = grown(min(good, key=lambda each: each[1])[0], tracks, prior, scale_px, count)
-    seen = Seen(tracks.view, tracks.point, tracks.uv)
     held = Held(np.arange(len(tracks.views)) == 0)
-    for _ in range(ROUNDS):
-        scene = adjusted_part(scene, seen, prior, held, FINE_PX * scale_px, STEPS, TOLERANCE)[0]
-        seen = seen.select(~outliers(scene, seen, OUTLIER))
-    return _result(scene, seen, prior, held, FINE_PX * scale_px, tracks, guess)
+    followed = tracks
+    for rounds in ROUNDS:
+        scene = _weighed(scene, _seen(tracks), prior, held, scale_px, rounds)
+        if rounds != ROUNDS[-1]:
+            tracks = realigned(followed, scene)
+    seen = _seen(tracks)
+    return _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, held, scale_px, tracks, guess)
+
+
+def _seen(tracks: Tracks) -> Seen:
+    return Seen(tracks.view, tracks.point, tracks.uv)
+
+
+def _weighed(scene: Scene, seen: Seen, prior: Prior, held: Held, unit_px: float, rounds: int) -> Scene:
+    """Adjusted, and the tracks' scales by turns, until the lens is still."""
+    for _ in range(rounds):
+        before = scene.lens
+        scene = adjusted_part(scene, seen, prior, held, scales(scene, seen, unit_px), STEPS, TOLERANCE)[0]
+        if (np.abs(scene.lens - before) < SMALL).all():
+            break
+    return scene
+
+
+def scales(scene: Scene, seen: Seen, unit_px: float) -> Array:
+    """(K,) scale of the loss for each observation: that of its track.
+
+    A printed corner is exact to a twentieth of a pixel; one on an edge, in a glass, or on a hand that moves is pixels
+    off in every image: each track is as wide as its own errors are. In classes, so that chance does not weigh tracks of
+    one kind by how well they happen to fit.
+    """
+    errors = np.minimum(errors_px(scene, seen), MOST_PX * unit_px)
+    free = np.maximum(2 * np.bincount(seen.point, minlength=len(scene.points)) - 3, 1)
+    squares = np.bincount(seen.point, errors**2, minlength=len(scene.points))
+    least = LEAST_PX * unit_px
+    own = np.sqrt((2 * least**2 + squares) / (free + 1))[seen.point]
+    usual = max(float(np.median(own)), least)
+    return usual * CLASS ** np.rint(np.log(own / usual) / np.log(CLASS))
 
 
 def _result(
@@ -112,13 +155,14 @@ def _result(
     cx, cy = ((float(v) + 0.5) / factor - 0.5 for v in lens[1:3])
     camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
     units = np.array([1, 1 / factor, 1 / factor, 1, 1])
-    covariance = spread(scene, seen, prior, held, scale_px) * np.outer(units, units)
-    covariance *= halves_differ(scene, seen, prior, scale_px) ** 2
+    scale = scales(scene, seen, scale_px)
+    covariance = spread(scene, seen, prior, held, scale) * np.outer(units, units)
+    covariance *= halves_differ(scene, seen, prior, scale) ** 2
     rms = float(np.sqrt((errors**2).mean())) / factor
     return TrackedLens(camera, covariance, prior.sigma * units, rms, len(scene.rotations), len(points))
 
 
-def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: float) -> float:
+def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: Array) -> float:
     """By how much the lenses of the first and of the second half of the key frames differ, in standard errors; 1 or
     more. Errors that many tracks share (a shutter that rolls, a lens of another kind) show in it alone."""
     middle = len(scene.rotations) // 2
@@ -132,19 +176,20 @@ def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: float) -> fl
         points, owner = np.unique(seen.point[inside], return_inverse=True)
         half = Scene(scene.lens, scene.rotations[first:end], scene.translations[first:end], scene.points[points])
         part, held = Seen(seen.view[inside] - first, owner, seen.uv[inside]), Held(np.arange(end - first) == 0)
-        half = adjusted(half, part, prior, held, scale_px, STEPS, TOLERANCE)[0]
+        half = adjusted(half, part, prior, held, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
         lenses.append(half.lens)
-        covariances.append(spread(half, part, prior, held, scale_px))
+        covariances.append(spread(half, part, prior, held, scale_px[inside]))
     apart = lenses[1] - lenses[0]
     chi2 = float(apart @ np.linalg.pinv(covariances[0] + covariances[1], hermitian=True) @ apart)
     return max(1.0, float(np.sqrt(chi2 / LENS)))
 
 
-def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float) -> Array:
+def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Array) -> Array:
     """(5, 5) covariance of the lens at the least cost, by how far the points disagree.
 
     Errors of one track go together from image to image, those of different tracks do not: the points are the
-    clusters of a sandwich estimate (Huber 1967), and the prior is one more.
+    clusters of a sandwich estimate (Huber 1967), and the prior is one more. What points and poses take up of the errors
+    is made good by the degrees of freedom.
     """
     normal = normal_equations(scene, seen, prior, held, scale_px, 0.0, scored=True)
     matrix, _ = reduced(normal)
@@ -158,4 +203,6 @@ def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: float) 
     pulled = scores @ inverse.T
     free = prior.sigma > 0
     of_prior = inverse[:, :LENS][:, free] / prior.sigma[free]
-    return pulled.T @ pulled / bent**2 + of_prior @ of_prior.T
+    measured, unknown = 2 * len(seen.uv), 3 * len(scene.points) + POSE * len(scene.rotations) + LENS
+    short = measured / max(measured - unknown, 1)
+    return short * pulled.T @ pulled / bent**2 + of_prior @ of_prior.T

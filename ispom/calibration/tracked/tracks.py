@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.frontends.buckets import detect_spread
+from ispom.frontends.corners import at_subpixel
 from ispom.frontends.klt import Klt
 from ispom.geometry import Array
 from ispom.types import Image, TrackStatus
@@ -23,6 +24,9 @@ MOVED_SHARE = 0.03
 """Of the image's width, at the median of all tracks: from so much motion on an image becomes a key frame,"""
 LEFT_SHARE = 0.6
 """or where fewer of the last one's tracks are left."""
+CORNER_PX, CORNER_STEPS = 4, 30
+SAME_PX = 3.0
+"""So near are places of one corner that were found in two ways."""
 LEAST_VIEWS = 3
 """In which a corner must be seen to count."""
 
@@ -43,11 +47,13 @@ class Tracks:
     """(K,) of 0 to M - 1."""
     uv: Array
     """(K, 2) [px] in the reduced images."""
+    images: tuple[Image, ...] = ()
+    """(H, W) each, of the key frames, reduced; none where the tracks come from elsewhere."""
 
     def in_views(self, first: int, end: int) -> Tracks:
         """The observations in these views only; views and points keep their numbers."""
         mine = (self.view >= first) & (self.view < end)
-        return Tracks(self.size, self.factor, self.views, self.view[mine], self.point[mine], self.uv[mine])
+        return replace(self, view=self.view[mine], point=self.point[mine], uv=self.uv[mine])
 
     @property
     def points(self) -> int:
@@ -58,9 +64,11 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
     """Follows corners from image to image (H, W) or (H, W, 3) until there are so many key frames, or no more images."""
     klt = Klt()
     last: Image | None = None
+    key: Image | None = None
     factor, ids, uv, at_key, next_id = 1.0, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), None, 0
     begun = 0
     views: list[int] = []
+    kept: list[Image] = []
     rows: list[tuple[NDArray[np.int64], Array]] = []
     for i, image in enumerate(images):
         grey, factor = _reduced(image)
@@ -75,16 +83,28 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
             moved = float(np.median(np.linalg.norm(uv - at_key, axis=1))) if len(ids) else 0.0
             if moved < MOVED_SHARE * width:
                 continue
-        fresh = detect_spread(grey, CORNERS, uv, DISTANCE_SHARE * width)
+        if key is not None and at_key is not None:  # from one key frame to the next: less drift than over all images
+            again, status = klt.track(key, grey, at_key, uv)
+            same = (status == TrackStatus.ALIVE) & (np.linalg.norm(again - uv, axis=1) < SAME_PX)
+            ids, uv = ids[same], again[same]
+        fresh = _corners(grey, uv)
         ids = np.concatenate([ids, next_id + np.arange(len(fresh))])
         uv, next_id = np.concatenate([uv, fresh]), next_id + len(fresh)
-        at_key, begun = uv, len(uv)
+        key, at_key, begun = grey, uv, len(uv)
         views.append(i)
+        kept.append(grey)
         rows.append((ids, uv.astype(float)))
         if len(views) == most_views:
             break
     size = (0, 0) if last is None else (last.shape[1], last.shape[0])
-    return _sorted(size, factor, views, rows)
+    return replace(_sorted(size, factor, views, rows), images=tuple(kept))
+
+
+def _corners(grey: Image, taken: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(M, 2) new ones."""
+    found = detect_spread(grey, CORNERS, taken, DISTANCE_SHARE * grey.shape[1])
+    exact = at_subpixel(grey, found, CORNER_PX, CORNER_STEPS)
+    return exact[np.linalg.norm(exact - found, axis=1) < SAME_PX]
 
 
 def _reduced(image: Image) -> tuple[Image, float]:

@@ -40,9 +40,10 @@ def tracks(
     noise_px: float = 0.3,
     wrong: float = 0.0,
     zoom: float = 0.0,
+    moving: float = 0.0,
 ) -> Tracks:
-    """Of points in a box before the camera; a share of them is wrong. From the middle on the focal length is larger by
-    the share `zoom`."""
+    """Of points in a box before the camera. A share of the places is `wrong`; a share of the points is on a thing that
+    is `moving`. From the middle on the focal length is larger by the share `zoom`."""
     rng = np.random.default_rng(seed)
     xyz = np.column_stack([rng.uniform(-5, 7, points), rng.uniform(-3, 3, points), rng.uniform(3, 10, points)])
     first = rng.integers(-FAR // 2, views - 3, points)
@@ -50,7 +51,8 @@ def tracks(
     for v in range(views):
         factor = 1 + zoom * (v >= views // 2)
         lens = replace(LENS, fx=factor * LENS.fx, fy=factor * LENS.fy)
-        uv = lens.project(way(v / (views - 1)).inverse().apply(xyz))
+        there = xyz + v / (views - 1) * np.array([1.5, 0.4, 0.0]) * (np.arange(points) < moving * points)[:, None]
+        uv = lens.project(way(v / (views - 1)).inverse().apply(there))
         inside = ((uv > 5) & (uv < (LENS.width - 6, LENS.height - 6))).all(1)
         for m in np.flatnonzero(inside & (v >= first) & (v < first + FAR)).tolist():
             rows.append((m, v, uv[m] + rng.normal(0, noise_px, 2)))
