@@ -13,7 +13,7 @@ from ispom.types import Landmarks
 POINTS_PER_BLOCK = 1000
 NEW_PER_STEP = 400
 """Of more new points in one step, a thinned map takes every n-th."""
-HALVED_EVERY = 30_000
+HALVED_EVERY = 20_000
 """With each so many points, a thinned map takes half as many of the new ones."""
 
 
