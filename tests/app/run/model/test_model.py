@@ -157,7 +157,7 @@ def test_points_are_replaced_by_id_and_nowhere_is_no_place() -> None:
 
 def test_a_map_for_drawing_takes_fewer_and_fewer_of_very_many() -> None:
     points, counts = PointMap(thinned=True), list[int]()
-    for i in range(1500):
+    for i in range(20 * HALVED_EVERY // NEW_PER_STEP):
         points = points.with_points(landmarks(range(i * NEW_PER_STEP, (i + 1) * NEW_PER_STEP)), i)
         counts.append(points.count)
     assert counts[HALVED_EVERY // NEW_PER_STEP - 1] == HALVED_EVERY and counts[-1] < 4.5 * HALVED_EVERY
