@@ -86,7 +86,7 @@ def _of(predictions: Iterable[Prediction], outcomes: dict[str, Compared], wrong:
         table.add_column(name, justify="left" if name == "method" else "right")
     for each in predictions:
         cells = [each.method, column(each.shift_m), column(each.rmse_m), column(each.predicted_rmse_m)]
-        cells.append("rough" if each.rough else "yes" if each.linear else f"no ({each.nonlinearity:.1f})")
+        cells.append("rough" if each.left_out else "yes" if each.linear else f"no ({each.nonlinearity:.1f})")
         outcome = outcomes.get(each.method)
         if outcome is not None:
             cells += [column(outcome.shift_m), column(outcome.rmse_m), f"{outcome.ratio:.2f}"]
@@ -109,7 +109,12 @@ def _each(predictor: Predictor) -> Table:
 
 def _numbers(each: Prediction, outcome: Compared | None) -> dict[str, Any]:
     found: dict[str, Any] = {name: getattr(each, name) for name in ("method", "shift_m", "rmse_m", "predicted_rmse_m")}
-    found |= {"rough": each.rough, "linear": each.linear, "nonlinearity": each.nonlinearity}
+    found |= {
+        "rough": bool(each.left_out),
+        "left_out": each.left_out,
+        "linear": each.linear,
+        "nonlinearity": each.nonlinearity,
+    }
     if outcome is not None:
         found |= {"rerun_shift_m": outcome.shift_m, "rerun_rmse_m": outcome.rmse_m, "held": outcome.held}
     return found

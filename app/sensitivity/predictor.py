@@ -30,6 +30,8 @@ OF_VIDEO = ("video_", "turn_", "shift_")
 """How the names of the parts of a Perturbation begin that concern the video camera alone."""
 LINEAR = 0.3
 """A second step of more than this share of the first: the effect is no longer linear."""
+LEARNT = "how the method corrects its focal length as it goes on is not predicted"
+PULLED = "how the video camera's error pulls at its spline is not predicted"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +47,8 @@ class Prediction:
     nonlinearity: float
     trajectory: Trajectory
     """In the world of the run."""
-    rough: bool = False
-    """Whether the prediction leaves out something that counts: an integration's spline follows both cameras, and how an
-    error of the video camera pulls at it is not predicted."""
+    left_out: str = ""
+    """What counts, and is not in the prediction: it is rough then. Empty where there is nothing."""
 
     @property
     def linear(self) -> bool:
@@ -84,11 +85,14 @@ class Predictor:
                 continue
             if method in self.sensitivities:
                 of = self.sensitivities[method]
-                found[method] = self._prediction(method, of.predicted(run, wrong), of.nonlinearity(wrong))
+                made = self._prediction(method, of.predicted(run, wrong), of.nonlinearity(wrong))
+                learns = wrong.video_focal_percent and corrects_its_lens(self.ran.config.of(method))
+                found[method] = replace(made, left_out=LEARNT if learns else "")
             elif (pairs := found.get(registered(method).asks.get("stereo", ""))) is not None:
                 path = carried(run, pairs.trajectory, self.ran.rig, wrong)
-                rough = any(name.startswith(OF_VIDEO) for name in wrong.said)
-                found[method] = replace(self._prediction(method, path, pairs.nonlinearity), rough=rough)
+                pulls = any(name.startswith(OF_VIDEO) for name in wrong.said)
+                made = self._prediction(method, path, pairs.nonlinearity)
+                found[method] = replace(made, left_out=PULLED if pulls else "")
         return tuple(found.values())
 
     def _prediction(self, method: str, predicted: Trajectory, nonlinearity: float) -> Prediction:
@@ -106,6 +110,11 @@ class Predictor:
         kind: Alignment = "se3" if registered(method).unit == "metric" else "sim3"
         own, reference = associate(trajectory, truth.moved(right=rig.rig_from(trajectory.frame)))
         return ate_m(aligned(own, reference, kind), reference) if len(own) >= MIN_POSES else None
+
+
+def corrects_its_lens(config: Any) -> bool:
+    """Whether a method of these settings learns its own focal length during a run."""
+    return isinstance(config, ModernMonocularConfig) and config.self_calibration
 
 
 def adjustment_of(config: Any, scene: Scene) -> Adjustment:

@@ -52,6 +52,18 @@ def test_what_an_integration_leaves_out_makes_its_prediction_rough(run: Path, tm
     }
 
 
+def test_a_focal_length_that_the_method_corrects_makes_its_prediction_rough(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    assert main(["run", "sim:tiny", "--methods", "monocular", "--no-recording", "--out", str(out)]) == 0
+    left_out = {}
+    for option in ("--video-focal-percent", "--video-centre-x-px"):
+        assert main(["perturb", str(out), option, "1", "--out", str(tmp_path / option)]) == 0
+        written = json.loads((tmp_path / option / "perturb.json").read_text())
+        left_out[option] = written["methods"][0]["left_out"]
+    assert "corrects its focal length" in left_out["--video-focal-percent"]
+    assert left_out["--video-centre-x-px"] == ""
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

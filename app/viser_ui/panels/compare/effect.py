@@ -75,7 +75,7 @@ def _text(state: State) -> str:
             "rmse": column(each.rmse_m),
             "predicted": column(each.predicted_rmse_m),
             "linear": each.linear,
-            "rough": each.rough,
+            "left_out": each.left_out,
             **_outcome(outcomes.get(each.method)),
         }
         for each in effect.predictions
