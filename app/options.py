@@ -20,8 +20,6 @@ from ispom.sequences.address import without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
-from .run.history.history import MEMORY_BYTES
-
 
 def _field(name: str) -> str:
     """What a method's settings are called as a field: `monocular_paper` of `monocular.paper`."""
@@ -131,7 +129,7 @@ class Serve(Options):
     """Path under which a proxy in front of ISPOM offers it, such as /ispom/."""
     browser: bool = True
     """Open the page in a browser."""
-    history_mb: int = MEMORY_BYTES // 1_000_000
+    history_mb: int = 200
     """Memory for the exposures of a run that can be stepped back to [MB]. Older ones are kept on disk."""
     root: Path | None = None
     """Folder to which the page's sources are restricted, links followed; without it, any path can be opened there."""
