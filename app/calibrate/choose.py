@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.motion.course import LONGEST_S
 from ispom.errors import UnreadableImage
 from ispom.types import Image
 
@@ -20,6 +21,11 @@ NEW = 6.0
 """Mean difference [grey levels] of thumbnails, after their means are subtracted, from which on a frame is new."""
 WINDOW = 5
 """Among so many frames that follow each other, or fewer where there are not many, the sharpest stands for all."""
+
+BESIDE = 2
+"""Images before, and as many after, an image that tell how the camera moved in it,"""
+MOST_MOVING = 40
+"""for so many of the images."""
 
 
 def best_frames(source: Source, most: int, step: Callable[[], None] = lambda: None) -> list[int]:
@@ -53,6 +59,19 @@ def near(video: Source, left: Source, within_s: float) -> Source:
     assert left.times_ns is not None
     away_ns = np.abs(left.times_ns[nearest(left.times_ns, video.times_ns)] - video.times_ns)
     return video.select(np.flatnonzero(away_ns <= within_s * 1e9).tolist())
+
+
+def around(source: Source, chosen: Source) -> Source | None:
+    """The images right before and after some of those that were chosen of a source, and these: they tell how the camera
+    moved. None where times are not known, or lie too far apart for that."""
+    if source.times_ns is None or chosen.times_ns is None or len(source) < 2 or not len(chosen):
+        return None
+    if float(np.median(np.diff(source.times_ns))) * 1e-9 > LONGEST_S:
+        return None
+    some = np.unique(np.linspace(0, len(chosen) - 1, min(len(chosen), MOST_MOVING)).astype(int))
+    at = np.searchsorted(source.times_ns, chosen.times_ns[some])
+    index = np.unique(np.clip(at[:, None] + np.arange(-BESIDE, BESIDE + 1), 0, len(source) - 1))
+    return source.select(index.tolist())
 
 
 def _sharpness(image: Image) -> float:

@@ -17,7 +17,7 @@ from ispom.errors import InputError, UnreadableImage, printable
 from ..outputs import require_own, write_file
 from .choose import best_frames, near
 from .convert import convert
-from .detecting import bar, detected
+from .detecting import bar, detected, moving_views
 from .from_tracks import lens_from_motion, print_lens
 from .images import Source, open_sources, own_clock, paired
 from .live import camera_frames, filmed, is_camera
@@ -51,13 +51,14 @@ def calibrate(options: Calibrate) -> int:
     _require_outputs(options)
     made = simulated(options.what, options.images[0], target) if is_simulated(options.images) else None
     sources = made.sources if made is not None else _opened(options, target)
-    sources = _chosen(sources, options)
+    given = sources
+    sources = _chosen(given, options)
     views = detected(target, sources)
     for each, source in zip(views, sources, strict=True):
         if all(found.reason for found in each.detections):
             require_found(each, _hint(target, source))
     try:
-        found = _solved(target, views, options)
+        found = _solved(target, views, options, moving_views(target, given, sources))
     except Redo as redo:
         sys.stdout.write(printable(f"redo: {redo}") + "\n")
         if options.json is not None:
@@ -127,11 +128,11 @@ def _opened(options: Calibrate, target: Target) -> tuple[Source, ...]:
         return (filmed(target, name, read, lambda said: status.update(f"{said} (Ctrl-C: enough)"), options.max_views),)
 
 
-def _solved(target: Target, views: tuple[Views, ...], options: Calibrate) -> Calibration:
+def _solved(target: Target, views: tuple[Views, ...], options: Calibrate, around: Views | None) -> Calibration:
     """The pair first: it is the frame of the rig."""
     order = sorted(views, key=lambda each: each.name == "video")
     with Console(file=sys.stderr).status("solving") as status:
-        return solve(target, tuple(order), options.model, options.joint, status.update, options.clock_within)
+        return solve(target, tuple(order), options.model, options.joint, status.update, options.clock_within, around)
 
 
 def _chosen(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]:

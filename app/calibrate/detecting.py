@@ -18,6 +18,7 @@ from ispom.calibration.targets import Target
 from ispom.errors import InputError, UnreadableImage
 from ispom.types import Image
 
+from .choose import around
 from .images import Source
 
 
@@ -55,6 +56,12 @@ def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
         size = _one_size(source, [size for size, _ in part])
         out.append(Views(source.camera, size, source.names, tuple(found for _, found in part), source.times_ns))
     return tuple(out)
+
+
+def moving_views(target: Target, given: tuple[Source, ...], chosen: tuple[Source, ...]) -> Views | None:
+    """What a single camera saw around the images that were chosen of those given; None where that is not known."""
+    beside = around(given[0], chosen[0]) if len(given) == 1 else None
+    return None if beside is None else detected(target, (beside,))[0]
 
 
 def _one_size(source: Source, sizes: list[tuple[int, int] | None]) -> tuple[int, int]:

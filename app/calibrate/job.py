@@ -15,7 +15,7 @@ from ispom.errors import InputError
 from ispom.types import Rig
 
 from .choose import best_frames
-from .detecting import detected
+from .detecting import detected, moving_views
 from .images import CAMERAS, Source, open_sources, paired
 from .kept import keep
 from .simulated import is_simulated, simulated
@@ -102,16 +102,17 @@ class Job:
                 self._check(text)
             sources = open_sources(asked.what, given)
         self._tell(doing="choosing images")
-        sources = paired(sources)
-        index = best_frames(sources[0], MOST_VIEWS)
-        sources = tuple(source.select(index) for source in sources)
+        given = paired(sources)
+        index = best_frames(given[0], MOST_VIEWS)
+        sources = tuple(source.select(index) for source in given)
         self._tell(doing=f"detecting the target in {sum(map(len, sources))} images", sources=sources)
         views = detected(target, sources)
         self._tell(views=views)
         for each in views:
             require_found(each, "")
         order = sorted(views, key=lambda each: each.name == "video")
-        found = calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing))
+        beside = moving_views(target, given, sources)
+        found = calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing), around=beside)
         self._tell(found=found)
         if self.folder is not None:
             self._tell(kept=keep(found, self.folder))

@@ -22,7 +22,7 @@ JSON_HEAD = '"written_by": "ispom calibrate"'
 
 def numbers_text(found: Calibration) -> str:
     """All of it; lengths in metres, angles in degrees where the name says so."""
-    estimate = found.solution.estimate
+    estimate, delay = found.solution.estimate, found.line_delay
     content: dict[str, Any] = {
         "written_by": "ispom calibrate",
         "verdict": found.verdict.level,
@@ -33,6 +33,7 @@ def numbers_text(found: Calibration) -> str:
         "baseline_m": found.baseline_m,
         "row_error_rms_px": None if found.row_error is None else found.row_error.rms_px,
         "clock": None if found.clock is None else asdict(found.clock),
+        "line_delay": None if delay is None else asdict(delay) | {"rolls": delay.rolls},
         "undetermined": [f"{p.camera}.{p.name}" for p in found.undetermined],
         "cameras": {each.views.name: _camera(found, each, c) for c, each in enumerate(found.cameras)},
         "camera_from_first": {

@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 
 from ispom.calibration.diagnostics.parameters import Parameter
-from ispom.calibration.result import Calibration, CameraResult, Clock
+from ispom.calibration.result import Calibration, CameraResult, Clock, LineDelay
 from ispom.errors import printable
 
 _UNITS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px", "x": "mm", "y": "mm", "z": "mm"}
@@ -37,12 +37,25 @@ def facts(found: Calibration) -> list[str]:
         out.append(f"rows of the rectified pair: {found.row_error.rms_px:.3f} px apart (root mean square)")
     if found.clock is not None:
         out.append(clock_words(found.clock))
+    if found.line_delay is not None:
+        out.append(line_delay_words(found.line_delay))
     if found.halves_pose is not None:
         turn = np.degrees(np.linalg.norm(found.halves_pose.rotvec))
         apart = 1000 * float(np.linalg.norm(found.halves_pose.translation))
         second = found.cameras[1].views.name
         out.append(f"two halves of the views place the {second} camera {apart:.2f} mm and {turn:.3f} deg apart")
     return out
+
+
+def line_delay_words(delay: LineDelay) -> str:
+    """What it means for the result, too."""
+    us, error = 1e6 * delay.seconds, 1e6 * delay.standard_error_s
+    if not delay.rolls:
+        return f"shutter: global, as far as the motion tells (rows {us:.2f} +- {error:.2f} us apart)"
+    return (
+        f"shutter: rolling, rows {us:.2f} +- {error:.2f} us apart, {1000 * abs(delay.image_s):.1f} ms from first row to "
+        "last; the corners are corrected for it"
+    )
 
 
 def clock_words(clock: Clock) -> str:

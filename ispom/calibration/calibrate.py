@@ -12,14 +12,16 @@ from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
 from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve
 from ispom.calibration.adjust.start import start_of, with_views
-from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
+from ispom.calibration.clock import VIDEO, course_of, own_times, with_clock, with_video_placed
 from ispom.calibration.detection import Detection
 from ispom.calibration.diagnostics.coverage import coverage
 from ispom.calibration.diagnostics.maps import difference_map, uncertainty_map
 from ispom.calibration.diagnostics.parameters import correlations, parameters
+from ispom.calibration.line_delay import with_line_delay
 from ispom.calibration.models import Choice, Trial, chosen, trials_of
+from ispom.calibration.motion.course import NEIGHBOURS
 from ispom.calibration.pair import rectifying, require_order, row_error
-from ispom.calibration.result import Calibration, CameraResult, Clock, Redo, Rejected, Views
+from ispom.calibration.result import Calibration, CameraResult, Clock, LineDelay, Redo, Rejected, Views
 from ispom.calibration.targets import Target
 from ispom.calibration.verdict import verdict
 from ispom.errors import InputError
@@ -38,13 +40,16 @@ def calibrate(
     joint: bool = True,
     progress: Progress = lambda _: None,
     most_offset_s: float = 0.5,
+    around: Views | None = None,
 ) -> Calibration:
     """Of cameras whose images of the same number were taken at the same time; the first one is the frame of the rest.
     Of left, right and video where the images have times: the video's are its own, by a clock that is off by
     `most_offset_s` at most.
 
     With `joint`, interiors are adjusted together with the cameras' places; without, each camera's own views alone
-    determine its interior. Raises Redo where there are too few views, InputError where the pair is the wrong way round.
+    determine its interior. Of one camera, images `around` its views (the same, and two before and after each) tell the
+    line delay of its shutter. Raises Redo where there are too few views, InputError where the pair is the wrong way
+    round.
     """
     for each in views:
         good = sum(not d.reason for d in each.detections)
@@ -72,12 +77,18 @@ def calibrate(
         found = solution(found.estimate, found.seen, Unknowns.all_of(start, apart=apart))
     if len(views) > 1 and {views[0].name, views[1].name} == {"left", "right"}:
         require_order(found.estimate.camera_from_rig[1])
+    line_delay = None
+    if around is not None and len(views) == 1:
+        progress("looking for a rolling shutter")
+        found, line_delay = _with_line_delay(target, found, views[0], around, image_of[:, 0])
     progress("solving two halves of the views apart")
     halves = _halves(found)
     clock = None
     if begun is not None:
         found, clock = with_video_placed(found, views, image_of, begun)
-    return _result(views, [trials for _, _, trials in alone], found, halves, image_of, seen, keep, clock, target)
+    return _result(
+        views, [trials for _, _, trials in alone], found, halves, image_of, seen, keep, clock, line_delay, target
+    )
 
 
 def _image_of(views: tuple[Views, ...], apart: bool) -> NDArray[np.int64]:
@@ -91,6 +102,19 @@ def _image_of(views: tuple[Views, ...], apart: bool) -> NDArray[np.int64]:
     out[: len(pairs), :VIDEO] = pairs[:, None]
     out[len(pairs) :, VIDEO] = own
     return out
+
+
+def _with_line_delay(
+    target: Target, found: Solution, views: Views, around: Views, image_of: NDArray[np.int64]
+) -> tuple[Solution, LineDelay | None]:
+    """By how the camera moved around its views."""
+    assert views.times_ns is not None
+    zero = int(views.times_ns[0])
+    course = course_of(target, around, found.estimate.cameras[0], zero)
+    if len(course) < NEIGHBOURS:
+        return found, None
+    moves = course.at((views.times_ns[image_of] - zero) * 1e-9)
+    return with_line_delay(found, moves, np.arange(len(image_of)))
 
 
 def _alone(
@@ -162,6 +186,7 @@ def _result(
     seen: Observations,
     keep: NDArray[np.bool_],
     clock: Clock | None,
+    line_delay: LineDelay | None,
     target: Target,
 ) -> Calibration:
     names = tuple(each.name for each in views)
@@ -174,7 +199,7 @@ def _result(
         between = halves[0].camera_from_rig[1] @ halves[1].camera_from_rig[1].inverse()
     return Calibration(
         target, cameras, found, image_of, rig_of(found.estimate, names), listed, correlations(found),
-        _rejections(views, seen, keep, image_of), rows, between, clock,
+        _rejections(views, seen, keep, image_of), rows, between, clock, line_delay,
         verdict(found, cameras, listed, rows, of_images, clock),
     )  # fmt: skip
 

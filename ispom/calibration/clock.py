@@ -44,7 +44,7 @@ def with_clock(
     Redo where they share too little time, or do not turn alike.
     """
     zero = _zero(views)
-    left, video = (_course(target, views[c], cameras[c], zero) for c in (0, VIDEO))
+    left, video = (course_of(target, views[c], cameras[c], zero) for c in (0, VIDEO))
     start = start_of(left, video, most_offset_s) if len(video) >= 4 else None
     if start is None:
         raise Redo(
@@ -115,8 +115,8 @@ def _first_pose(left: Course, video: Course, start: Start) -> Pose:
     return Pose(turn, np.median(apart, axis=0) if len(apart) else np.zeros(3))
 
 
-def _course(target: Target, views: Views, camera: Camera, zero_ns: int) -> Course:
-    """board_from_camera of the images that show the target, by themselves."""
+def course_of(target: Target, views: Views, camera: Camera, zero_ns: int) -> Course:
+    """board_from_camera of the images that show the target, each by itself; times count from `zero_ns`."""
     good = [i for i, d in enumerate(views.detections) if not d.reason]
     seen = Observations.of(target, [[views.detections[i] for i in good]])
     poses = [pose.inverse() for pose in board_poses(camera, seen)]

@@ -106,6 +106,27 @@ class Clock:
     """Whether the motion tells it."""
 
 
+@dataclass(frozen=True)
+class LineDelay:
+    """Of a camera whose shutter rolls from the first row to the last."""
+
+    seconds: float
+    """From one row to the next; negative where the shutter rolls upwards."""
+    standard_error_s: float
+    height: int
+    """Rows of the image."""
+
+    @property
+    def image_s(self) -> float:
+        """From the first row to the last."""
+        return self.seconds * (self.height - 1)
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it is significant: then the calibration's corners are corrected for it."""
+        return abs(self.seconds) > 3 * self.standard_error_s
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """Of one camera, a pair, or all three."""
@@ -127,6 +148,8 @@ class Calibration:
     """How differently the two halves place the second camera: pose of the one after the inverse of the other."""
     clock: Clock | None
     """Where the video's images were taken at times of their own; None where all were taken at the same time."""
+    line_delay: LineDelay | None
+    """Of a single camera that was filmed in motion; None of others."""
     verdict: Verdict
 
     @property

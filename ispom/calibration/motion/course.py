@@ -53,7 +53,7 @@ class Course:
         moves = np.einsum("ek,eki->ei", slopes, self.positions[index] - self.positions[index[:, :1]])
         inverse = np.swapaxes(rotations, 1, 2)
         rates = np.concatenate([(inverse @ moves[..., None])[..., 0], np.einsum("ek,eki->ei", slopes, turns)], axis=1)
-        return Between(rotations, positions, rates, index, weights, self._known(times_s, index))
+        return Between(rotations, positions, rates, index, weights, slopes, self._known(times_s, index))
 
     def _known(self, times_s: Array, index: NDArray[np.int64]) -> NDArray[np.bool_]:
         inside = (times_s >= self.times_s[0]) & (times_s <= self.times_s[-1])
@@ -74,7 +74,9 @@ class Between:
     index: NDArray[np.int64]
     """(E, 4) of which poses, and"""
     weights: Array
-    """(E, 4) how much each counts."""
+    """(E, 4) how much each counts,"""
+    slopes: Array
+    """(E, 4) [1/s] and in the rates."""
     known: NDArray[np.bool_]
     """(E,) whether there are poses near enough."""
 
