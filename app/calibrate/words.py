@@ -53,8 +53,8 @@ def line_delay_words(delay: LineDelay) -> str:
     if not delay.rolls:
         return f"shutter: global, as far as the motion tells (rows {us:.2f} +- {error:.2f} us apart)"
     return (
-        f"shutter: rolling, rows {us:.2f} +- {error:.2f} us apart, {1000 * abs(delay.image_s):.1f} ms from first row to "
-        "last; the corners are corrected for it"
+        f"shutter: rolling, rows {us:.2f} +- {error:.2f} us apart, {1000 * abs(delay.image_s):.1f} ms from the first "
+        "row to the last; the corners are corrected for it"
     )
 
 
