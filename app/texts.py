@@ -23,3 +23,9 @@ def length(metres: float) -> str:
 def size(count: int) -> str:
     """Of bytes: 12.3 MB."""
     return humanize.naturalsize(count)
+
+
+def duration(seconds: float) -> str:
+    """Whole seconds: 45 s, 3 min 20 s."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"

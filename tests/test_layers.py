@@ -30,7 +30,7 @@ APP_LAYERS = (
     {"colours", "decisions", "external", "options", "outputs", "subscribers", "templating", "texts", "user_files"},
     {"uncertainty"},
     {"run"},
-    {"calibrate", "diff", "expressions", "inspect", "sensitivity"},
+    {"calibrate", "diff", "expressions", "inspect", "sensitivity", "sweep"},
     {"learn", "rerun_log"},
     {"review"},
     {"session"},

@@ -23,12 +23,13 @@ from ..run.signals import terminable
 from . import cluster, serial
 from .execute import finished_before
 from .options import Experiment
-from .output import write_output
+from .output import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
-from .progress import shown
+from .progress import Terminal, Watcher
 from .results import by_plan
 from .row import Row
+from .statistics import Outcome
 
 COMMAND, PLAN = "experiment", "plan.yaml"
 
@@ -36,36 +37,48 @@ COMMAND, PLAN = "experiment", "plan.yaml"
 def experiment(options: Experiment, builder: Builder = build) -> int:
     """Runs what is missing, writes tables, figures and the page, and prints what became of the statements.
 
-    The exit code is 0, also where runs failed: those are rows that say why. InputError for what is wrong with the
-    plan, the folder or the cluster. A signal ends it with what was computed so far written.
+    The exit code is 0, also where runs failed: those are rows that say why. InputError as `completed`.
     """
     if find_spec("matplotlib") is None:
         raise InputError("an experiment draws with Matplotlib, which is not installed: run 'pip install matplotlib'")
     plan = read_plan(options)
+    rows, outcomes = completed(options, plan, builder, Terminal())
+    failed = [row for row in rows if row.failure is not None]
+    lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
+    lines += [
+        f"{'holds' if o.holds else 'does not hold'}: {o.statement.text} ({o.holding} of {o.runs})" for o in outcomes
+    ]
+    lines.append(f"{len(rows) - len(failed)} runs, {len(failed)} failed: {options.out / PAGE}")
+    sys.stdout.write("\n".join(map(printable, lines)) + "\n")
+    return 0
+
+
+def completed(
+    options: Experiment, plan: Plan, builder: Builder, watcher: Watcher
+) -> tuple[Sequence[Row], Sequence[Outcome]]:
+    """Every run of the plan, and what became of its statements; all is written.
+
+    InputError for what is wrong with the plan, the folder or the cluster. A signal ends it with what was computed so
+    far written.
+    """
     workers = _workers(options)
     claim_folder(options.out, COMMAND)
     runs = list(plan.runs())
     before = {run: row for run in runs if (row := finished_before(plan, run, options.out)) is not None}
     write_whole(options.out / PLAN, yaml.safe_dump(_plain(asdict(plan)), sort_keys=False, allow_unicode=True))
     left, rows = [run for run in runs if run not in before], list(before.values())
+    outcomes: Sequence[Outcome] = ()
     for line in {run.line for run in left}:
         warmup.start([line.method], config_of(line))
         wait_for_compiler()  # once, not in each worker
     try:
-        with terminable() as signals, closing(_scheduled(plan, left, options, workers, builder)) as done:
-            for row in shown(done, len(runs), len(before)):
+        with terminable() as signals, closing(_scheduled(plan, left, options, workers, builder, watcher)) as done:
+            for row in watcher.rows(done, len(runs), len(before)):
                 rows.append(row)
                 signals.check()
     finally:
         outcomes = write_output(options.out, plan, by_plan(plan, rows))
-    failed = [row for row in rows if row.failure is not None]
-    lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
-    lines += [
-        f"{'holds' if o.holds else 'does not hold'}: {o.statement.text} ({o.holding} of {o.runs})" for o in outcomes
-    ]
-    lines.append(f"{len(rows) - len(failed)} runs, {len(failed)} failed: {options.out / 'index.html'}")
-    sys.stdout.write("\n".join(map(printable, lines)) + "\n")
-    return 0
+    return rows, outcomes
 
 
 def _workers(options: Experiment) -> int:
@@ -80,10 +93,10 @@ def _workers(options: Experiment) -> int:
 
 
 def _scheduled(
-    plan: Plan, runs: Sequence[Run], options: Experiment, workers: int, builder: Builder
+    plan: Plan, runs: Sequence[Run], options: Experiment, workers: int, builder: Builder, watcher: Watcher
 ) -> Generator[Row, None, None]:
     if not runs or (options.scheduler is None and workers == 0):
-        return serial.rows(plan, runs, options.out, options.recordings, builder)
+        return serial.rows(plan, runs, options.out, options.recordings, builder, watcher.of_run)
     return cluster.rows(plan, runs, options.out, options.recordings, workers, options.memory_gb, options.scheduler)
 
 

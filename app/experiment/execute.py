@@ -12,13 +12,16 @@ from ispom.methods import with_asked
 from ..headless.command import completed
 from ..options import Run as Options
 from ..options import settings_of
+from ..run.console import Progress, silent
 from ..run.folder.run_file import read_run_file, versions
 from ..run.playback import Builder
 from .plan import Plan, Run, config_of
 from .row import Row, row_of
 
 
-def execute(plan: Plan, run: Run, out: Path, recording: bool = False, builder: Builder = build) -> Row:
+def execute(
+    plan: Plan, run: Run, out: Path, recording: bool = False, builder: Builder = build, progress: Progress = silent
+) -> Row:
     """The row of a run that is computed now. What goes wrong with it is in the row; only a signal is raised."""
     folder = out / run.folder
     options = Options(
@@ -33,7 +36,7 @@ def execute(plan: Plan, run: Run, out: Path, recording: bool = False, builder: B
         max_exposures=plan.max_exposures,
     )
     try:
-        completed(options, builder, quiet=True)
+        completed(options, builder, progress=progress)
         row = row_of(run, folder)
     except InputError as error:
         return Row(run, str(error))

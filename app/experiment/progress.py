@@ -3,11 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from ..run.console import Progress as OfRun
+from ..run.console import silent
+from .plan import Run
 from .row import Row
+
+
+class Watcher(Protocol):
+    """Who is told how far an experiment is."""
+
+    def rows(self, rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
+        """The same rows, of which `before` were known already."""
+        ...
+
+    def of_run(self, run: Run) -> OfRun:
+        """Who is told of the exposures of a run, where it is computed in this process."""
+        ...
+
+
+class Terminal:
+    """A line for each run."""
+
+    def rows(self, rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
+        return shown(rows, total, before)
+
+    def of_run(self, run: Run) -> OfRun:
+        return silent
 
 
 def shown(rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:

@@ -11,6 +11,7 @@ from typing import Any
 from ispom.evaluation.ate import alignment
 from ispom.evaluation.step_scale import step_scale
 from ispom.io.files import exists
+from ispom.methods import method as registered
 
 from ..run.folder.run_file import RunFile, read_run_file
 from ..run.folder.run_folder import METRICS, RUN, is_incomplete
@@ -45,7 +46,7 @@ def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[st
     entry, length_m = report["methods"][method], report.get("path_length_m")
     plain = {key: entry[key] for key in entry if isinstance(entry[key], int | float | None)}
     per_m = 100 / length_m if length_m else None
-    exposures = sum(written.exposures.values())
+    exposures = sum(written.exposures.get(kind, 0) for kind in registered(method).needs)
     return {
         **plain,
         "path_length_m": length_m,

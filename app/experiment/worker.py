@@ -19,6 +19,8 @@ import psutil
 
 from ispom.child import end_with_parent
 
+LOCAL = "127.0.0.1:0"
+"""For the HTTP server that Dask always starts: any free port, of this machine alone."""
 OUT_OF_MEMORY = 77
 """Exit code."""
 LOOK_S = 0.3
@@ -39,7 +41,9 @@ async def serve(address: str, name: str, keys: dict[str, str]) -> None:
             security=security,
             memory_limit=0,  # watched here: with the processes that render
             local_directory=scratch,
-            dashboard_address=None,
+            host="127.0.0.1",
+            dashboard=False,
+            dashboard_address=LOCAL,
         )
         async with worker:
             await worker.finished()

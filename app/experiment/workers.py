@@ -10,7 +10,7 @@ from typing import Any
 from ispom.child import Child
 from ispom.errors import InputError
 
-from .worker import OUT_OF_MEMORY
+from .worker import LOCAL, OUT_OF_MEMORY
 
 COMMAND = [sys.executable, "-m", __name__.rpartition(".")[0] + ".worker"]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -32,6 +32,7 @@ class Workers:
             protocol="tls://",
             security=self._security,
             dashboard_address=None,  # type: ignore[arg-type]
+            scheduler_kwargs={"dashboard_address": LOCAL},
             silence_logs=logging.CRITICAL,
         )
         self._children = [self._started(n) for n in range(count)]

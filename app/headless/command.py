@@ -17,6 +17,7 @@ from ispom.types import Sequence
 from ..expressions.until import Until, require_run, until
 from ..options import Run
 from ..run import warmup
+from ..run.console import Progress, progress
 from ..run.events import Finished
 from ..run.folder.results import summary
 from ..run.folder.run_folder import METRICS, RunFolder
@@ -36,8 +37,11 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
     return 0
 
 
-def completed(options: Run, builder: Builder = build, origin: Origin | None = None, quiet: bool = False) -> Job:
-    """The same without printing, `quiet` without progress as well. The folder of the job that it gives is complete."""
+def completed(
+    options: Run, builder: Builder = build, origin: Origin | None = None, progress: Progress = progress
+) -> Job:
+    """The same without printing; `progress` is told of each exposure. The folder of the job that it gives is
+    complete."""
     condition = until(options.until)
     if options.methods:
         require_run(condition, with_asked(in_order(options.methods)))
@@ -51,7 +55,7 @@ def completed(options: Run, builder: Builder = build, origin: Origin | None = No
         playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
         warmup.start(methods, options.config)
         with terminable() as signals, _folder(options.out, sequence.name) as folder:
-            job = Job(options, methods, origin, playback, Until(condition), folder, quiet)
+            job = Job(options, methods, origin, playback, Until(condition), folder, progress)
             _run(job, signals)
     finally:
         if sequence.stop is not None:

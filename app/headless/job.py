@@ -8,6 +8,7 @@ from typing import Any
 
 from ..expressions.until import Until
 from ..options import Run
+from ..run.console import Progress, progress
 from ..run.folder.placements import PlacementLog
 from ..run.folder.run_file import RunFile, fork_entry
 from ..run.folder.run_folder import RunFolder
@@ -41,6 +42,6 @@ class Job:
     playback: Playback
     watch: Until
     folder: RunFolder
-    quiet: bool = False
-    """Whether nothing is to be shown on the terminal."""
+    progress: Progress = progress
+    """Who is told of each exposure."""
     placements: PlacementLog = field(default_factory=PlacementLog)

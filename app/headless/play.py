@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from ..run.console import progress, wait_for_compiler
+from ..run.console import wait_for_compiler
 from ..run.events import Finished
 from ..run.folder.journal import PoseJournal
 from ..run.folder.run_folder import trajectory_file
@@ -60,7 +60,7 @@ def play(job: Job, signals: Signals) -> Played:
         total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures
         try:
             wait_for_compiler()
-            with ended_by_interrupt(playback.sequence), progress(total, job.quiet) as advance:
+            with ended_by_interrupt(playback.sequence), job.progress(total) as advance:
                 while playback.more():
                     steps.step()
                     advance()

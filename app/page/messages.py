@@ -19,6 +19,7 @@ from ..session.learning.commands import EndLesson, Learn, Reveal, TurnTo
 from ..session.learning.learning import covered
 from ..session.sources.known import run_name
 from ..session.state import State
+from ..sweep.values import shown
 from ..texts import length, size
 
 STATUS = {
@@ -91,6 +92,7 @@ def message_of(state: State) -> dict[str, Any]:
         "flicker": _flicker(state),
         "integration": [state.integration.method, state.integration.stage] if state.integration else None,
         "effect": _effect(state),
+        "sweep": _sweep(state),
         "loop": [state.loop.start, state.loop.end] if state.loop else None,
         "target": state.target,
         "ended": state.ended,
@@ -120,6 +122,15 @@ def _effect(state: State) -> dict[str, Any] | None:
     predicted = {each.method: each.shift_m for each in state.effect.predictions}
     found = {each.prediction.method: each.shift_m for each in state.effect.outcomes}
     return {"wrong": state.effect.wrong.said, "predicted": predicted, "rerun": found}
+
+
+def _sweep(state: State) -> dict[str, Any] | None:
+    """Its folder, how far it is, and the errors of the runs that are over, by value."""
+    sweep = state.sweep
+    if sweep is None:
+        return None
+    found = {shown(o.value): (o.values or {}).get("ate_m") for o in sweep.outcomes.values()}
+    return {"name": sweep.name, "share": round(sweep.share, 3), "ended": sweep.ended, "ate_m": found}
 
 
 def _method(method: str, state: State) -> dict[str, Any]:

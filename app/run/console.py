@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
 
 from . import warmup
+
+Progress = Callable[[int | None], AbstractContextManager[Callable[[], None]]]
+"""Of so many exposures (None: nobody knows): gives a function to call after each."""
 
 
 def wait_for_compiler() -> None:
@@ -30,7 +35,7 @@ def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], No
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
-    with Progress(*columns, TextColumn("left"), console=console, disable=quiet or not console.is_terminal) as bar:
+    with Bar(*columns, TextColumn("left"), console=console, disable=quiet or not console.is_terminal) as bar:
         task, start, count = bar.add_task("", total=total, rate=0.0), time.monotonic(), 0
 
         def advance() -> None:
@@ -39,3 +44,6 @@ def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], No
             bar.update(task, advance=1, rate=count / max(time.monotonic() - start, 1e-9))
 
         yield advance
+
+
+silent: Progress = partial(progress, quiet=True)

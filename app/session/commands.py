@@ -13,6 +13,7 @@ from ..options import SourceOptions
 from .flicker import Side
 from .learning.commands import OfLessons
 from .state import Look
+from .sweeping.commands import OfSweeps
 
 
 @dataclass(frozen=True)
@@ -315,6 +316,7 @@ Command = (
     | OfBranches
     | OfCalibration
     | OfLessons
+    | OfSweeps
     | OfLook
     | PutBookmark
     | ToggleBookmark

@@ -26,10 +26,12 @@ from .recording.desk import RecordingDesk
 from .recording.listing import list_recordings
 from .recording.repairs import Repairs
 from .sources.known import Known
-from .sources.opening import SourceOpener
+from .sources.opening import SourceOpener, stored_at
 from .sources.recent import RecentSources
 from .state import Flicked, NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
 from .store import Store
+from .sweeping.commands import CancelSweep, RunSweep, ShowSwept
+from .sweeping.desk import SweepDesk
 from .viewers import Viewers
 
 log = logging.getLogger(__name__)
@@ -64,8 +66,9 @@ class Controller:
         self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
         self._repairs, self._known = Repairs(recordings.folder), Known(recordings.folder)
         self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
+        self._sweeps = SweepDesk(store, recordings.folder)
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
-        self._first, self._autoplay = first, autoplay
+        self._first, self._autoplay, self._usual = first, autoplay, store.state.source_options
         self._wanted, self._history_bytes = methods, history_bytes
         self._lessons = LessonDesk(
             store, lessons, self._obey, self._open_asked, self._run_beside, lambda: self._player.run
@@ -134,6 +137,12 @@ class Controller:
                 self._show(*self._branches.add(again, name, 0, (name,)))
                 self._effects.began(store, again)
                 store.set(playing=True)
+            case RunSweep():
+                self._sweeps.begin(command, player.run)
+            case CancelSweep():
+                self._sweeps.cancel()
+            case ShowSwept(place):
+                self._show_swept(place)
             case do.FlickerBetween(a, b):
                 store.set(flicker=flicker.between(self._branches.sides, a, b))
             case do.Flick() if store.state.flicker is None:
@@ -191,11 +200,13 @@ class Controller:
             self._viewers.check()
             self._compiling.watch()
             self._watch_recordings()
+            if self._sweeps.watch():
+                self._list_recordings()
 
     def patience_s(self) -> float:
         if self._branches.comparing or self._lessons.busy:
             return 0.0
-        busy = self._recordings.busy or self._repairs.busy
+        busy = self._recordings.busy or self._repairs.busy or self._sweeps.busy
         return self._player.patience_s(RECORDING_S if busy else IDLE_S)
 
     def failed(self, fault: Exception) -> None:
@@ -208,6 +219,7 @@ class Controller:
     def end(self) -> None:
         if self._player.run is not None:
             self._player.run.stop()
+        self._sweeps.close()
         self._stop_recording()
         self._recordings.close(CLOSE_S)
 
@@ -238,7 +250,7 @@ class Controller:
             run.stop()
         self._begin(found)
         recent = self._recent.add(source)
-        self._store.set(source_options=options or before.source_options, recent=recent)
+        self._store.set(source_options=options or self._usual, recent=recent)
         return True
 
     def _open_asked(self, asked: Asked) -> CurrentRun:
@@ -248,6 +260,7 @@ class Controller:
             self._player.run.stop()
         self._store.emit(Opening(asked.source))
         self._begin(found)
+        self._store.set(source_options=self._usual)
         return found
 
     def _run_beside(self, asked: Asked, name: str) -> CurrentRun:
@@ -255,6 +268,18 @@ class Controller:
         found = self._run_of(asked)
         self._show(*self._branches.add(found, name, 0, (name,)))
         return found
+
+    def _show_swept(self, place: int) -> None:
+        """A value's run, as it was computed, as a branch; one that is a branch already is shown again."""
+        path, name, change = self._sweeps.folder(place, self._player.run)
+        known = next((b.number for b in self._store.state.branches if b.name == name), None)
+        if known is not None:
+            self._show(*self._branches.show(known))
+            return
+        stored = stored_at(str(path), self._opener.opener, self._opener.builder)
+        if stored is None:
+            raise InputError(f"{path} holds no run any more: run the sweep again")
+        self._show(*self._branches.add(CurrentRun.of_stored(stored, self._history_bytes), name, 0, (change,)))
 
     def _run_of(self, asked: Asked) -> CurrentRun:
         playback = self._opener.playback(asked.source, None, asked.methods, asked.config, strict=True)

@@ -18,6 +18,7 @@ from ..run.events import Bookmark, Finished, Opened
 from ..run.history.held import Held
 from ..run.history.record import ExposureRecord, MethodStatus
 from ..run.model.tally import Tally
+from ..sweep.sweep import Sweep
 from .branching.branches import FIRST, Branch
 from .branching.comparing import Comparison
 from .effects import Effect
@@ -129,6 +130,8 @@ class State:
     """The integration that is looked at step by step."""
     effect: Effect | None = None
     """What an error of the calibration would do."""
+    sweep: Sweep | None = None
+    """The one that was begun last, of whatever source."""
     lesson: Learning | None = None
     """The lesson that is on, and where it is."""
     progress: Mapping[str, int] = field(default_factory=dict)
@@ -257,7 +260,7 @@ Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flick
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
 _CHANGEABLE |= {"lesson", "progress"}
-_CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect"}
+_CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect", "sweep"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
 

@@ -27,6 +27,7 @@ from .panels.compare.differences import DifferencesPanel
 from .panels.compare.effect import EffectPanel
 from .panels.compare.error_curves import ErrorCurvesPanel
 from .panels.compare.flicker import FlickerPanel
+from .panels.compare.sweep import SweepPanel
 from .panels.integration import IntegrationPanel
 from .panels.learn import NAME as LEARN
 from .panels.learn import LearnPanel
@@ -50,6 +51,7 @@ Panel = (
     | EffectPanel
     | ErrorCurvesPanel
     | FlickerPanel
+    | SweepPanel
     | IntegrationPanel
     | LearnPanel
     | BreakPointPanel
@@ -129,6 +131,7 @@ class Screen:
             curves = ErrorCurvesPanel(gui, self._session)
             differences = DifferencesPanel(gui, self._session)
             flicker = FlickerPanel(gui, self._session)
+            sweep = SweepPanel(gui, self._session)
             effect = EffectPanel(gui, self._session)
         with tabs.add_tab("Break"):
             break_point = BreakPointPanel(gui, self._session)
@@ -139,7 +142,7 @@ class Screen:
             record = RecordPanel(gui, self._session)
             bookmarks = BookmarksPanel(gui, self._session)
         learn = learn or self._learn_panel(gui, tabs)
-        of_branches: list[Panel] = [branches, curves, differences, flicker, effect]
+        of_branches: list[Panel] = [branches, curves, differences, flicker, sweep, effect]
         of_views: list[Panel] = [self._steps, view, record, bookmarks, learn]
         return [run, source, why, self._look, methods, *of_branches, break_point, *of_views]
 

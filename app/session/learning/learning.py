@@ -60,5 +60,6 @@ def covered(state: State) -> State:
         displayed=record,
         activity=activity,
         plotted="",
+        sweep=None,
         branches=state.branches[:1],
     )

@@ -25,9 +25,14 @@ class Known:
         self._recordings = recordings
 
     def source(self, name: str, state: State) -> str:
-        """The source of a name; InputError where nothing is known by it."""
+        """The source of a name, as the list of recordings has it or `run_name` gives it.
+
+        InputError where nothing is known by it.
+        """
         runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
         recorded = [str(self._recordings / kept.name) for kept in state.recordings]
+        if name in {kept.name for kept in state.recordings}:
+            return str(self._recordings / name)
         for source in (state.source, *state.recent, *runs, *recorded):
             if run_name(source) == name:
                 return source

@@ -10,7 +10,6 @@ import viser
 
 from ...session import commands as do
 from ...session.bookmarks.notes import NOTE_LENGTH
-from ...session.sources.known import run_name
 from ...session.state import Kept, State
 from ...texts import size
 from ..markup import render
@@ -43,7 +42,7 @@ class RecordPanel:
             self._choice = gui.add_dropdown("run", NONE, hint="Of the runs and recordings of the list above.")
             self._choice.on_update(lambda _: self._fill())
             review = gui.add_button("Open for review", icon=viser.Icon.FOLDER_OPEN, hint=REVIEW)
-            review.on_click(lambda _: session.post(do.OpenNamed(run_name(self._choice.value))))
+            review.on_click(lambda _: session.post(do.OpenNamed(self._choice.value)))
             self._note = gui.add_text("its note", "", hint=f"Kept with the run or recording; {NOTE_LENGTH} characters.")
             keep = gui.add_button("Keep note", icon=viser.Icon.PENCIL, hint="Writes it; an empty note is removed.")
             keep.on_click(lambda _: session.post(do.PutNote(self._choice.value, self._note.value)))

@@ -6,6 +6,7 @@ import os
 import signal
 from pathlib import Path
 
+import psutil
 from ispom_app.experiment.plan import Line, Plan, Run
 from ispom_app.experiment.row import Row
 
@@ -24,6 +25,19 @@ def row(line: Line, seed: int, source: str = "sim:tiny", **values: float | None)
 def quick(_: Plan, run: Run, out: Path, __: bool) -> Row:
     """Stands in for `execute`."""
     return Row(run, None, {"seed": float(run.seed)})
+
+
+def listening(_: Plan, run: Run, out: Path, __: bool) -> Row:
+    """How many ports of the scheduler's process, and of the worker's, are open to other machines."""
+    own = psutil.Process()
+    opened = {"of_scheduler": own.parent(), "of_worker": own}
+    return Row(run, None, {name: float(_open_to_all(process)) for name, process in opened.items() if process})
+
+
+def _open_to_all(process: psutil.Process) -> int:
+    listening = [c.laddr for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
+    assert listening
+    return sum(address.ip != "127.0.0.1" for address in listening)
 
 
 def killed_at_first(plan: Plan, run: Run, out: Path, recording: bool) -> Row:

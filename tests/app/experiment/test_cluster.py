@@ -46,6 +46,11 @@ def test_workers_that_do_not_start_end_it(monkeypatch: pytest.MonkeyPatch, tmp_p
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
 
+def test_nothing_listens_but_on_this_machine(tmp_path: Path) -> None:
+    (row, _) = rows(tmp_path, made.listening, count=1, seeds=(0,))
+    assert row.values == {"of_scheduler": 0, "of_worker": 0}
+
+
 def test_no_cluster_at_an_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "ANSWER_S", 0.5)
     plan = made.plan()

@@ -87,7 +87,7 @@ class ErrorCurvesPanel:
                 data,
                 ({"label": "exposure"}, *(curve.drawn for curve in curves)),
                 scales=scales,
-                axes=({**AXIS, "label": "exposure", "labelSize": 18, "size": 28}, {**AXIS, "size": 44}),
+                axes=({**AXIS, "label": "exposure", "labelSize": 18, "size": 28}, {**AXIS, "size": 54}),
                 legend={"show": True},
                 height=HEIGHT_PX,
             )

@@ -1,0 +1,1 @@
+"""The sweep that was begun in the page."""

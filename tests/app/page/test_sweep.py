@@ -1,0 +1,79 @@
+"""A sweep in the page: chosen, run, compared, cancelled."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - fixtures
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    folder = tmp_path_factory.mktemp("sweep")
+    found = launched([sys.executable, "-m", "tests.app.page.serve_tiny", str(folder), "0"], folder)
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+@pytest.fixture(scope="module")
+def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
+    opened = Page(browser, app.url, viewer=FAKE)
+    opened.send("{do: 'seek', index: window.ispom.state.total - 1}")
+    opened.until("state.ended", "the end")
+    opened.controls.get_by_role("tab", name="Branches").click()
+    opened.controls.get_by_text("Sweep", exact=True).click()
+    yield opened
+    assert not opened.faults
+    opened.tab.close()
+
+
+def field(page: Page, label: str):
+    """The input beside this label."""
+    return page.controls.get_by_text(label, exact=True).locator("xpath=ancestor::p/../..").get_by_role("textbox")
+
+
+def run(page: Page) -> None:
+    page.controls.get_by_role("button", name="Run the values").click()
+
+
+def test_a_wrong_value_is_said_in_one_sentence(page: Page) -> None:
+    assert field(page, "values").input_value() == "100, 200, 400, 800", "proposed"
+    field(page, "values").fill("100, 20")
+    run(page)
+    page.until("state.notices.some(n => n.text.includes('give a value from 50 to 3000'))", "the refusal")
+    assert page.state["sweep"] is None
+
+
+def test_the_values_are_run_and_stand_beside_each_other(page: Page) -> None:
+    field(page, "values").fill("200, 400")
+    run(page)
+    page.until("state.sweep && !state.sweep.ended && state.sweep.share > 0", "how far it is", 60_000)
+    page.controls.get_by_text("% of the exposures").first.wait_for()
+    page.until("state.sweep.ended", "the end of the sweep", 120_000)
+    errors = page.state["sweep"]["ate_m"]
+    assert sorted(errors) == ["200", "400"] and all(0 < error < 0.1 for error in errors.values())
+    page.controls.get_by_text("2 of 2 runs").wait_for()
+    assert page.controls.get_by_text("Error against the value").is_visible()
+
+
+def test_a_value_is_shown_as_a_branch(page: Page) -> None:
+    page.controls.get_by_role("button", name="Show as a branch").click()
+    page.until("state.branches.length === 2 && state.address.branch === 1", "the branch")
+    page.controls.get_by_text("max-tracks 200, sweep-1").first.wait_for()
+
+
+def test_it_can_be_cancelled(page: Page) -> None:
+    field(page, "values").fill("100, 200, 300, 400, 500, 600")
+    run(page)
+    page.until("state.sweep.name === 'sweep-2' && state.sweep.share > 0", "its begin", 60_000)
+    page.controls.get_by_role("button", name="Cancel").click()
+    page.until("state.sweep.ended && state.sweep.share < 1", "its end", 60_000)
+    page.controls.get_by_text("cancelled").wait_for()
