@@ -158,6 +158,13 @@ class Similarity:
         """target_from_frame of a source_from_frame."""
         return self.pose @ source_from_frame.scaled(self.scale)
 
+    def __matmul__(self, other: Similarity) -> Similarity:
+        """a_from_b @ b_from_c == a_from_c."""
+        return Similarity(self.scale * other.scale, self.apply_pose(other.pose))
+
+    def inverse(self) -> Similarity:
+        return Similarity(1 / self.scale, self.pose.inverse().scaled(1 / self.scale))
+
 
 def slerp(start: Array, end: Array, fraction: Array) -> Array:
     """Rotations (N, 3, 3) at constant angular velocity between two (3, 3), at fractions (N,) in 0..1."""

@@ -42,6 +42,14 @@ class PersistentList(Generic[T]):
             found = found.appended(item)
         return found
 
+    def part(self, start: int, stop: int) -> list[T]:
+        """The items from `start` on before `stop`, in time for those and the nesting; fewer where there are no more."""
+        found, begin = list[T](), 0
+        for k, level in reversed(list(enumerate(self.levels))):
+            found += _part(level, k, start - begin, stop - begin)
+            begin += len(level) * WIDTH**k
+        return found
+
     def __len__(self) -> int:
         return sum(len(level) * WIDTH**k for k, level in enumerate(self.levels))
 
@@ -60,3 +68,13 @@ def _items(blocks: tuple[Any, ...], depth: int) -> Iterator[Any]:
     else:
         for block in blocks:
             yield from _items(block, depth - 1)
+
+
+def _part(blocks: tuple[Any, ...], depth: int, start: int, stop: int) -> list[Any]:
+    """Of the items in blocks of WIDTH ** depth, those at start <= i < stop."""
+    size = WIDTH**depth
+    first, end = max(start // size, 0), min(-(-stop // size), len(blocks))
+    if depth == 0:
+        return list(blocks[first : max(end, first)])
+    inner = (_part(blocks[i], depth - 1, start - i * size, stop - i * size) for i in range(first, end))
+    return [item for part in inner for item in part]

@@ -41,3 +41,11 @@ def test_thousands_of_items_are_copied_pickled_and_printed(long: PersistentList[
 def test_nesting_does_not_grow_with_the_length(long: PersistentList[int]) -> None:
     assert len(long.levels) == 4
     assert max(len(level) for level in long.levels) < 32
+
+
+def test_a_part_is_what_a_slice_gives(long: PersistentList[int]) -> None:
+    for count in (0, 1, 31, 32, 33, 1025, 2_100):
+        some = PersistentList[int]().extended(range(count))
+        for start, stop in ((0, count), (0, 5), (30, 70), (max(count - 3, 0), count + 9), (7, 7), (9, 3)):
+            assert some.part(start, stop) == list(range(count))[start:stop]
+    assert long.part(31_990, 32_100) == list(range(31_990, 32_100))

@@ -124,8 +124,8 @@ class Places:
 
     def alike(self, grey: Image, turn: int) -> tuple[Place, ...]:
         """The newest place, and those of the others that look most like the image: at each `turn` the next ones."""
-        others, image = self.kept[:-1], _coarse(grey)
-        likeness = np.array([float((_coarse(p.images[0]) * image).sum()) for p in others])
+        others, image = self.kept[:-1], coarse(grey)
+        likeness = np.array([float((coarse(p.images[0]) * image).sum()) for p in others])
         order = np.argsort(-likeness, kind="stable")
         chosen = order[(np.arange(MOST_ALIKE) + MOST_ALIKE * turn) % max(len(order), 1)] if len(order) else order
         return (*self.kept[-1:], *(others[i] for i in dict.fromkeys(chosen.tolist())))
@@ -150,8 +150,8 @@ def confirmed(agreeing: NDArray[np.bool_], expected: Array, fewest: int) -> bool
     return bool(agreeing.sum() >= max(fewest, MIN_CONFIRMED * np.isfinite(expected[:, 0]).sum()))
 
 
-def _coarse(grey: Image) -> Array:
-    """Blurred, of mean 0 and norm 1."""
+def coarse(grey: Image) -> Array:
+    """Blurred, of mean 0 and norm 1: the product of two says how much images look alike."""
     small = cv2.GaussianBlur(cv2.resize(grey, COARSE_PX, interpolation=cv2.INTER_AREA).astype(np.float32), (0, 0), 1.0)
     small -= small.mean()
     return small / max(float(np.linalg.norm(small)), 1e-9)

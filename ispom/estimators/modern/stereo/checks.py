@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, POINTS_LEFT
+from ispom.estimators.modern.loops.checks import LOOP_CHECKS
 from ispom.types import Check, by_key
 
 LOCATED, CALIBRATED = "Pair located?", "Is the calibration right?"
@@ -13,6 +14,7 @@ STAGES = {
     "new points": "Key frame: looks for corners between the points and matches them in the right image.",
     "adjust": "Adjusts the window of key frames, their points and the pair's calibration; the oldest becomes a prior.",
     "conclude": "Collects what the next pair starts from, and this report.",
+    "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
 }
 """By their names in Step.seconds, in order."""
 
@@ -131,4 +133,5 @@ CHECKS = by_key(
     OFFSET,
     BEND,
     SHUTTER_LAG,
+    *LOOP_CHECKS,
 )

@@ -11,6 +11,7 @@ from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.conclude import as_step, next_state
 from ispom.estimators.modern.stereo.key_frame import Current, extended, key_frame_tests, new_points
 from ispom.estimators.modern.stereo.last_pair import LastPair
+from ispom.estimators.modern.stereo.loop import corrected, with_loops
 from ispom.estimators.modern.stereo.pair import NewPair
 from ispom.estimators.modern.stereo.recover import recover
 from ispom.estimators.modern.stereo.setup import Setup
@@ -36,6 +37,8 @@ class ModernStereoConfig:
     """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
     relocalise: bool = True
     """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
+    loops: bool = False
+    """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
     self_calibration: bool = True
     """Estimate what is wrong with the rectification: an offset of the disparity, how it grows towards the image's
     sides, and a late right shutter."""
@@ -77,17 +80,21 @@ class ModernStereo:
     def finish(self, state: ModernStereoState) -> Trajectory:
         keys = dict(state.settled) | {k.time_ns: k.left_from_world for k in state.map.keys}
         world_from_left = {t: (pose @ keys[key]).inverse() for t, key, pose in state.poses}
-        return Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
+        poses = Trajectory.of([(t, pose @ self._left_from_rig) for t, pose in world_from_left.items()])
+        return corrected(state.loops, poses)
 
     def step(self, state: ModernStereoState, exposure: Exposure) -> tuple[ModernStereoState, Step]:
         """One pair: follow the points and locate it; at a key frame look for new points and adjust the window."""
         exposure = self._size.reduced(exposure)
         assert isinstance(exposure, StereoPair)
-        watch = Stopwatch()
-        outcome = self._advance(state, NewPair.of(exposure), watch)
-        step = as_step(self._setup, exposure, outcome)
+        watch, new = Stopwatch(), NewPair.of(exposure)
+        outcome = self._advance(state, new, watch)
+        after, step = outcome.after, as_step(self._setup, exposure, outcome)
         watch.lap("conclude")
-        return outcome.after, self._size.enlarged(replace(step, seconds=watch.seconds))
+        if self.config.loops:
+            after, step = with_loops(self._setup, state, outcome, new, step)
+            watch.lap("loops")
+        return after, self._size.enlarged(replace(step, seconds=watch.seconds))
 
     def _advance(self, state: ModernStereoState, new: NewPair, watch: Stopwatch) -> Outcome:
         """The algorithm, as its list of steps."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ispom.estimators.modern.places import Places
 from ispom.estimators.modern.stereo.last_pair import LastPair
+from ispom.estimators.modern.stereo.loop_state import StereoLoops
 from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Pose
@@ -25,6 +26,8 @@ class ModernStereoState:
     """left_from_world of the key frames that have left the window."""
     places: Places = Places()
     """Where a lost pair is looked for."""
+    loops: StereoLoops = StereoLoops()
+    """Where a way came back, and what follows for the poses; all else here is odometry without it."""
 
 
 @dataclass(frozen=True, eq=False)

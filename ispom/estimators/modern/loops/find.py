@@ -1,0 +1,78 @@
+"""Which earlier places may be seen again from a node, and whether several views tell of the same loop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.estimators.modern.loops.nodes import Loop, Node, step_between
+from ispom.geometry import Similarity, rotation_angle_rad
+
+PAIR_DRIFT, SINGLE_DRIFT = 0.02, 0.06
+"""Error of odometry, as a share of the way, that is always possible: three times that of a pair and of one camera on
+real drives. Beyond, and beyond what odometry itself holds possible, it is no loop, but houses that look alike."""
+DEVIATIONS = 5.0
+"""Of what odometry says of itself that are held possible."""
+MAX_TURN_DEG, MAX_SCALE = 20.0, 0.4
+"""The same of orientation, and of ln unit (where it drifts): 1.5 times."""
+LEAST_NODES = 12
+"""From so many nodes on, three depths of what they show or 144 degrees, a place is seen again by a loop, and not
+because it is still near."""
+COMPARED = 4
+"""Places, for each node: those that look most like it."""
+VIEWS = 3
+"""Nodes whose views tell of the same loop: chance seldom leads three of them to one place."""
+WITHIN = 12
+"""Of the last so many nodes."""
+MAJORITY = 2 / 3
+"""Of the views that tell of a loop: where more tell of others, houses look alike."""
+AGREEING_DEPTHS, AGREEING_DEG, AGREEING_SCALE = 0.1, 4.0, 0.1
+"""By how much what they tell of the last pose may differ, beside what odometry drifts between them."""
+
+
+def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, ...]:
+    """Times of the places that a node after these may see again, those that look most like it first."""
+    found = list[tuple[float, int]]()
+    for place in nodes[: -LEAST_NODES + 1]:
+        apart = np.linalg.norm((place.corrected.inverse() @ node.corrected).pose.translation)
+        if apart <= place.sight.depth + _slack(place, node, drift):
+            found.append((-float((place.sight.looks * node.sight.looks).sum()), place.time_ns))
+    return tuple(time_ns for _, time_ns in sorted(found)[:COMPARED])
+
+
+def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
+    """Whether odometry can have drifted by what a way between two nodes says."""
+    off = (first.corrected.inverse() @ then.corrected).inverse() @ first_from_then
+    return (
+        float(np.linalg.norm(off.pose.translation)) <= _slack(first, then, drift)
+        and float(np.degrees(rotation_angle_rad(off.pose.rotation))) <= MAX_TURN_DEG
+        and abs(float(np.log(off.scale))) <= MAX_SCALE
+    )
+
+
+def _slack(first: Node, then: Node, drift: float) -> float:
+    """How far odometry may be off; where a blind start lies between them, by what that may have missed."""
+    _, covariance = step_between(first, then)
+    return max(drift * (then.path - first.path), DEVIATIONS * float(np.sqrt(np.trace(covariance[:3, :3]))))
+
+
+def agreeing(nodes: tuple[Node, ...], proposed: tuple[Loop, ...], loop: Loop, drift: float) -> tuple[Loop, ...]:
+    """Those of the proposed loops that tell the same of the newest node as this one, itself included."""
+    at, newest = {n.time_ns: n for n in nodes}, nodes[-1]
+
+    def told(one: Loop) -> Similarity:
+        first, then = at[one.first_ns], at[one.then_ns]
+        return first.corrected @ one.first_from_then @ then.corrected.inverse() @ newest.corrected
+
+    wanted, found = told(loop), list[Loop]()
+    for one in proposed:
+        off = told(one).inverse() @ wanted
+        near = AGREEING_DEPTHS * at[one.first_ns].sight.depth
+        near += drift * abs(at[loop.then_ns].path - at[one.then_ns].path)
+        turned = float(np.degrees(rotation_angle_rad(off.pose.rotation)))
+        if (
+            np.linalg.norm(off.pose.translation) <= near
+            and turned <= AGREEING_DEG
+            and abs(np.log(off.scale)) <= AGREEING_SCALE
+        ):
+            found.append(one)
+    return tuple(found)

@@ -1,0 +1,169 @@
+"""Loops beside an odometry that goes on as it is: places are found again, and a pose graph says where all poses are.
+
+One exposure compares one place at most, adjusts a graph of bounded size, and tells a bounded number of poses anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.estimators.modern.loops.checks import LOOP_POINTS, LOOP_SHIFT, LOOP_VIEWS
+from ispom.estimators.modern.loops.find import (
+    MAJORITY,
+    PAIR_DRIFT,
+    SINGLE_DRIFT,
+    VIEWS,
+    WITHIN,
+    agreeing,
+    candidates,
+    possible,
+)
+from ispom.estimators.modern.loops.nodes import (
+    APART_DEG,
+    APART_DEPTHS,
+    Loop,
+    Node,
+    edges_of,
+    node_at,
+    step_between,
+    thinned,
+    with_poses,
+)
+from ispom.estimators.modern.loops.sight import Eye, Sight
+from ispom.estimators.modern.loops.verify import FEWEST, way_between
+from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
+from ispom.solvers.pose_graph import carried, spread
+from ispom.types import Decision
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrameSeen:
+    """A key frame that the odometry has taken."""
+
+    time_ns: int
+    world_from_camera: Pose
+    covariance: Array | None
+    """(6, 6) of its right twist."""
+    scale_variance: float
+    """Of ln unit; 0 for a pair."""
+    window: Mapping[int, Pose]
+    """world_from_camera of the key frames that are still adjusted, this one included, oldest first."""
+    sight: Callable[[], Sight]
+    """What it shows; made only where it is needed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """How sure the graph's last node was when it was adjusted."""
+
+    node: Node
+    covariance: Array
+    """(7, 7) of its right perturbation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    nodes: tuple[Node, ...] = ()
+    closed: tuple[Loop, ...] = ()
+    proposed: tuple[Loop, ...] = ()
+    """Seen by single views, of the last nodes."""
+    waiting: tuple[int, ...] = ()
+    """Times of the places that the newest node is still to be compared with."""
+    known: Known | None = None
+    left: int = 0
+    """Poses that are still to be told anew, from the one before `told` backwards and around."""
+    told: int = 0
+
+    @property
+    def correction(self) -> Similarity:
+        """corrected_world_from_world of the newest pose."""
+        return self.nodes[-1].correction if self.closed else Similarity()
+
+
+def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> tuple[Loops, tuple[Decision, ...]]:
+    """After an exposure, of which `key` is told where it was a key frame; `poses` were given so far."""
+    drift = PAIR_DRIFT if eye.baseline else SINGLE_DRIFT
+    if key is not None:
+        loops = _with_key(loops, key, drift)
+    if not loops.waiting:
+        return loops, ()
+    first, then = node_at(loops.nodes, loops.waiting[0]), loops.nodes[-1]
+    loops = replace(loops, waiting=loops.waiting[1:])
+    way = way_between(eye, first.sight, then.sight)
+    points = LOOP_POINTS.of(0 if way is None else way.count, FEWEST)
+    if way is None or not possible(first, then, way.first_from_then, drift):
+        why = "" if way is None else "odometry cannot have drifted so far"
+        return loops, (replace(points, passed=False, consequence=why),)
+    loop = Loop(first.time_ns, then.time_ns, way.first_from_then, way.covariance)
+    loops = replace(loops, proposed=(*loops.proposed, loop), waiting=())
+    same = agreeing(loops.nodes, loops.proposed, loop, drift)
+    views = LOOP_VIEWS.of(len(same), max(VIEWS, MAJORITY * len(loops.proposed)))
+    if not views.passed:
+        return loops, (points, views)
+    return _closed(loops, same, drift, bool(eye.baseline), poses, (points, views))
+
+
+def _with_key(loops: Loops, key: KeyFrameSeen, drift: float) -> Loops:
+    """With a node, where it is some way from the last one, and what that is to be compared with."""
+    nodes = with_poses(loops.nodes, key.window)
+    unsure = np.zeros((6, 6)) if key.covariance is None else key.covariance
+    if not nodes:
+        first = Similarity(1.0, key.world_from_camera)
+        node = Node(key.time_ns, key.time_ns, key.world_from_camera, unsure, 0.0, 0.0, first, key.sight())
+        return replace(loops, nodes=(node,))
+    before = [t for t in key.window if t < key.time_ns]
+    # In a window that began anew nothing is before: then the way there is that of the blind start.
+    parent = node_at(nodes, before[-1]) if before else nodes[-1]
+    between = parent.odometry.inverse() @ key.world_from_camera
+    length = float(np.linalg.norm(between.translation))
+    turn = float(np.degrees(rotation_angle_rad(between.rotation)))
+    near = length < APART_DEPTHS * parent.sight.depth and turn < APART_DEG
+    if near and parent is nodes[-1] and before:
+        return replace(loops, nodes=nodes)
+    corrected = parent.corrected @ Similarity(1.0, between)
+    path = nodes[-1].path + length
+    node = Node(
+        key.time_ns, parent.time_ns, key.world_from_camera, unsure, key.scale_variance, path, corrected, key.sight()
+    )
+    waiting = candidates(nodes, node, drift)
+    nodes, closed = thinned((*nodes, node), loops.closed)
+    kept = {n.time_ns for n in nodes}
+    late = {n.time_ns for n in nodes[-WITHIN:]}
+    proposed = tuple(p for p in loops.proposed if p.then_ns in late and p.first_ns in kept)
+    waiting = tuple(t for t in waiting if t in kept)
+    return replace(loops, nodes=nodes, closed=closed, proposed=proposed, waiting=waiting)
+
+
+def _closed(
+    loops: Loops,
+    same: tuple[Loop, ...],
+    drift: float,
+    paired: bool,
+    poses: int,
+    decisions: tuple[Decision, ...],
+) -> tuple[Loops, tuple[Decision, ...]]:
+    """With these loops in the graph, adjusted."""
+    newest = loops.nodes[-1]
+    old = {x.then_ns: x for x in loops.closed}
+    closed = tuple((old | {x.then_ns: x for x in same}).values())
+    found = spread(tuple(n.corrected for n in loops.nodes), edges_of(loops.nodes, closed), scaled=not paired)
+    nodes = tuple(replace(n, corrected=c) for n, c in zip(loops.nodes, found.nodes, strict=True))
+    shift = np.linalg.norm(nodes[-1].corrected.pose.translation - newest.corrected.pose.translation)
+    way = newest.path - node_at(nodes, same[-1].first_ns).path
+    shifted = LOOP_SHIFT.of(float(shift) / max(way, 1e-9), drift)
+    known, told = Known(nodes[-1], found.covariance), loops.told if loops.left else poses
+    loops = replace(loops, nodes=nodes, closed=closed, known=known, left=poses, told=told)
+    return loops, (*decisions, shifted)
+
+
+def covariance_at(loops: Loops, world_from_camera: Pose, covariance: Array, scale_variance: float) -> Array:
+    """(7, 7) of the right perturbation of a corrected pose, from that by odometry, once there was a loop."""
+    assert loops.known is not None
+    node, at_node = loops.known.node, loops.known.covariance
+    now = replace(node, odometry=world_from_camera, covariance=covariance, scale_variance=scale_variance)
+    between, grown = step_between(node, now)
+    way = carried(between)
+    return way @ at_node @ way.T + grown

@@ -1,0 +1,77 @@
+"""What a key frame saw, kept small: described features with their points, to be compared with what is seen later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.places import coarse
+from ispom.frontends import sift
+from ispom.geometry import Array
+from ispom.types import Camera, Image
+
+FEATURES = 800
+"""Described in an image: 120 kB a key frame."""
+_FULL = 255.0
+"""Descriptors are kept as bytes: a step is 4 % of what their entries mostly are, and changes no distance by 1 %."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    x: NDArray[np.float32]
+    """(N, 2) normalised, without distortion."""
+    descriptors: NDArray[np.uint8]
+    """(N, 128) of RootSIFT, times 255."""
+    xyz: NDArray[np.float32]
+    """(N, 3) in the camera and the unit of then; NaN where the depth is not known."""
+    looks: NDArray[np.float32]
+    """See places.coarse."""
+
+    @staticmethod
+    def of(grey: Image, x: Array, descriptors: NDArray[np.float32], xyz: Array) -> Sight:
+        kept = np.rint(_FULL * descriptors).astype(np.uint8)
+        return Sight(x.astype(np.float32), kept, xyz.astype(np.float32), coarse(grey).astype(np.float32))
+
+    def features(self, fx: float) -> sift.Features:
+        """At the pixels of a camera without distortion, around its centre."""
+        return sift.Features(fx * self.x, self.descriptors.astype(np.float32) / _FULL)
+
+    def with_depth(self) -> Sight:
+        """Only what has a depth."""
+        known = np.isfinite(self.xyz[:, 2])
+        return Sight(self.x[known], self.descriptors[known], self.xyz[known], self.looks)
+
+    @property
+    def depth(self) -> float:
+        """Of half of the points; nan without any."""
+        known = self.xyz[np.isfinite(self.xyz[:, 2]), 2]
+        return float(np.median(known)) if len(known) else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """The camera, or pair, as sights are compared."""
+
+    fx: float
+    low: Array
+    """(2,) normalised, of the image's corner at the top left."""
+    high: Array
+    """(2,) of that at the bottom right."""
+    sigma: float
+    """Deviation of a feature's place, normalised."""
+    baseline: float
+    """Of a pair; 0 for one camera, whose unit drifts."""
+
+    @staticmethod
+    def of(camera: Camera, sigma: float, baseline: float = 0.0) -> Eye:
+        corners = camera.normalise(np.array([[0.0, 0.0], [camera.width - 1.0, camera.height - 1.0]]))
+        return Eye(camera.fx, corners[0], corners[1], sigma, baseline)
+
+    def in_sight(self, near: Array) -> Array:
+        """(N, 2) normalised, of points (N, 3) in the camera; NaN for those out of its image."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = near[:, :2] / near[:, 2:]
+        inside = (near[:, 2] > 0) & (x > self.low).all(axis=1) & (x < self.high).all(axis=1)
+        return np.where(inside[:, None], x, np.nan)

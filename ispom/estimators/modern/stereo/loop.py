@@ -1,0 +1,101 @@
+"""Loops of the stereo estimator: what its key frames show, and its Steps as they are with the loops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, covariance_at, seen_again
+from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
+from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.stereo.loop_state import StereoLoops
+from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
+from ispom.estimators.modern.stereo.pair_calibration import intersected
+from ispom.estimators.modern.stereo.relocate import MIN_DISPARITY_PX
+from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
+from ispom.estimators.modern.stereo.window import StereoMap, newest_covariance
+from ispom.frontends import sift
+from ispom.frontends.row_search import PointSearch
+from ispom.geometry import Array
+from ispom.types import Step, Trajectory
+
+FEATURE_ERROR_PX = 1.0
+"""Deviation of a feature's place, at the width at which features are looked for."""
+
+
+def with_loops(
+    setup: Setup, before: ModernStereoState, outcome: Outcome, new: NewPair, step: Step
+) -> tuple[ModernStereoState, Step]:
+    """The state after a pair, with what is known of loops, and its Step in the world as they make it."""
+    after, loops = outcome.after, before.loops
+    settled = after.settled.part(len(before.settled), len(after.settled))
+    key = _key_frame_seen(setup, after, new) if outcome.key_frame else None
+    seen, decisions = seen_again(loops.loops, eye_of(setup), key, len(after.poses))
+    loops = replace(loops.with_settled(settled), loops=seen)
+    step = replace(step, decisions=(*step.decisions, *decisions))
+    if seen.closed:
+        loops, step = _corrected(setup, loops, after, step)
+    return replace(after, loops=loops), step
+
+
+def corrected(loops: StereoLoops, poses: Trajectory) -> Trajectory:
+    """All poses with the loops."""
+    return Correction.of(loops.loops).of_trajectory(poses) if loops.loops.closed else poses
+
+
+def _corrected(setup: Setup, loops: StereoLoops, after: ModernStereoState, step: Step) -> tuple[StereoLoops, Step]:
+    newest = loops.loops.correction
+    correction = Correction.of(loops.loops)
+    seen, again = next_range(loops.loops, len(after.poses))
+    earlier = [
+        (t, (pose @ loops.key_pose(after.map, key)).inverse() @ setup.left_from_rig)
+        for t, key, pose in after.poses.part(again.start, again.stop)
+        if t < step.time_ns
+    ]
+    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
+    pose, covariance = step.world_from_frame, None
+    if pose is not None:
+        if after.last.covariance is not None:
+            own = covariance_at(seen, after.last.left_from_world.inverse(), after.last.covariance, 0.0)
+            covariance = in_frame(own, setup.left_from_rig, 1.0)
+        pose = newest.apply_pose(pose)
+    step = replace(
+        step,
+        world_from_frame=pose,
+        covariance=covariance,
+        landmarks=landmarks_at(step.landmarks, newest),
+        revised=correction.of_trajectory(revised),
+    )
+    return replace(loops, loops=seen), step
+
+
+def _key_frame_seen(setup: Setup, after: ModernStereoState, new: NewPair) -> KeyFrameSeen:
+    """The newest key frame of the map."""
+    world = after.map
+    return KeyFrameSeen(
+        new.time_ns,
+        world.keys[-1].left_from_world.inverse(),
+        # left_from_world's left twist is one on the right of world_from_left, the other way.
+        newest_covariance(world),
+        0.0,
+        {k.time_ns: k.left_from_world.inverse() for k in world.keys},
+        partial(_sight, setup, world, new, after.last.rate),
+    )
+
+
+def _sight(setup: Setup, world: StereoMap, new: NewPair, rate: Array) -> Sight:
+    found = sift.detect_and_describe(new.left, FEATURES)
+    disparity = PointSearch().search(new.left, new.right, found.uv)
+    good = np.isfinite(disparity) & (disparity >= MIN_DISPARITY_PX)
+    points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
+    xyz = np.full((len(found), 3), np.nan)
+    xyz[good] = intersected(setup, world, points, rate)
+    return Sight.of(new.left, setup.camera.normalise(found.uv), found.descriptors, xyz)
+
+
+def eye_of(setup: Setup) -> Eye:
+    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.width / sift.SEARCH_WIDTH_PX)
+    return Eye.of(setup.camera, error_px / setup.camera.fx, setup.baseline_m)

@@ -1,0 +1,189 @@
+"""Pose graph: poses that measured relative ones join, adjusted together (Grisetti et al. 2010; Strasdat et al. 2010).
+
+A pose is a Similarity world_from_node: of one camera the unit drifts as well, of a pair the scale is held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from ispom.geometry import Array, Pose, Similarity, skew, so3_exp, so3_log
+
+ITERATIONS = 10
+"""At most; from odometry with a drift of some percent four are enough."""
+STILL = 1e-6
+"""A round that changes nothing by more (units, radians, ln scale) is the last."""
+FREEDOM = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """A relative pose that was measured."""
+
+    first: int
+    then: int
+    first_from_then: Similarity
+    covariance: Array
+    """(7, 7) of its right perturbation (rho in then's frame and unit, phi [rad], ln scale)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """An adjusted graph."""
+
+    nodes: tuple[Similarity, ...]
+    covariance: Array
+    """(7, 7) of the last node's right perturbation."""
+    cost: float
+    """Half the sum of squares of the residuals over their deviations."""
+
+
+def spread(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: bool) -> Spread:
+    """The poses world_from_node that fit all edges best, by Gauss-Newton; the first node is held.
+
+    Each node is joined to the first one by some edges. `scaled`: the unit may drift, else all scales are held.
+    """
+    graph, places = _Graph.of(edges, len(nodes), scaled), _Places.of(nodes)
+    for _ in range(ITERATIONS):
+        residuals, jacobian = graph.linearised(places)
+        delta = graph.factored(jacobian).solve(-(jacobian.T @ residuals)).reshape(-1, FREEDOM)
+        places = places.moved(np.concatenate([np.zeros((1, FREEDOM)), delta]))
+        if np.abs(delta).max() < STILL:
+            break
+    residuals, jacobian = graph.linearised(places)
+    last = np.zeros((graph.size, FREEDOM))
+    last[-FREEDOM:] = np.eye(FREEDOM)
+    covariance = graph.factored(jacobian).solve(last)[-FREEDOM:]
+    return Spread(places.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals))
+
+
+def carried(between: Similarity) -> Array:
+    """(7, 7) that carries a right perturbation from before `between` to after it: M(d) @ b == b @ M(carried(b) @ d)."""
+    return _carried(_Places.of((between,)))[0]
+
+
+def joined(a: Edge, b: Edge) -> Edge:
+    """One edge in the place of two that follow each other."""
+    way = carried(b.first_from_then)
+    return Edge(a.first, b.then, a.first_from_then @ b.first_from_then, way @ a.covariance @ way.T + b.covariance)
+
+
+def reversed_edge(edge: Edge) -> Edge:
+    """The same measurement from its other end."""
+    way = carried(edge.first_from_then.inverse())
+    return Edge(edge.then, edge.first, edge.first_from_then.inverse(), way @ edge.covariance @ way.T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """N similarities as arrays (N,), (N, 3, 3), (N, 3)."""
+
+    scales: Array
+    turns: Array
+    offsets: Array
+
+    @staticmethod
+    def of(values: tuple[Similarity, ...]) -> _Places:
+        return _Places(
+            np.array([v.scale for v in values]),
+            np.stack([v.pose.rotation for v in values]),
+            np.stack([v.pose.translation for v in values]),
+        )
+
+    def values(self) -> tuple[Similarity, ...]:
+        every = zip(self.scales.tolist(), self.turns, self.offsets, strict=True)
+        return tuple(Similarity(scale, Pose(turn, offset)) for scale, turn, offset in every)
+
+    def at(self, index: NDArray[np.int64]) -> _Places:
+        return _Places(self.scales[index], self.turns[index], self.offsets[index])
+
+    def inverse(self) -> _Places:
+        back = np.swapaxes(self.turns, 1, 2)
+        return _Places(1 / self.scales, back, -_times(back, self.offsets) / self.scales[:, None])
+
+    def __matmul__(self, other: _Places) -> _Places:
+        offsets = self.offsets + self.scales[:, None] * _times(self.turns, other.offsets)
+        return _Places(self.scales * other.scales, self.turns @ other.turns, offsets)
+
+    def moved(self, delta: Array) -> _Places:
+        """Perturbed on the right by (N, 7) rho, phi, ln scale."""
+        return self @ _Places(np.exp(delta[:, 6]), so3_exp(delta[:, 3:6]), delta[:, :3])
+
+
+@dataclass(frozen=True, eq=False)
+class _Graph:
+    first: NDArray[np.int64]
+    then: NDArray[np.int64]
+    measured: _Places
+    roots: Array
+    """(E, 7, 7) square roots of the edges' information."""
+    size: int
+    """Unknowns: of all nodes but the first."""
+    scaled: bool
+
+    @staticmethod
+    def of(edges: tuple[Edge, ...], nodes: int, scaled: bool) -> _Graph:
+        return _Graph(
+            np.array([e.first for e in edges], np.int64),
+            np.array([e.then for e in edges], np.int64),
+            _Places.of(tuple(e.first_from_then for e in edges)),
+            np.linalg.inv(np.linalg.cholesky(np.stack([e.covariance for e in edges]))),
+            FREEDOM * (nodes - 1),
+            scaled,
+        )
+
+    def linearised(self, nodes: _Places) -> tuple[Array, csr_array]:
+        """(7 E,) residuals over their deviations, and their derivatives (7 E, size)."""
+        between = nodes.at(self.first).inverse() @ nodes.at(self.then)
+        off = self.measured.inverse() @ between
+        residual = np.column_stack([off.offsets, so3_log(off.turns), np.log(off.scales)])
+        by_then = np.zeros((len(residual), FREEDOM, FREEDOM))
+        by_then[:, :3, :3] = off.scales[:, None, None] * off.turns
+        turned = skew(residual[:, 3:6])
+        # The inverse right Jacobian to the third order: residuals of verified edges are some degrees.
+        by_then[:, 3:6, 3:6] = np.eye(3) + turned / 2 + turned @ turned / 12
+        by_then[:, 6, 6] = float(self.scaled)
+        blocks = np.concatenate([-by_then @ _carried(between), by_then], axis=2)
+        if not self.scaled:
+            blocks[:, :, FREEDOM - 1 :: FREEDOM] = 0.0
+        return _times(self.roots, residual).ravel(), self._placed(self.roots @ blocks)
+
+    def _placed(self, blocks: Array) -> csr_array:
+        """(7 E, size) of blocks (E, 7, 14) by `first` and `then`."""
+        ends = np.stack([self.first, self.then], axis=1) - 1
+        columns = (FREEDOM * ends[:, :, None] + np.arange(FREEDOM)).reshape(len(ends), 1, -1)
+        rows = np.arange(FREEDOM * len(ends)).reshape(len(ends), FREEDOM, 1)
+        rows, columns = (np.broadcast_to(index, blocks.shape) for index in (rows, columns))
+        free = columns >= 0
+        return coo_array((blocks[free], (rows[free], columns[free])), shape=(FREEDOM * len(ends), self.size)).tocsr()
+
+    def factored(self, jacobian: csr_array) -> SuperLU:
+        """The normal equations; a one on the diagonal holds the scales that are held."""
+        held = np.zeros(self.size)
+        held[FREEDOM - 1 :: FREEDOM] = float(not self.scaled)
+        index = np.arange(self.size)
+        normal = jacobian.T @ jacobian + coo_array((held, (index, index)), shape=(self.size, self.size))
+        return splu(csc_array(normal), permc_spec="MMD_AT_PLUS_A")
+
+
+def _carried(between: _Places) -> Array:
+    """(N, 7, 7) as `carried`."""
+    back = np.swapaxes(between.turns, 1, 2)
+    by_scale = back / between.scales[:, None, None]
+    out = np.zeros((len(back), FREEDOM, FREEDOM))
+    out[:, :3, :3] = by_scale
+    out[:, :3, 3:6] = -by_scale @ skew(between.offsets)
+    out[:, :3, 6] = _times(by_scale, between.offsets)
+    out[:, 3:6, 3:6] = back
+    out[:, 6, 6] = 1.0
+    return out
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """(N, K) of (N, K, K) and (N, K)."""
+    return (matrices @ vectors[:, :, None])[:, :, 0]

@@ -1,0 +1,172 @@
+"""A place that is seen again corrects all poses; where houses look alike, and where nothing returns, nothing does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.loops import nodes as nodes_module
+from ispom.estimators.modern.loops.loops import Loops
+from ispom.estimators.modern.loops.nodes import Loop, Node, edges_of, step_between, thinned
+from ispom.estimators.modern.loops.sight import Eye, Sight
+from ispom.estimators.modern.loops.told import AT_ONCE, Correction, next_range
+from ispom.estimators.modern.loops.verify import way_between
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.geometry import Pose, Similarity
+from ispom.simulation.cameras import simulated_rig
+from ispom.simulation.renderer import Renderer, exposed
+from ispom.simulation.source import NOISE_SIGMA
+from ispom.simulation.town import LAP_M, SPEED_M_S, build_town, on_route
+from ispom.types import StereoPair
+from tests.estimators.modern.loop_bench import EYE, Driven, Facades, driven, wrong
+
+SINGLE = replace(EYE, baseline=0.0)
+TERRACE_M = 12.0
+
+
+def closed(found: Driven) -> bool:
+    return bool(found.loops.closed)
+
+
+@pytest.mark.parametrize("eye", [EYE, SINGLE], ids=["pair", "single"])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_lap_ends_where_it_began(eye: Eye, seed: int) -> None:
+    """541 m: 0.1 % at the return, of two to six metres without the loop."""
+    found = driven(Facades.seeded(seed), 1.06 * LAP_M, seed, eye)
+    before, after = found.ends
+    assert closed(found) and not wrong(found)
+    assert after < 0.001 * 1.06 * LAP_M < before
+
+
+def test_without_noise_the_way_between_two_sights_is_exact() -> None:
+    rng = np.random.default_rng(0)
+    facades = Facades.seeded(0)
+    first, then = (facades.seen_from(Pose(translation=np.array([x, 0.0, 10.0 + x])), rng) for x in (0.0, 1.0))
+    found = way_between(EYE, first, then)
+    assert found is not None
+    off = found.first_from_then.pose.translation - (1.0, 0.0, 1.0)
+    assert np.linalg.norm(off) < 3 * np.sqrt(np.trace(found.covariance[:3, :3])) < 0.2
+    nowhere = facades.seen_from(Pose(translation=np.array([0.0, 0.0, 90.0])), rng)
+    assert way_between(EYE, first, nowhere) is None
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_rows_of_equal_houses_are_no_loop(seed: int) -> None:
+    """Of a tenth of a lap less than one, past one house over and over: what looks like the start is not it."""
+    found = driven(Facades.seeded(seed, TERRACE_M), 0.9 * LAP_M, seed)
+    assert not closed(found)
+    assert found.ends[0] == found.ends[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("eye", [EYE, SINGLE], ids=["pair", "single"])
+def test_twenty_seeds(eye: Eye) -> None:
+    """Found in 19 of 20 at least; of 20 routes by equal houses without a loop none is one, and no loop is wrong."""
+    laps = [driven(Facades.seeded(s), 1.06 * LAP_M, s, eye) for s in range(20)]
+    assert sum(closed(f) and f.ends[1] < 0.001 * 1.06 * LAP_M for f in laps) >= 19
+    assert not sum(wrong(f) for f in laps)
+    rows = [driven(Facades.seeded(s, TERRACE_M), 0.9 * LAP_M, s, eye) for s in range(20)]
+    assert not any(closed(f) for f in rows)
+
+
+def blank() -> Sight:
+    return Sight(
+        np.zeros((1, 2), np.float32),
+        np.zeros((1, 128), np.uint8),
+        np.full((1, 3), 10, np.float32),
+        np.zeros((30, 40), np.float32),
+    )
+
+
+def chain(count: int) -> tuple[Node, ...]:
+    """Odometry with a turn of its own, and no loop."""
+    found, sight = list[Node](), blank()
+    for i in range(count):
+        pose = on_route(4.0 * i)
+        unsure = np.diag([1e-4 * i] * 3 + [1e-6 * i] * 3)
+        corrected = Similarity(1.0, pose)
+        found.append(Node(i, max(i - 1, 0), pose, unsure, 0.0, 4.0 * i, corrected, sight))
+    return tuple(found)
+
+
+def test_thinned_nodes_keep_what_was_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nodes_module, "MAX_NODES", 40)
+    monkeypatch.setattr(nodes_module, "RECENT", 8)
+    nodes = chain(60)
+    at = {n.time_ns: n for n in nodes}
+    loops = tuple(
+        Loop(a, b, Similarity(1.0, at[a].odometry.inverse() @ at[b].odometry), 1e-4 * np.eye(7))
+        for a, b in ((0, 30), (5, 31), (6, 32), (7, 33))
+    )
+    kept, moved = nodes[:34], loops
+    for node in nodes[34:]:
+        kept, moved = thinned((*kept, node), moved)
+    assert len(kept) == 40 and kept[0] is nodes[0] and kept[-8:] == nodes[-8:]
+    assert moved and {x.first_ns for x in moved} | {x.then_ns for x in moved} <= {n.time_ns for n in kept}
+    for edge in edges_of(kept, moved):
+        true = kept[edge.first].odometry.inverse() @ kept[edge.then].odometry
+        np.testing.assert_allclose(edge.first_from_then.pose.matrix, true.matrix, atol=1e-9)
+    steps = [step_between(b, n)[1][0, 0] for b, n in pairwise(kept)]
+    assert min(steps) > 0
+
+
+def test_between_nodes_the_correction_is_between_theirs() -> None:
+    nodes = chain(3)
+    shifted = [replace(n, corrected=Similarity(1.0 + i, n.corrected.pose)) for i, n in enumerate(nodes)]
+    found = Correction.of(Loops(tuple(shifted), (Loop(0, 2, Similarity(), np.eye(7)),)))
+    for node, corrected in zip(nodes, shifted, strict=True):
+        np.testing.assert_allclose(
+            found.applied(node.time_ns, node.odometry).translation, corrected.corrected.pose.translation, atol=1e-9
+        )
+    # A start that nothing joins to what was before takes nothing over from there.
+    alone = [*shifted[:2], replace(shifted[2], parent_ns=0)]
+    apart = Correction.of(Loops(tuple(alone), (Loop(0, 2, Similarity(), np.eye(7)),)))
+    assert apart.follows == (False, True, False)
+
+
+def test_all_poses_are_told_again_a_bounded_number_at_a_time() -> None:
+    loops, told = Loops(left=450, told=450), list[int]()
+    while loops.left:
+        loops, some = next_range(loops, 450)
+        assert len(some) <= AT_ONCE
+        told += some
+    assert sorted(told) == list(range(450))
+    # A loop in the middle of it: all are told once more, from where it was on, and around.
+    loops, some = next_range(Loops(left=450, told=450), 450)
+    loops, told = replace(loops, left=460), []
+    while loops.left:
+        loops, some = next_range(loops, 460)
+        told += some
+    assert set(told) == set(range(460))
+
+
+@pytest.mark.slow
+def test_a_rendered_lap_comes_back_to_its_start() -> None:
+    """The town at half size, 2 m between pairs: the same poses with loops off, and to 0.1 % of 541 m with them."""
+    rig, renderer = simulated_rig(0.5), Renderer(build_town(0))
+    on, off = (ModernStereoConfig(loops=loops).build(rig) for loops in (True, False))
+    state, plain = on.start(), off.start()
+    truth, shift = [], list[float]()
+    for i in range(int(1.06 * LAP_M / 2)):
+        pose = on_route(2.0 * i) @ Pose(translation=np.array([0.3 * np.sin(i / 9), -1.75, 0.0]))
+        truth.append(pose)
+        images = []
+        for name in ("left", "right"):
+            sharp = renderer.image(rig.camera(name), pose @ rig.rig_from(name), 1)
+            images.append(exposed(sharp, 1000 * i + len(name), NOISE_SIGMA))
+        pair = StereoPair(round(2e9 * i / SPEED_M_S), *images)
+        state, step = on.step(state, pair)
+        plain, other = off.step(plain, pair)
+        assert step.world_from_frame is not None and other.world_from_frame is not None
+        shift += [d.value for d in step.decisions if d.key == "loop_shift"]
+        if not shift:
+            assert np.array_equal(step.world_from_frame.matrix, other.world_from_frame.matrix)
+    assert shift
+    true = (truth[0].inverse() @ truth[-1]).translation
+    with_loops, without = (
+        float(np.linalg.norm(e.finish(s).translations[-1] - true)) for e, s in ((on, state), (off, plain))
+    )
+    assert with_loops < min(0.001 * 1.06 * LAP_M, without)
