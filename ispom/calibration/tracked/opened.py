@@ -12,7 +12,7 @@ from ispom.calibration.tracked.tracks import key_tracks
 from ispom.errors import InputError
 from ispom.types import Camera, Guess, Image, Sequence, VideoFrame
 
-MOST_IMAGES, MOST_VIEWS = 600, 30
+MOST_IMAGES, MOST_VIEWS = 600, 45
 BETTER = 0.8
 """Of the guess's standard deviation: a focal length that is no surer was not found."""
 SURE = 0.03
