@@ -12,14 +12,13 @@ from ispom.calibration.adjust.lens import MODELS, Model, as_model
 from ispom.calibration.adjust.problem import Estimate, Observations, Unknowns
 from ispom.calibration.adjust.solve import Solution, adjusted, solution, solve
 from ispom.calibration.adjust.start import start_of, with_views
-from ispom.calibration.clock import VIDEO, course_of, own_times, with_clock, with_video_placed
+from ispom.calibration.clock import VIDEO, own_times, with_clock, with_video_placed
 from ispom.calibration.detection import Detection
 from ispom.calibration.diagnostics.coverage import coverage
 from ispom.calibration.diagnostics.maps import difference_map, uncertainty_map
 from ispom.calibration.diagnostics.parameters import correlations, parameters
-from ispom.calibration.line_delay import with_line_delay
+from ispom.calibration.line_delay import Film, with_line_delay
 from ispom.calibration.models import Choice, Trial, chosen, trials_of
-from ispom.calibration.motion.course import NEIGHBOURS
 from ispom.calibration.pair import rectifying, require_order, row_error
 from ispom.calibration.result import Calibration, CameraResult, Clock, LineDelay, Redo, Rejected, Views
 from ispom.calibration.targets import Target
@@ -109,12 +108,10 @@ def _with_line_delay(
 ) -> tuple[Solution, LineDelay | None]:
     """By how the camera moved around its views."""
     assert views.times_ns is not None
-    zero = int(views.times_ns[0])
-    course = course_of(target, around, found.estimate.cameras[0], zero)
-    if len(course) < NEIGHBOURS:
-        return found, None
-    moves = course.at((views.times_ns[image_of] - zero) * 1e-9)
-    return with_line_delay(found, moves, np.arange(len(image_of)))
+    times_ns = views.times_ns[image_of]
+    zero_ns = int(times_ns[0])
+    film = Film.of(target, around, zero_ns)
+    return (found, None) if film is None else with_line_delay(found, film, (times_ns - zero_ns) * 1e-9)
 
 
 def _alone(

@@ -2,47 +2,91 @@
 
 How the board moved in each view, by the images right before and after it, says how far a corner went between the
 exposure of the middle row and that of its own (Ait-Aider et al. 2006; Oth et al. 2013). The delay that explains the
-residuals best is found by one linear step, in which interior and poses are free as well. Noise of the velocities would
-draw it towards 0 (Fuller 1987, section 1.2): what it adds to the normal equation is taken away again.
+residuals best is found by one linear step, in which interior and poses are free as well, and again with the corners of
+all images corrected by it. Noise of the velocities would draw it towards 0 (Fuller 1987, section 1.2): what it adds to
+the normal equation is taken away again.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
-from numpy.typing import NDArray
 
 from ispom.calibration.adjust.lens import projected
-from ispom.calibration.adjust.problem import Observations, normal_equations
+from ispom.calibration.adjust.problem import Observations, Unknowns, normal_equations
 from ispom.calibration.adjust.solve import Solution, adjusted, solution
-from ispom.calibration.motion.course import Between
-from ispom.calibration.result import LineDelay
+from ispom.calibration.adjust.start import with_views
+from ispom.calibration.motion.course import NEIGHBOURS, Course
+from ispom.calibration.result import LineDelay, Views
+from ispom.calibration.targets import Target
 from ispom.geometry import Array, skew
+from ispom.types import Camera
 
 ROUNDS = 3
-RELATIVE = 0.02
-"""Systematic error: over simulated films of a hand-held camera the delay comes out 1 to 2 % too small."""
+HUBER_SIGMAS = 3.0
 
 
-def with_line_delay(found: Solution, moves: Between, view_of: NDArray[np.int64]) -> tuple[Solution, LineDelay | None]:
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Images around the views, in which the board was seen."""
+
+    seen: Observations
+    """Views count these images."""
+    times_s: Array
+    """(N,) increasing."""
+
+    @staticmethod
+    def of(target: Target, around: Views, zero_ns: int) -> Film | None:
+        """Times count from `zero_ns`; None where the images are too few."""
+        assert around.times_ns is not None
+        good = [i for i, d in enumerate(around.detections) if not d.reason]
+        if len(good) < NEIGHBOURS:
+            return None
+        seen = Observations.of(target, [[around.detections[i] for i in good]])
+        return Film(seen, (around.times_ns[good] - zero_ns) * 1e-9)
+
+    def solved(self, camera: Camera, delay_s: float, before: Solution | None) -> Solution:
+        """The board's poses before the camera, with corners corrected by the delay as it moved `before`."""
+        if before is None:
+            seen, start = self.seen, with_views(camera, self.seen)
+        else:
+            rates, _ = self.moves(before, self.times_s)
+            seen = self.seen.with_uv(self.seen.uv - delay_s * _per_second(before, self.seen, rates))
+            start = replace(before.estimate, cameras=(camera,))
+        unknowns = Unknowns.all_of(start, interior=False)
+        return solution(adjusted(start, seen, unknowns, HUBER_SIGMAS), seen, unknowns)
+
+    def moves(self, solved: Solution, at_s: Array) -> tuple[Array, Array]:
+        """How the camera moved at times (V,): (V, 6) velocity [m/s] and angular velocity [rad/s] in its own frame, and
+        (V, 6, 6) their covariance, as left twists of camera_from_board; 0 where they are not known."""
+        poses = [solved.estimate.rig_from_board(v).inverse() for v in range(len(self.times_s))]
+        course = Course(self.times_s, np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))
+        between = course.at(at_s, one_sided=True)
+        own, _ = solved.view_uncertainties()
+        spread = np.einsum("vk,vkij->vij", between.slopes**2, own[between.index])
+        known = between.known
+        return np.where(known[:, None], between.rates, 0.0), np.where(known[:, None, None], spread, 0.0)
+
+
+def with_line_delay(found: Solution, film: Film, times_s: Array) -> tuple[Solution, LineDelay | None]:
     """Of one camera: the solution for its corners as a shutter that does not roll would have them, and the delay.
 
-    `moves` are those of the camera before the board at the times of views; `view_of` (E,) says which views. Without
-    views that move, nothing changes and the delay is None; nor does anything where it is not significant.
+    `times_s` (V,) are those of its views, counted as the film's. Without views that move, nothing changes and the delay
+    is None; nor does anything where it is not significant.
     """
-    rates = np.zeros((len(found.estimate.rotations), 6))
-    rates[view_of[moves.known]] = moves.rates[moves.known]
-    noise = np.zeros(len(rates))
-    noise[view_of[moves.known]] = (moves.slopes[moves.known] ** 2).sum(1)
-    if not rates.any():
-        return found, None
     height = found.estimate.cameras[0].height
     filmed, delay_s = found.seen, 0.0
-    best, told = found, LineDelay(0.0, np.inf, height)
+    best, told, around = found, LineDelay(0.0, np.inf, height), None
     for _ in range(ROUNDS):
+        around = film.solved(best.estimate.cameras[0], delay_s, around)
+        rates, covariance = film.moves(around, times_s)
+        if not rates.any():
+            return found, None
         shift = _per_second(best, filmed, rates)
-        step_s, error_s = _step(best, shift, _by_noise(best, noise))
+        step_s, error_s = _step(best, shift, _by_noise(best, covariance))
         delay_s += step_s
-        told = LineDelay(delay_s, float(np.hypot(error_s, RELATIVE * delay_s)), height)
+        told = LineDelay(delay_s, error_s, height)
         if not told.rolls:
             return found, told
         part = filmed.with_uv(filmed.uv - delay_s * shift)
@@ -60,25 +104,22 @@ def _per_second(found: Solution, filmed: Observations, rates: Array) -> Array:
     return rows * (projected(camera, in_camera)[1] @ moving[..., None])[..., 0]
 
 
-def _by_noise(found: Solution, noise: Array) -> float:
-    """What the noise of the velocities adds to the square of the shift, beside what the poses take up of it.
-
-    `noise` (V,) [1/s^2] is their variance in those of the poses, which are as uncertain around a view as in it.
-    """
+def _by_noise(found: Solution, covariance: Array) -> float:
+    """What the noise of the velocities, with covariance (V, 6, 6), adds to the square of the shift, beside what the
+    poses take up of it."""
     seen, estimate, camera = found.seen, found.estimate, found.estimate.cameras[0]
-    own, _ = found.view_uncertainties()
     _, in_camera = estimate.in_camera(seen, 0, np.ones(len(seen), bool))
     by_point = projected(camera, in_camera)[1] / seen.sigma_px[:, None, None]
     by_pose = np.concatenate([by_point, -by_point @ skew(in_camera)], axis=2)
     rows = seen.uv[:, 1] - (camera.height - 1) / 2
     total = 0.0
-    for v in np.flatnonzero(noise).tolist():
+    for v in np.flatnonzero(covariance.any((1, 2))).tolist():
         mine = seen.view == v
         if not mine.any():
             continue
         moves, shifts = by_pose[mine].reshape(-1, 6), (rows[mine, None, None] * by_pose[mine]).reshape(-1, 6)
         left = shifts - moves @ np.linalg.lstsq(moves, shifts, rcond=None)[0]
-        total += noise[v] * float(np.trace(own[v] @ (left.T @ left)))
+        total += float(np.trace(covariance[v] @ (left.T @ left)))
     return total
 
 

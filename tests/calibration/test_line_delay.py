@@ -84,3 +84,11 @@ def test_a_camera_that_stood_still_says_nothing() -> None:
     views, around = filmed(0.0, 0)
     apart = Views("video", around.size, around.images, around.detections, 10**10 * np.arange(len(around.images)))
     assert calibrate(TARGET, (views,), "radtan", around=apart).line_delay is None
+
+
+def test_without_noise_the_delay_is_nearly_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{__name__}.NOISE_PX", 0.001)
+    found = calibrated(30e-6)
+    assert found.line_delay is not None
+    assert found.line_delay.seconds == pytest.approx(30e-6, rel=0.003)
+    assert found.cameras[0].camera.fx == pytest.approx(CAMERA.fx, abs=0.02)

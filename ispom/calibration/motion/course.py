@@ -41,9 +41,15 @@ class Course:
         """The poses of a slice, boolean mask or index array."""
         return Course(self.times_s[index], self.rotations[index], self.positions[index])
 
-    def at(self, times_s: Array) -> Between:
-        """Poses at times (E,), by cubics through the four nearest."""
-        first = np.clip(np.searchsorted(self.times_s, times_s, side="right") - 2, 0, max(len(self) - NEIGHBOURS, 0))
+    def at(self, times_s: Array, one_sided: bool = False) -> Between:
+        """Poses at times (E,), by cubics through the four nearest; `one_sided`, by others around the time where an
+        interval between these is too long: at the ends of stretches."""
+        first = self._first(times_s, 0)
+        for shift in (1, -1, -2) if one_sided else ():
+            other = self._first(times_s, shift)
+            better = ~self._known(times_s, first[:, None] + np.arange(NEIGHBOURS))
+            better &= (self.times_s[other] <= times_s) & (times_s <= self.times_s[other + NEIGHBOURS - 1])
+            first = np.where(better, other, first)
         index = first[:, None] + np.arange(NEIGHBOURS)
         weights, slopes = _lagrange(self.times_s[index], times_s)
         base = self.rotations[index[:, 1]]
@@ -54,6 +60,11 @@ class Course:
         inverse = np.swapaxes(rotations, 1, 2)
         rates = np.concatenate([(inverse @ moves[..., None])[..., 0], np.einsum("ek,eki->ei", slopes, turns)], axis=1)
         return Between(rotations, positions, rates, index, weights, slopes, self._known(times_s, index))
+
+    def _first(self, times_s: Array, shift: int) -> NDArray[np.int64]:
+        """(E,) of the four about each time, or so many poses later."""
+        second = np.searchsorted(self.times_s, times_s, side="right") - 1
+        return np.clip(second - 1 + shift, 0, max(len(self) - NEIGHBOURS, 0))
 
     def _known(self, times_s: Array, index: NDArray[np.int64]) -> NDArray[np.bool_]:
         inside = (times_s >= self.times_s[0]) & (times_s <= self.times_s[-1])
