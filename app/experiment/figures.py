@@ -106,7 +106,7 @@ def _scales(axes: Axes, runs: Sequence[Drawn], seed: int, look: dict[str, Style]
         )
     axes.axhline(1, color=css(TRUTH), linewidth=2)
     axes.set(xlabel="share of the path [%]", ylabel="step scale", xlim=(0, 100))
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, max(1.1, axes.get_ylim()[1]))  # 1, the truth, is never on the frame
     axes.set_title(f"estimated over true length of steps{f', {seeds} seeds' if seeds > 1 else ''}", fontsize=9)
 
 
