@@ -82,6 +82,7 @@ def _camera(found: Calibration, each: CameraResult, c: int) -> dict[str, Any]:
         "model": model_of(camera), "width": camera.width, "height": camera.height,
         "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "distortion": camera.distortion,
         "models_held_out_px": {trial.model: trial.held_out_px for trial in each.trials},
+        "models_fx": {trial.model: trial.camera.fx for trial in each.trials},
         "images": len(each.views.images), "images_used": len(errors),
         "detections": {
             image: {"ids": d.ids.tolist(), "uv": d.uv.tolist(), "sigma_px": d.sigma_px.tolist()}

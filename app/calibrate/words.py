@@ -81,11 +81,11 @@ def parameter_words(parameter: Parameter) -> str:
 
 
 def model_words(each: CameraResult) -> str:
-    """The model that was chosen, beside the others."""
+    """The model that was chosen, beside the others: focal lengths compare within one model only."""
     from ispom.calibration.adjust.lens import model_of
 
-    tried = ", ".join(f"{trial.model} {trial.held_out_px:.3f}" for trial in each.trials)
-    return f"model {model_of(each.camera)} (error on views held out [px]: {tried})"
+    tried = "; ".join(f"{trial.model} {trial.held_out_px:.3f}, {trial.camera.fx:.1f}" for trial in each.trials)
+    return f"model {model_of(each.camera)} (error on views held out, and fx [px]: {tried})"
 
 
 def used_words(found: Calibration, each: CameraResult) -> str:

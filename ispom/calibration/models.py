@@ -39,6 +39,11 @@ class Trial:
     solution: Solution
     """From all views of the comparison."""
 
+    @property
+    def camera(self) -> Camera:
+        """As solved from these."""
+        return self.solution.estimate.cameras[0]
+
 
 def trials_of(seen: Observations, size: tuple[int, int], choice: Choice) -> tuple[Trial, ...]:
     """Every model that comes into question for a camera with images (width, height), or only the one that is asked."""
