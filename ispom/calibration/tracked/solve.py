@@ -86,6 +86,7 @@ class TrackedLens:
 def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> TrackedLens | None:
     """From a guess (without distortion) whose focal length is uncertain by this share; None where the tracks are too
     few, or make no scene."""
+    tracks = tracks.joined()
     if len(tracks.views) < LEAST_VIEWS or not tracks.points:
         return None
     width, height = tracks.size

@@ -29,6 +29,8 @@ SAME_PX = 3.0
 """So near are places of one corner that were found in two ways."""
 LEAST_VIEWS = 3
 """In which a corner must be seen to count."""
+LEAST_JOINED = 8
+"""Points by which a key frame is joined to those before it: with fewer its place is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,17 @@ class Tracks:
         """The observations in these views only; views and points keep their numbers."""
         mine = (self.view >= first) & (self.view < end)
         return replace(self, view=self.view[mine], point=self.point[mine], uv=self.uv[mine])
+
+    def joined(self) -> Tracks:
+        """The key frames up to the first one that is not joined to those before it, as after a jump or a bare wall."""
+        first = np.full(self.points, len(self.views))
+        np.minimum.at(first, self.point, self.view)
+        shared = np.bincount(self.view[self.view > first[self.point]], minlength=len(self.views))
+        apart = np.flatnonzero(shared[1:] < LEAST_JOINED)
+        if not len(apart):
+            return self
+        end = int(apart[0]) + 1
+        return replace(self.in_views(0, end), views=self.views[:end], images=self.images[:end])
 
     @property
     def points(self) -> int:

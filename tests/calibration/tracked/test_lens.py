@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,19 @@ def test_a_camera_on_a_tripod_tells_its_lens_by_its_turns() -> None:
 def test_a_straight_way_without_turns_leaves_the_focal_length_open() -> None:
     found = solved(tracks(3, straight))
     assert found.sigma[0] > 0.5 * SIGMA
+
+
+def test_views_after_a_jump_are_left_out() -> None:
+    whole = tracks(0, noise_px=0.0)
+    for end in (4, 10):
+        late = whole.view >= end
+        other = replace(whole, point=np.where(late, whole.point + whole.points, whole.point))
+        order = np.lexsort((other.view, other.point))
+        jumped = replace(other, point=other.point[order], view=other.view[order], uv=other.uv[order])
+        assert len(jumped.joined().views) == end
+        found = lens_of_tracks(jumped, guess(), SIGMA)
+        assert (found is None) == (end < 5)
+        assert found is None or (np.abs(values(found) - TRUTH) < [1e-3, 0.3, 0.3, 5e-3, 5e-3]).all()
 
 
 def test_halves_of_the_images_that_differ_make_it_less_sure() -> None:

@@ -15,14 +15,20 @@ from ispom.estimators.modern.monocular.start import MIN_POINTS, Start, poses_hel
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.geometry import Pose
+from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
+from ispom.solvers.multiview.zoom import turn_and_zoom
 from ispom.types import Decision, Status
 
 LEAVING_SHARE = 0.4
 """When fewer points of the first frame are left, a map is tried with what parallax there is, before all are gone."""
 LEAVING_PARALLAX = 0.25
 """Share of the usual parallax that such a map wants."""
+STAYING_SHARE = 0.25
+"""Share of the usual parallax that no turn and zoom of a camera that stays where it is may explain. Forward motion,
+which is most like a zoom, leaves 0.26 degrees or more of 1 on roads, on a board, and in simulated streets."""
+STAYING_NOISE = 2.0
+"""At least so many widths of the loss of it: in small images a share of the parallax is noise."""
 IMPATIENT = 3.0
 """With so many times the parallax wanted, the best map is taken, clearly the best or not: more will not tell."""
 
@@ -79,19 +85,34 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     held = Pose(start.base.rotation @ rotation.T, start.base.translation)
     frame = replace(frame, world_from_camera=held)
     waiting, settled = replace(start, frames=(*start.frames, frame)).limited()
-    found, decisions = None, ()
+    tests, waits = (moved,), not moved.passed
     if moved.passed:
-        found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
+        travelled = _travelled(x1, x2, sigma, min_parallax_rad)
+        tests, waits = (moved, travelled), not travelled.passed
+    if waits:
+        if not enough.passed:
+            return _restarted(start, frame, sigma, enough, tests)
+        tests = (*tests[:-1], replace(tests[-1], consequence="place held, waiting for parallax"))
+        return Progress(waiting, tests, held, settled=settled)
+    found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
-        return _restarted(start, frame, sigma, enough)
-    if not moved.passed:
-        moved = replace(moved, consequence="place held, waiting for parallax")
-        return Progress(waiting, (moved,), held, settled=settled)
-    return Progress(waiting, (moved, *decisions), None, found, settled)
+        return _restarted(start, frame, sigma, enough, (*tests, *decisions))
+    return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 
-def _restarted(start: Start, frame: TrackedFrame, sigma: float, few: Decision) -> Progress:
+def _travelled(x1: Array, x2: Array, sigma: float, min_parallax_rad: float) -> Decision:
+    """Whether points (N, 2) in two frames show that the camera travelled, and did not only turn and zoom."""
+    staying = turn_and_zoom(x1, x2, TURN_LOSS * sigma)
+    left = float(np.median(staying.distances(x1, x2)))
+    needed = max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * sigma)
+    because = f"zoom {staying.zoom:.3f}, focal length {staying.focal:.0%} of the camera's"
+    return checks.TRAVEL.of(np.degrees(left), np.degrees(needed), because)
+
+
+def _restarted(
+    start: Start, frame: TrackedFrame, sigma: float, few: Decision, others: tuple[Decision, ...] = ()
+) -> Progress:
     """Too few of the reference's points are left: this frame becomes the reference."""
     new, base = start.restarted(frame, sigma)
     few = replace(few, consequence="begins again from here")
-    return Progress(new, (few,), base, settled=poses_held(start.frames))
+    return Progress(new, (*others, few), base, settled=poses_held(start.frames))

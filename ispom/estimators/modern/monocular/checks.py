@@ -117,6 +117,15 @@ START_PARALLAX = Check(
     passes="A map is tried: moved {value} degrees since the first frame, {threshold} are enough.",
     fails="No map: moved {value} of {threshold} degrees since the first frame.",
 )
+TRAVEL = Check(
+    "travel",
+    "motion besides a turn and a zoom",
+    "requirement",
+    FIRST_MAP,
+    unit="deg",
+    passes="The camera travelled: no turn and zoom explains {value} degrees of the motion, {threshold} are needed.",
+    fails="No map: a turn and a zoom explain all but {value} degrees of the motion, {threshold} are needed.",
+)
 PLANE_SHARE = Check(
     "plane_share",
     "share of points that a plane explains",
@@ -212,6 +221,7 @@ CHECKS = by_key(
     FOCAL_LENGTH,
     START_POINTS,
     START_PARALLAX,
+    TRAVEL,
     PLANE_SHARE,
     MAPS,
     MODEL,

@@ -1,0 +1,95 @@
+"""The turn and zoom that explain most of an image motion: the infinite homography of a camera that does not travel.
+
+Hartley & Zisserman 2004, 8.4 and 19.6: images of a camera that turns and zooms about its centre are related by
+K2 R K1^-1. As focal lengths may be known by a guess only, that of the first image is found as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.geometry import Array, so3_exp
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.solvers.multiview.rotation import dominant_rotation
+
+FOCAL_FACTORS = (1.0, 0.7, 1.4)
+"""First values of the focal length, as shares of the given one."""
+FOCAL_RANGE = (0.55, 1.8)
+"""It stays within: two standard deviations (30 % each) of a guess to either side. A longer one would explain any shift
+of a plane."""
+ITERATIONS, TOLERANCE = 20, 1e-4
+"""Steps, at most, and the relative decrease of the cost that ends them: nothing is computed from the result but a
+median distance."""
+NUDGE = 1e-6
+"""Step of the derivative by the focal length's logarithm."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurnAndZoom:
+    """A camera that stays where it is."""
+
+    rotation: Array
+    """(3, 3) second_from_first."""
+    zoom: float
+    """Focal length of the second image over that of the first."""
+    focal: float
+    """That of the first over the given one."""
+
+    def moved(self, x: Array) -> Array:
+        """Where points (N, 2) of the first image are seen in the second, both in coordinates by the given camera."""
+        seen = _turned(self.rotation, x / self.focal)
+        return self.focal * self.zoom * seen[:, :2] / seen[:, 2:]
+
+    def distances(self, x1: Array, x2: Array) -> Array:
+        """(N,) between that and where they are."""
+        return np.linalg.norm(self.moved(x1) - x2, axis=1)
+
+
+def turn_and_zoom(x1: Array, x2: Array, scale: float) -> TurnAndZoom:
+    """The best one for normalised coordinates (N, 2) in two images, N >= 3, by the median distance.
+
+    Robust least squares (Cauchy, of width `scale` in normalised units) over rotation, zoom and focal length.
+    """
+    found = [_fitted(x1, x2, scale, focal) for focal in FOCAL_FACTORS]
+    return min(found, key=lambda each: float(np.median(each.distances(x1, x2))))
+
+
+def _fitted(x1: Array, x2: Array, scale: float, focal: float) -> TurnAndZoom:
+    """Levenberg-Marquardt from the dominant rotation without a zoom."""
+
+    def cost(values: TurnAndZoom) -> float:
+        return float(np.log1p((values.distances(x1, x2) / scale) ** 2).sum())
+
+    def stepped(values: TurnAndZoom, damping: float) -> TurnAndZoom:
+        at = values.moved(x1)
+        error = x2 - at
+        weight = 1 / (1 + (error**2).sum(axis=1) / scale**2)
+        by = _derivatives(values, x1, at)
+        normal = np.einsum("n,nik,nil->kl", weight, by, by)
+        normal += damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(5)
+        step = np.linalg.solve(normal, np.einsum("n,nik,ni->k", weight, by, error))
+        zoom, longer = np.exp(np.clip(step[3:], -0.5, 0.5))
+        focal = float(np.clip(values.focal * longer, *FOCAL_RANGE))
+        return TurnAndZoom(so3_exp(step[:3]) @ values.rotation, values.zoom * float(zoom), focal)
+
+    start = TurnAndZoom(dominant_rotation(x1 / focal, x2 / focal, scale / focal), 1.0, focal)
+    return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
+
+
+def _derivatives(of: TurnAndZoom, x1: Array, at: Array) -> Array:
+    """(N, 2, 5) of the places by a left rotation, and by the logarithms of zoom and focal length."""
+    ray = _turned(of.rotation, x1 / of.focal)
+    x, y = (ray[:, :2] / ray[:, 2:]).T
+    one = np.ones_like(x)
+    by_rotation = np.stack([np.stack([-x * y, one + x * x, -y], 1), np.stack([-one - y * y, x * y, x], 1)], 1)
+    by_focal = (replace(of, focal=of.focal * (1 + NUDGE)).moved(x1) - at) / NUDGE
+    return np.concatenate([of.focal * of.zoom * by_rotation, at[:, :, None], by_focal[:, :, None]], axis=2)
+
+
+def _turned(rotation: Array, x: Array) -> Array:
+    """Rays (N, 3); of those that would end behind the camera z is that of the widest view."""
+    ray = x @ rotation[:, :2].T + rotation[:, 2]
+    ray[:, 2] = np.maximum(ray[:, 2], 1e-3)
+    return ray

@@ -1,0 +1,56 @@
+"""A map begins where the camera travels; where it pans or zooms, its place is held."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.monocular.begin import Progress, advance
+from ispom.estimators.modern.monocular.start import Start
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.geometry import Array, Pose, so3_exp
+from ispom.types import Decision
+
+SIGMA, NOISE = 1e-3, 4e-4
+FRAMES = 20
+
+
+def progress(moved: list[tuple[Pose, float]], focal: float = 1.0) -> tuple[Progress, list[dict[str, Decision]]]:
+    """After frames by these poses camera_from_world and zooms, with a camera of another focal length than given."""
+    rng = np.random.default_rng(0)
+    xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 7), (200, 3))
+    found, said = Progress(Start(), (), None), list[dict[str, Decision]]()
+    for i, (pose, zoom) in enumerate(moved):
+        x = focal * zoom * _seen(pose.apply(xyz)) + rng.normal(0, NOISE, (200, 2))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(200), x), SIGMA, np.radians(1.0))
+        said.append({d.key: d for d in found.decisions})
+        if found.map is not None:
+            break
+    return found, said
+
+
+def _seen(p: Array) -> Array:
+    return p[:, :2] / p[:, 2:]
+
+
+def panned(by_rad: float) -> Pose:
+    return Pose(so3_exp(np.array([0.1 * by_rad, by_rad, 0.0])), np.zeros(3))
+
+
+@pytest.mark.parametrize("focal", [1.0, 0.7, 1.4])
+def test_a_pan_makes_no_map_even_by_a_wrong_focal_length(focal: float) -> None:
+    found, said = progress([(panned(0.03 * i), 1.0) for i in range(FRAMES)], focal)
+    assert found.map is None and found.held is not None
+    if focal != 1.0:
+        assert said[-1]["start_parallax"].passed and not said[-1]["travel"].passed, "the turn alone looks like travel"
+
+
+def test_a_zoom_makes_no_map() -> None:
+    found, said = progress([(panned(0.005 * i), 1.02**i) for i in range(FRAMES)])
+    assert found.map is None and not said[-1]["travel"].passed
+
+
+@pytest.mark.parametrize("way", [(0.04, 0.0, 0.0), (0.0, 0.0, 0.15)])
+def test_travel_makes_one(way: tuple[float, float, float]) -> None:
+    found, said = progress([(Pose(np.eye(3), -i * np.array(way)), 1.0) for i in range(FRAMES)])
+    assert found.map is not None and said[-1]["travel"].passed
