@@ -14,19 +14,23 @@ def rotate(rotation: Array, x: Array) -> Array:
     return ray[:, :2] / np.maximum(ray[:, 2:], 1e-6)
 
 
-def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5) -> Array:
+def dominant_rotation(
+    x1: Array, x2: Array, scale: float, iterations: int = 5, weights: Array | None = None
+) -> Array:
     """second_from_first rotation (3, 3) that best maps rays (N, 2) to rays (N, 2), N >= 3: robust Wahba problem.
 
-    Rays that move otherwise (near points of a moving camera) lose their weight; `scale` in normalised units.
+    Rays that move otherwise (near points of a moving camera) lose their weight; `scale` in normalised units. `weights`
+    (N,) of the rays before that; all alike by default.
     """
     rays1, rays2 = _rays(x1), _rays(x2)
-    weight = np.ones(len(x1))
+    given = np.ones(len(x1)) if weights is None else weights
+    weight = given
     rotation = np.eye(3)
     for _ in range(iterations):
         w = np.sqrt(weight)[:, None]
         # Mirrored copies keep the centroids at the origin, so that Horn's method fits the rotation alone.
         rotation, _ = horn(np.concatenate([w * rays1, -w * rays1]), np.concatenate([w * rays2, -w * rays2]))
-        weight = 1 / (1 + ((rotate(rotation, x1) - x2) ** 2).sum(1) / scale**2)
+        weight = given / (1 + ((rotate(rotation, x1) - x2) ** 2).sum(1) / scale**2)
     return rotation
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.geometry import Array, so3_exp
+from ispom.numerics.area import weighted_median
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.solvers.multiview.rotation import dominant_rotation
 
@@ -47,25 +48,27 @@ class TurnAndZoom:
         return np.linalg.norm(self.moved(x1) - x2, axis=1)
 
 
-def turn_and_zoom(x1: Array, x2: Array, scale: float) -> TurnAndZoom:
-    """The best one for normalised coordinates (N, 2) in two images, N >= 3, by the median distance.
+def turn_and_zoom(x1: Array, x2: Array, scale: float, weights: Array | None = None) -> TurnAndZoom:
+    """The best one for normalised coordinates (N, 2) in two images, N >= 3, by the (weighted) median distance.
 
-    Robust least squares (Cauchy, of width `scale` in normalised units) over rotation, zoom and focal length.
+    Robust least squares (Cauchy, of width `scale` in normalised units) over rotation, zoom and focal length, each point
+    with its weight (N,).
     """
-    found = [_fitted(x1, x2, scale, focal) for focal in FOCAL_FACTORS]
-    return min(found, key=lambda each: float(np.median(each.distances(x1, x2))))
+    weights = np.ones(len(x1)) if weights is None else weights
+    found = [_fitted(x1, x2, scale, focal, weights) for focal in FOCAL_FACTORS]
+    return min(found, key=lambda each: weighted_median(each.distances(x1, x2), weights))
 
 
-def _fitted(x1: Array, x2: Array, scale: float, focal: float) -> TurnAndZoom:
+def _fitted(x1: Array, x2: Array, scale: float, focal: float, weights: Array) -> TurnAndZoom:
     """Levenberg-Marquardt from the dominant rotation without a zoom."""
 
     def cost(values: TurnAndZoom) -> float:
-        return float(np.log1p((values.distances(x1, x2) / scale) ** 2).sum())
+        return float(weights @ np.log1p((values.distances(x1, x2) / scale) ** 2))
 
     def stepped(values: TurnAndZoom, damping: float) -> TurnAndZoom:
         at = values.moved(x1)
         error = x2 - at
-        weight = 1 / (1 + (error**2).sum(axis=1) / scale**2)
+        weight = weights / (1 + (error**2).sum(axis=1) / scale**2)
         by = _derivatives(values, x1, at)
         normal = np.einsum("n,nik,nil->kl", weight, by, by)
         normal += damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(5)
@@ -74,7 +77,7 @@ def _fitted(x1: Array, x2: Array, scale: float, focal: float) -> TurnAndZoom:
         focal = float(np.clip(values.focal * longer, *FOCAL_RANGE))
         return TurnAndZoom(so3_exp(step[:3]) @ values.rotation, values.zoom * float(zoom), focal)
 
-    start = TurnAndZoom(dominant_rotation(x1 / focal, x2 / focal, scale / focal), 1.0, focal)
+    start = TurnAndZoom(dominant_rotation(x1 / focal, x2 / focal, scale / focal, weights=weights), 1.0, focal)
     return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
 
 

@@ -54,3 +54,17 @@ def test_a_zoom_makes_no_map() -> None:
 def test_travel_makes_one(way: tuple[float, float, float]) -> None:
     found, said = progress([(Pose(np.eye(3), -i * np.array(way)), 1.0) for i in range(FRAMES)])
     assert found.map is not None and said[-1]["travel"].passed
+
+
+def test_a_toy_full_of_corners_before_a_still_background_makes_none() -> None:
+    rng = np.random.default_rng(1)
+    toy, wall = rng.uniform((-0.3, -0.3, 2), (0.3, 0.3, 2.5), (200, 3)), rng.uniform((-2, -1.5, 5), (2, 1.5, 7), (90, 3))
+    found = Progress(Start(), (), None)
+    for i in range(FRAMES):
+        waved = Pose(so3_exp(np.array([0.0, 0.01 * i, 0.0])), np.array([0.03 * i, 0.0, 0.0]))
+        x = np.concatenate([_seen(waved.apply(toy)), _seen(wall)]) + rng.normal(0, NOISE, (290, 2))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, np.arange(290), x), SIGMA, np.radians(1.0))
+        assert found.map is None
+    said = {d.key: d for d in found.decisions}
+    assert said["start_parallax"].passed and not said["travel"].passed
+    assert said["second_motion"].value > 0.5 and not said["second_motion"].passed

@@ -10,12 +10,14 @@ from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.first_map import first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
-from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
+from ispom.estimators.modern.monocular.second_motion import second_motion
+from ispom.estimators.modern.monocular.setup import MOVING, TURN_LOSS, Setup
 from ispom.estimators.modern.monocular.start import MIN_POINTS, Start, poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
+from ispom.numerics.area import area_weights, weighted_median
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.solvers.multiview.zoom import turn_and_zoom
 from ispom.types import Decision, Status
@@ -87,12 +89,12 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     waiting, settled = replace(start, frames=(*start.frames, frame)).limited()
     tests, waits = (moved,), not moved.passed
     if moved.passed:
-        travelled = _travelled(x1, x2, sigma, min_parallax_rad)
-        tests, waits = (moved, travelled), not travelled.passed
+        tests = (moved, *_travelled(x1, x2, sigma, min_parallax_rad))
+        waits = not tests[1].passed
     if waits:
         if not enough.passed:
             return _restarted(start, frame, sigma, enough, tests)
-        tests = (*tests[:-1], replace(tests[-1], consequence="place held, waiting for parallax"))
+        tests = (replace(tests[0], consequence="place held, waiting for parallax"), *tests[1:])
         return Progress(waiting, tests, held, settled=settled)
     found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
@@ -100,13 +102,19 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 
-def _travelled(x1: Array, x2: Array, sigma: float, min_parallax_rad: float) -> Decision:
-    """Whether points (N, 2) in two frames show that the camera travelled, and did not only turn and zoom."""
-    staying = turn_and_zoom(x1, x2, TURN_LOSS * sigma)
-    left = float(np.median(staying.distances(x1, x2)))
-    needed = max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * sigma)
+def _travelled(x1: Array, x2: Array, sigma: float, min_parallax_rad: float) -> tuple[Decision, ...]:
+    """Whether points (N, 2) in two frames show that the camera travelled, and did not only turn and zoom.
+
+    By area: something small that is full of corners and moves before a still background is no travel. Where there is
+    none, what moves all the same is told.
+    """
+    weights = area_weights(x1)
+    staying = turn_and_zoom(x1, x2, TURN_LOSS * sigma, weights)
+    distances = staying.distances(x1, x2)
+    left, needed = weighted_median(distances, weights), max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * sigma)
     because = f"zoom {staying.zoom:.3f}, focal length {staying.focal:.0%} of the camera's"
-    return checks.TRAVEL.of(np.degrees(left), np.degrees(needed), because)
+    travel = checks.TRAVEL.of(np.degrees(left), np.degrees(needed), because)
+    return (travel,) if travel.passed else (travel, second_motion(x1, x2, distances > MOVING * sigma, sigma))
 
 
 def _restarted(

@@ -16,8 +16,9 @@ LEAST = 20
 """Points left unexplained: of fewer no motion is told."""
 MOST_OF = 0.5
 """Share of these that one motion has to explain: an essential matrix explains a third of any points."""
-MARKED = 0.15
-"""Share of all points from which a second motion is a thing of its own and no few tracks gone astray."""
+MARKED = 0.1
+"""Share of all points from which a second motion is a thing of its own and no few tracks gone astray: with 200 points
+the least that is told of at all."""
 
 
 def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], sigma: float) -> Decision:
@@ -33,4 +34,5 @@ def second_motion(x1: Array, x2: Array, unexplained: NDArray[np.bool_], sigma: f
         found = relative_pose(rest1, rest2, sigma)
         count = max(count, 0 if found is None else int(found.inliers.sum()))
     share = count / len(x1) if count >= MOST_OF * len(rest1) else 0.0
-    return checks.SECOND_MOTION.of(share, MARKED)
+    tracks = f"{count} of {len(x1)} tracks, {len(rest1)} unexplained" if share else ""
+    return checks.SECOND_MOTION.of(share, MARKED, tracks)
