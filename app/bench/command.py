@@ -29,6 +29,7 @@ from .page.served import Served
 from .plan import CASES, Case, found_below
 from .row import Row
 from .soak import MIN_EXPOSURES, print_soak, scenarios
+from .starts import EVERY, print_starts, starts_found
 from .tables import print_blocks, print_case, print_unit
 
 ONE_THREAD = dict.fromkeys(
@@ -62,6 +63,8 @@ def bench(options: Bench) -> int:
         report["consistency"] = _consistency(console, options)
     elif options.gaps:
         report["gaps"] = _gaps(console, options)
+    elif options.starts:
+        report["starts"] = _starts(console, options)
     elif options.page:
         report["page"] = _page(console, options)
     elif options.soak:
@@ -118,6 +121,24 @@ def _gaps(console: Console, options: Bench) -> list[dict[str, Any]]:
                 continue
             print_gaps(console, gaps_found(found))
             measured += found
+    return measured
+
+
+def _starts(console: Console, options: Bench) -> list[dict[str, Any]]:
+    measured, cases = [], {c.key: c for c in CASES}
+    for key, every in EVERY.items():
+        found = found_below(cases[key], options.data) if key in cases else None
+        if key in cases and found is None:
+            console.print(f"{cases[key].title}: skipped, it is not in {options.data} (see --data)")
+            continue
+        source, last = (key, None) if found is None else (found.source, found.frames)
+        with _progress(f"monocular: started in {source}"):
+            rows = _child("starts", {"source": source, "last": last, "every": every})
+        if isinstance(rows, dict):
+            console.print(f"{source}: {rows['error']}")
+            continue
+        print_starts(console, starts_found(rows))
+        measured += rows
     return measured
 
 
@@ -209,6 +230,7 @@ def _about(options: Bench) -> dict[str, Any]:
         "blocks": [],
         "consistency": [],
         "gaps": [],
+        "starts": [],
         "soak": [],
         "page": {},
         "skipped": [],

@@ -31,6 +31,9 @@ class Bench:
     gaps: bool = False
     """Measure, instead of all else, whether monocular and stereo know where they are after 1-7 s without images, in
     which the camera may turn: in sim:city (three seeds), and in KITTI 06 where it is in --data."""
+    starts: bool = False
+    """Measure, instead of all else, whether the monocular method's first map is right, started at many places of
+    sim:city, sim:indoor and sim:tiny, and of KITTI 06, KITTI 00 and handheld_board where they are in --data."""
     soak: bool = False
     """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
     soak_exposures: int = 20_000

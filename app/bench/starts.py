@@ -24,6 +24,8 @@ from ispom.types import Exposure, Sequence, Status, Trajectory
 
 from .measure import ensemble_of
 
+EVERY = {"handheld": 5, "kitti-06": 1, "kitti-00": 5, "sim:tiny": 5, "sim:city": 6, "sim:indoor": 8}
+"""From one start to the next, in frames: of cases of the bench, and of whole simulations."""
 AFTER = 15
 """Frames after the first map that are judged with it."""
 LONGEST = 120
@@ -50,14 +52,14 @@ class Started:
         return self.outcome == "map" and not (self.error <= MOST_ERROR and self.turn_deg <= MOST_TURN_DEG)
 
 
-def starts(source: str, first: int, last: int, every: int) -> Iterator[Started]:
-    """At every such frame of the video."""
+def starts(source: str, last: int | None, every: int) -> Iterator[Started]:
+    """At every such frame of the video, of its first ones until `last` where that is given."""
     sequence = open_sequence(source)
     assert sequence.truth is not None
     truth = sequence.truth.moved(right=sequence.rig.rig_from_video, frame="video")
     video = [i for i, kind in enumerate(sequence.kinds) if kind == "video"]
     kept = dict[int, Exposure]()
-    for frame in range(first, min(last, len(video) - 2), every):
+    for frame in range(0, len(video[:last]) - 2, every):
         kept = {i: e for i, e in kept.items() if i >= video[frame]}
         yield _started(source, sequence, truth, video[frame:], frame, kept)
 
@@ -102,7 +104,7 @@ def starts_found(rows: list[dict[str, Any]]) -> list[Started]:
 def main(argument: str) -> None:
     task = json.loads(argument)
     cv2.setNumThreads(1)
-    found = starts(task["source"], task.get("first", 0), task.get("last", 1_000_000), task.get("every", 5))
+    found = starts(task["source"], task["last"], task["every"])
     sys.stdout.write(json.dumps([asdict(s) for s in found]) + "\n")
 
 

@@ -14,9 +14,7 @@ def rotate(rotation: Array, x: Array) -> Array:
     return ray[:, :2] / np.maximum(ray[:, 2:], 1e-6)
 
 
-def dominant_rotation(
-    x1: Array, x2: Array, scale: float, iterations: int = 5, weights: Array | None = None
-) -> Array:
+def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, weights: Array | None = None) -> Array:
     """second_from_first rotation (3, 3) that best maps rays (N, 2) to rays (N, 2), N >= 3: robust Wahba problem.
 
     Rays that move otherwise (near points of a moving camera) lose their weight; `scale` in normalised units. `weights`

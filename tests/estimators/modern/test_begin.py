@@ -58,7 +58,10 @@ def test_travel_makes_one(way: tuple[float, float, float]) -> None:
 
 def test_a_toy_full_of_corners_before_a_still_background_makes_none() -> None:
     rng = np.random.default_rng(1)
-    toy, wall = rng.uniform((-0.3, -0.3, 2), (0.3, 0.3, 2.5), (200, 3)), rng.uniform((-2, -1.5, 5), (2, 1.5, 7), (90, 3))
+    toy, wall = (
+        rng.uniform((-0.3, -0.3, 2), (0.3, 0.3, 2.5), (200, 3)),
+        rng.uniform((-2, -1.5, 5), (2, 1.5, 7), (90, 3)),
+    )
     found = Progress(Start(), (), None)
     for i in range(FRAMES):
         waved = Pose(so3_exp(np.array([0.0, 0.01 * i, 0.0])), np.array([0.03 * i, 0.0, 0.0]))
