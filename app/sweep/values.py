@@ -21,6 +21,8 @@ STEPS = 4
 """Values over a whole range, where nothing can be multiplied."""
 DIGITS = 2
 """Of a proposed number."""
+LONGEST = 30
+"""Characters of a number: what is longer may be more than any float."""
 WORDS = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
 
 
@@ -98,6 +100,8 @@ def _value(setting: Setting, word: str, flag: str) -> Value:
             return WORDS[word.lower()]
         if get_origin(setting.type) is Literal:
             return next(choice for choice in get_args(setting.type) if str(choice) == word)
+        if len(word) > LONGEST:
+            raise ValueError
         return setting.type(word)
     except (ValueError, KeyError, StopIteration):
         what = {bool: "on or off", int: "an integer", float: "a number"}.get(setting.type)

@@ -49,6 +49,7 @@ def test_the_proposal_is_around_the_value_that_the_setting_has() -> None:
         ("max_tracks", "100 110 120 130 140 150 160", "7 values"),
         ("max_tracks", "100, many", "stereo.max-tracks: 'many' is not an integer"),
         ("max_tracks", "100, 20", "--stereo.max-tracks is 20, give a value from 50 to 3000"),
+        ("max_tracks", "100, " + "9" * 4000, "9' is not an integer"),
         ("loss_px", "0.1, nan", "give a value from 0.05 to 5"),
         ("relocalise", "on, perhaps", "is not on or off"),
         ("no_such", "1, 2", "'no_such' is no setting of stereo that can be swept"),
