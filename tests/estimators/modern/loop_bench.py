@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,7 +62,9 @@ class Facades:
         words = _unit(np.abs(self.descriptors[seen] + 0.02 * rng.standard_normal((len(seen), 128))))
         xyz = np.column_stack([x, np.ones(len(x))]) * depth[:, None]
         looks = np.zeros((30, 40), np.float32)
-        return Sight(x.astype(np.float32), np.rint(255 * words).astype(np.uint8), xyz.astype(np.float32), looks)
+        return Sight(
+            x.astype(np.float32), np.rint(255 * words).astype(np.uint8), xyz.astype(np.float32), looks, depth=15.0
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,9 @@ def driven(facades: Facades, length_m: float, seed: int, eye: Eye = EYE, drift: 
             back = step.scaled(unit).inverse().adjoint
             covariance = back @ covariance @ back.T + np.diag((noise * [*[unit] * 3, 1, 1, 1]) ** 2)
         seen = world.seen_from(pose, rng)
-        seen = Sight(seen.x, seen.descriptors, (unit * seen.xyz).astype(np.float32), seen.looks)
+        if single:
+            # Its depths are met between nodes, from the odometry.
+            seen = replace(seen, xyz=np.full_like(seen.xyz, np.nan), depth=unit * seen.depth)
         window = {k: odometry[k] for k in range(max(i - 3, 0), i + 1)}
         variance = i * (0.004 * drift) ** 2 if single else 0.0
         key = KeyFrameSeen(i, odometry[-1], covariance, variance, window, lambda seen=seen: seen)

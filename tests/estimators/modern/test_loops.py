@@ -78,6 +78,7 @@ def blank() -> Sight:
         np.zeros((1, 128), np.uint8),
         np.full((1, 3), 10, np.float32),
         np.zeros((30, 40), np.float32),
+        10.0,
     )
 
 

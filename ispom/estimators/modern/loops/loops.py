@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.estimators.modern.loops.checks import LOOP_POINTS, LOOP_SHIFT, LOOP_VIEWS
+from ispom.estimators.modern.loops.depths import with_depths
 from ispom.estimators.modern.loops.find import (
     MAJORITY,
     PAIR_DRIFT,
@@ -87,7 +88,7 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
     """After an exposure, of which `key` is told where it was a key frame; `poses` were given so far."""
     drift = PAIR_DRIFT if eye.baseline else SINGLE_DRIFT
     if key is not None:
-        loops = _with_key(loops, key, drift)
+        loops = _with_key(loops, eye, key, drift)
     if not loops.waiting:
         return loops, ()
     first, then = node_at(loops.nodes, loops.waiting[0]), loops.nodes[-1]
@@ -106,13 +107,15 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
     return _closed(loops, same, drift, bool(eye.baseline), poses, (points, views))
 
 
-def _with_key(loops: Loops, key: KeyFrameSeen, drift: float) -> Loops:
+def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
     """With a node, where it is some way from the last one, and what that is to be compared with."""
     nodes = with_poses(loops.nodes, key.window)
     unsure = np.zeros((6, 6)) if key.covariance is None else key.covariance
     if not nodes:
         first = Similarity(1.0, key.world_from_camera)
-        node = Node(key.time_ns, key.time_ns, key.world_from_camera, unsure, 0.0, 0.0, first, key.sight())
+        node = Node(
+            key.time_ns, key.time_ns, key.world_from_camera, unsure, key.scale_variance, 0.0, first, key.sight()
+        )
         return replace(loops, nodes=(node,))
     before = [t for t in key.window if t < key.time_ns]
     # In a window that began anew nothing is before: then the way there is that of the blind start.
@@ -129,7 +132,8 @@ def _with_key(loops: Loops, key: KeyFrameSeen, drift: float) -> Loops:
         key.time_ns, parent.time_ns, key.world_from_camera, unsure, key.scale_variance, path, corrected, key.sight()
     )
     waiting = candidates(nodes, node, drift)
-    nodes, closed = thinned((*nodes, node), loops.closed)
+    nodes = (*nodes, node) if eye.baseline else with_depths(eye, (*nodes, node))
+    nodes, closed = thinned(nodes, loops.closed)
     kept = {n.time_ns for n in nodes}
     late = {n.time_ns for n in nodes[-WITHIN:]}
     proposed = tuple(p for p in loops.proposed if p.then_ns in late and p.first_ns in kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,20 @@ class Sight:
     """(N, 3) in the camera and the unit of then; NaN where the depth is not known."""
     looks: NDArray[np.float32]
     """See places.coarse."""
+    depth: float
+    """Of half of what is seen; nan where nothing is."""
 
     @staticmethod
-    def of(grey: Image, x: Array, descriptors: NDArray[np.float32], xyz: Array) -> Sight:
+    def of(
+        grey: Image, x: Array, descriptors: NDArray[np.float32], xyz: Array | None = None, depth: float | None = None
+    ) -> Sight:
+        """`depth` is that of half of the points (N, 3), where it is not told."""
         kept = np.rint(_FULL * descriptors).astype(np.uint8)
-        return Sight(x.astype(np.float32), kept, xyz.astype(np.float32), coarse(grey).astype(np.float32))
+        points = np.full((len(x), 3), np.nan, np.float32) if xyz is None else xyz.astype(np.float32)
+        if depth is None:
+            known = points[np.isfinite(points[:, 2]), 2]
+            depth = float(np.median(known)) if len(known) else float("nan")
+        return Sight(x.astype(np.float32), kept, points, coarse(grey).astype(np.float32), depth)
 
     def features(self, fx: float) -> sift.Features:
         """At the pixels of a camera without distortion, around its centre."""
@@ -41,13 +50,7 @@ class Sight:
     def with_depth(self) -> Sight:
         """Only what has a depth."""
         known = np.isfinite(self.xyz[:, 2])
-        return Sight(self.x[known], self.descriptors[known], self.xyz[known], self.looks)
-
-    @property
-    def depth(self) -> float:
-        """Of half of the points; nan without any."""
-        known = self.xyz[np.isfinite(self.xyz[:, 2]), 2]
-        return float(np.median(known)) if len(known) else float("nan")
+        return replace(self, x=self.x[known], descriptors=self.descriptors[known], xyz=self.xyz[known])
 
 
 @dataclass(frozen=True, eq=False)

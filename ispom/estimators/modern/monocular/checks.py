@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ispom.estimators.adjustment import ADJUSTED, BUNDLE_COST, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
+from ispom.estimators.modern.loops.checks import LOOP_CHECKS
 from ispom.types import Check, by_key
 
 LOCATED, FIRST_MAP = "Frame located?", "First map?"
@@ -15,6 +16,7 @@ STAGES = {
     "locate": "Finds the pose from the map's points, and compares each track with the image it was first seen in.",
     "key frame": "Adds the frame to the map with new points, adjusts the window, and drops what disagrees.",
     "new points": "Looks for corners where tracks are missing, at key frames, and keeps what the next frame needs.",
+    "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
 }
 """By their names in Step.seconds, in order."""
 
@@ -231,4 +233,5 @@ CHECKS = by_key(
     UNIT_POINTS,
     UNIT_FACTOR,
     UNIT_SPREAD,
+    *LOOP_CHECKS,
 )

@@ -11,6 +11,7 @@ from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens
 from ispom.estimators.modern.monocular.begin import begin
 from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
 from ispom.estimators.modern.monocular.covariance import LOSS
+from ispom.estimators.modern.monocular.loop import corrected, with_loops
 from ispom.estimators.modern.monocular.motion_model import coasted
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.start import poses_held
@@ -49,6 +50,8 @@ class ModernMonocularConfig:
     """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
     relocalise: bool = True
     """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
+    loops: bool = False
+    """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say."""
 
@@ -69,13 +72,13 @@ class ModernMonocular:
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
         held = poses_held(state.start.frames) if state.start is not None else ()
-        return Trajectory.of([*state.settled, *held, *current], "video")
+        return corrected(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
 
     def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:
         """One frame: follow the tracks, locate it in the map (or begin one), and look for new corners."""
         exposure = self._size.reduced(exposure)
         assert isinstance(exposure, VideoFrame)
-        setup, watch = self._setup, Stopwatch()
+        setup, watch, loops = self._setup, Stopwatch(), state.loops
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
         watch.lap("track")
         if state.map is None:
@@ -86,7 +89,11 @@ class ModernMonocular:
         fresh = corners_for(setup, outcome, new.grey)
         after = next_state(setup, state, outcome, new, fresh)
         watch.lap("new points")
-        return after, self._size.enlarged(as_step(state, after, outcome, exposure, fresh, watch.seconds))
+        step = as_step(state, after, outcome, exposure, fresh, watch.seconds)
+        if self.config.loops:
+            after, step = with_loops(setup, loops, after, outcome, new, step)
+            watch.lap("loops")
+        return after, self._size.enlarged(step)
 
     @property
     def _size(self) -> TrackedSize:

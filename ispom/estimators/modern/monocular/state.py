@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
@@ -35,6 +36,8 @@ class ModernMonocularState:
     """Poses that nothing will revise."""
     places: Places = Places()
     """Where a lost frame is looked for."""
+    loops: Loops = Loops()
+    """Where a way came back, and what follows for the poses; all else here is odometry without it."""
 
 
 @dataclass(frozen=True, eq=False)

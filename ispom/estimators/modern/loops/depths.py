@@ -1,0 +1,68 @@
+"""Depths of what one camera's sights show: met along epipolar lines between nodes, by the way that odometry says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.estimators.modern.loops.nodes import Node, node_at
+from ispom.estimators.modern.loops.sight import Eye
+from ispom.estimators.modern.places import MIN_ALIKE
+from ispom.geometry import Array, skew
+from ispom.solvers.multiview.inverse_depth import intersect
+
+OTHERS = 3
+"""Nodes before, from which a sight is met: three quarters of its depth away at most."""
+MAX_OFF, INLIER = 2.0, 4.0
+"""Deviations of a feature: from an epipolar line, and from the point where rays meet."""
+MIN_SIGNIFICANCE = 3.0
+"""Deviations of its inverse depth from which on a feature has one: far ones still say how the camera is turned."""
+
+
+def with_depths(eye: Eye, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+    """With those of the newest node's features; and of its parent's, where nothing was before that."""
+    newest, others = nodes[-1], list[Node]()
+    while len(others) < OTHERS:
+        parent = node_at(nodes, (others[-1] if others else newest).parent_ns)
+        if parent is newest or (others and parent is others[-1]):
+            break
+        others.append(parent)
+    if not others:
+        return nodes
+    found = {newest.time_ns: _met(eye, newest, others)}
+    if not np.isfinite(others[0].sight.xyz).any():
+        found[others[0].time_ns] = _met(eye, others[0], [newest])
+    return tuple(found.get(n.time_ns, n) for n in nodes)
+
+
+def _met(eye: Eye, node: Node, others: list[Node]) -> Node:
+    """With the points that it has in common with the others."""
+    sight = node.sight
+    seen = [sight.x.astype(float), *(_seen(eye, node, other) for other in others)]
+    stacked = np.stack(seen)
+    owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
+    poses = [n.odometry.inverse() for n in (node, *others)]
+    turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
+    found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), eye.sigma)
+    good = (found.depth > 0) & (found.worst < INLIER * eye.sigma) & (found.significance > MIN_SIGNIFICANCE)
+    xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), np.nan).astype(np.float32)
+    return replace(node, sight=replace(sight, xyz=xyz))
+
+
+def _seen(eye: Eye, node: Node, other: Node) -> Array:
+    """(N, 2) normalised, where another node has a node's features: the most alike on their epipolar lines, or NaN."""
+    here, there = node.sight.features(eye.fx), other.sight.features(eye.fx)
+    motion = other.odometry.inverse() @ node.odometry
+    rays = np.column_stack([node.sight.x, np.ones(len(here))])
+    lines = rays @ (skew(motion.translation) @ motion.rotation).T
+    lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
+    alike = here.descriptors @ there.descriptors.T
+    off = np.abs(lines @ np.column_stack([other.sight.x, np.ones(len(there))]).T)
+    alike[off >= MAX_OFF * eye.sigma] = -1
+    out = np.full((len(here), 2), np.nan)
+    if len(there):
+        best = alike.argmax(axis=1)
+        found = alike[np.arange(len(alike)), best] > MIN_ALIKE
+        out[found] = other.sight.x[best[found]]
+    return out

@@ -1,0 +1,89 @@
+"""Loops of the monocular estimator: what its key frames show, and its Steps as they are with the loops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.loops.checks import LOOP_SHIFT
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, Loops, covariance_at, seen_again
+from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
+from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.recognise import FEATURE_ERROR
+from ispom.estimators.modern.monocular.setup import Setup
+from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.frontends import sift
+from ispom.geometry import Pose
+from ispom.types import Image, Step, Trajectory
+
+
+def with_loops(
+    setup: Setup, loops: Loops, after: ModernMonocularState, outcome: Outcome, new: NewImage, step: Step
+) -> tuple[ModernMonocularState, Step]:
+    """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
+    eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma), None
+    if outcome.key_frame and after.map is not None:
+        key = _key_frame_seen(setup, after, after.map, outcome, new.grey)
+    loops, decisions = seen_again(loops, eye, key, len(after.settled))
+    step = replace(step, decisions=(*step.decisions, *decisions))
+    if loops.closed:
+        loops, step = _corrected(loops, after, step)
+    return replace(after, loops=loops), step
+
+
+def corrected(loops: Loops, poses: Trajectory) -> Trajectory:
+    """All poses with the loops."""
+    return Correction.of(loops).of_trajectory(poses) if loops.closed else poses
+
+
+def _corrected(loops: Loops, after: ModernMonocularState, step: Step) -> tuple[Loops, Step]:
+    newest, correction = loops.correction, Correction.of(loops)
+    seen, again = next_range(loops, len(after.settled))
+    earlier = after.settled.part(again.start, again.stop)
+    if after.map is not None and any(d.key == LOOP_SHIFT.key for d in step.decisions):
+        earlier += after.map.trajectory()
+    earlier = [(t, pose) for t, pose in earlier if t < step.time_ns]
+    revised = Trajectory.of([*earlier, *step.revised.items()], step.frame)
+    pose, covariance, scale_sigma = step.world_from_frame, None, step.scale_sigma
+    if pose is not None:
+        if step.covariance is not None:
+            variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
+            own = covariance_at(seen, pose, step.covariance, variance)
+            covariance = in_frame(own, Pose(), newest.scale)
+            scale_sigma = None if scale_sigma is None else float(np.sqrt(own[6, 6]))
+        pose = newest.apply_pose(pose)
+    return seen, replace(
+        step,
+        world_from_frame=pose,
+        covariance=covariance,
+        landmarks=landmarks_at(step.landmarks, newest),
+        revised=correction.of_trajectory(revised),
+        scale_sigma=scale_sigma,
+    )
+
+
+def _key_frame_seen(
+    setup: Setup, after: ModernMonocularState, world: Map, outcome: Outcome, grey: Image
+) -> KeyFrameSeen:
+    """The newest key frame of the map."""
+    window = {k.time_ns: pose for k, pose in zip(world.keys, world.poses, strict=True)}
+    newest, pose = world.keys[-1], world.poses[-1]
+    variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
+    sight = partial(_sight, Lens(setup.camera, world.extra), grey, _depth(world, pose))
+    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight)
+
+
+def _depth(world: Map, pose: Pose) -> float:
+    """Of half of the points that the newest key frame sees."""
+    known = world.known(world.keys[-1].ids)
+    near = pose.inverse().apply(known[np.isfinite(known[:, 0])])[:, 2]
+    return float(np.median(near)) if len(near) else float("nan")
+
+
+def _sight(lens: Lens, grey: Image, depth: float) -> Sight:
+    found = sift.detect_and_describe(grey, FEATURES)
+    return Sight.of(grey, lens.normalise(found.uv), found.descriptors, depth=depth)
