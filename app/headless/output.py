@@ -13,9 +13,9 @@ from ispom.io.whole import replace_whole
 from ispom.sequences.address import without_secrets
 
 from ..run.events import Finished
-from ..run.folder.results import Results, in_frame, metrics_text
+from ..run.folder.results import Results, in_frame, metrics_text, trajectory_files
 from ..run.folder.run_file import run_file
-from ..run.folder.run_folder import CORRECTED_RIG, LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH, trajectory_file
+from ..run.folder.run_folder import CORRECTED_RIG, LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH
 from ..run.folder.statistics import RunStatistics
 from ..run.folder.thumbnail import thumbnail
 from ..run.model.corrections import CorrectionMemory, corrected_text
@@ -55,7 +55,8 @@ def write_results(
     playback, sequence = job.playback, job.playback.sequence
     for method in job.methods:
         found = in_frame(finished.trajectories[method], sequence.rig, job.options.frame, playback.unit_m(method))
-        job.folder.write(trajectory_file(method), tum_text(found))
+        for name, text in trajectory_files(method, found, statistics.starts_ns.get(method, [])):
+            job.folder.write(name, text)
     end_ns = int(sequence.times_ns[-1])
     results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)
     job.folder.write(METRICS, metrics_text(results, job.methods, statistics))

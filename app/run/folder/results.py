@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from ispom.evaluation import metrics
+from ispom.io.tum import tum_text
 from ispom.methods import method as registered
 from ispom.types import Frame, Rig, Trajectory
 
+from .run_folder import segment_file, trajectory_file
 from .statistics import RunStatistics
 
 
@@ -66,8 +68,16 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
     return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
 
 
+def trajectory_files(method: str, trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[tuple[str, str]]:
+    """Names and contents: all poses, and where segments begin, the poses of each by itself."""
+    yield trajectory_file(method), tum_text(trajectory)
+    segments = list(_segments(trajectory, starts_ns))
+    for number, segment in enumerate(segments if len(segments) > 1 else (), 1):
+        yield segment_file(method, number), tum_text(segment)
+
+
 def _segments(trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[Trajectory]:
-    """The parts between the starts that have poses."""
+    """The parts that no observation joins to each other: those between the starts that have poses."""
     for begin, end in pairwise([*starts_ns, np.iinfo(np.int64).max]):
         part = trajectory.select((trajectory.times_ns >= begin) & (trajectory.times_ns < end))
         if len(part):

@@ -30,6 +30,11 @@ def trajectory_file(method: str) -> str:
     return f"{method}.tum"
 
 
+def segment_file(method: str, number: int | str) -> str:
+    """Of the poses of one segment, from 1; only where a trajectory has several."""
+    return f"{method}_segment_{number}.tum"
+
+
 class RunFolder:
     """Where one run is written to, by one process. Every file appears whole or not at all; the marker goes last."""
 
@@ -147,7 +152,13 @@ def _require_free(path: Path) -> list[Path]:
         raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
     own = {MARKER, RUN, RIG, CORRECTED_RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, THUMBNAIL}
     own |= set(map(trajectory_file, names()))
-    foreign = [e for e in present if (e.name not in own and not e.name.startswith(PART)) or not e.is_file()]
+    segments = [segment_file(method, "*") for method in names()]
+    foreign = [
+        entry
+        for entry in present
+        if not entry.is_file()
+        or not (entry.name in own or entry.name.startswith(PART) or any(map(entry.match, segments)))
+    ]
     if foreign:
         raise InputError(
             f"{path} holds more than an incomplete run ({foreign[0].name}): give a new or empty folder as --out"

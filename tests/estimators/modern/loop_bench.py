@@ -82,8 +82,13 @@ class Driven:
         return tuple(float(np.linalg.norm(p.translation - true)) for p in (self.odometry[-1], found))  # type: ignore
 
 
-def driven(facades: Facades, length_m: float, seed: int, eye: Eye = EYE, drift: float = 1.0) -> Driven:
-    """Along the route, with key frames STEP_M apart; of one camera (no baseline) the unit drifts as well."""
+def driven(
+    facades: Facades, length_m: float, seed: int, eye: Eye = EYE, drift: float = 1.0, blind_at: int = -1
+) -> Driven:
+    """Along the route, with key frames STEP_M apart; of one camera (no baseline) the unit drifts as well.
+
+    At node `blind_at` nothing joins it to those before: it is put 3 m beside, and known to 3 m.
+    """
     rng = np.random.default_rng([seed, 7])
     truth = [on_route(along) for along in np.arange(0.0, length_m, STEP_M)]
     truth = [truth[0].inverse() @ pose for pose in truth]
@@ -97,14 +102,18 @@ def driven(facades: Facades, length_m: float, seed: int, eye: Eye = EYE, drift: 
         if i:
             unit *= float(np.exp(0.004 * drift * rng.standard_normal())) if single else 1.0
             step = (truth[i - 1].inverse() @ pose) @ Pose.exp(noise * rng.standard_normal(6))
+            if i == blind_at:
+                step = step @ Pose(translation=np.array([3.0, 0.0, 0.0]))
             odometry.append(odometry[-1] @ step.scaled(unit))
             back = step.scaled(unit).inverse().adjoint
             covariance = back @ covariance @ back.T + np.diag((noise * [*[unit] * 3, 1, 1, 1]) ** 2)
+        if i == blind_at:
+            covariance = covariance + np.diag([3.0**2] * 3 + [1e-4] * 3)
         seen = world.seen_from(pose, rng)
         if single:
             # Its depths are met between nodes, from the odometry.
             seen = replace(seen, xyz=np.full_like(seen.xyz, np.nan), depth=unit * seen.depth)
-        window = {k: odometry[k] for k in range(max(i - 3, 0), i + 1)}
+        window = {k: odometry[k] for k in range(max(i - 3, 0, blind_at * (i >= blind_at)), i + 1)}
         variance = i * (0.004 * drift) ** 2 if single else 0.0
         key = KeyFrameSeen(i, odometry[-1], covariance, variance, window, lambda seen=seen: seen)
         loops, new = seen_again(loops, eye, key, i + 1)

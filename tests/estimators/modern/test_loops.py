@@ -41,6 +41,18 @@ def test_a_lap_ends_where_it_began(eye: Eye, seed: int) -> None:
     assert after < 0.001 * 1.06 * LAP_M < before
 
 
+def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays() -> None:
+    blind = 50
+    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, blind_at=blind)
+    assert closed(found) and found.ends[1] < 0.001 * 1.06 * LAP_M
+    off = {
+        n.time_ns: float(np.linalg.norm(n.corrected.pose.translation - found.truth[n.time_ns].translation))
+        for n in found.loops.nodes
+    }
+    assert max(off[t] for t in off if t >= blind) < 1.0, "of 3 m"
+    assert not Correction.of(found.loops).follows[sorted(off).index(blind)], "no pose is between the two stretches"
+
+
 def test_without_noise_the_way_between_two_sights_is_exact() -> None:
     rng = np.random.default_rng(0)
     facades = Facades.seeded(0)

@@ -13,7 +13,8 @@ from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Exposure, Frame, Sequence, Status, Step, StereoPair, VideoFrame
+from ispom.types import Exposure, Frame, Sequence, Status, Step, StereoPair, Tracks, VideoFrame
+from tests.alone import alone
 
 
 def walked(
@@ -111,6 +112,22 @@ def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
     assert [s.status for s in steps[60:]] == [*[Status.LOST] * 2, *[Status.TRACKING] * 4]
     assert not any(s.restarted for s in steps) and error_m[62:].max() < 0.05
     assert steps[62].key_frame, "only the map's adjustment says how sure it is of what a key frame showed long ago"
+
+
+def test_a_blind_start_of_stereo_is_told_by_the_integration_that_follows_it(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    begin_ns = [e for e in exposures if isinstance(e, StereoPair)][3].time_ns
+    ensemble, steps = alone("integrated", flight.rig), list[Step]()
+    state = ensemble.start()
+    for exposure in exposures:
+        if exposure.time_ns > begin_ns:
+            names = ("image",) if isinstance(exposure, VideoFrame) else ("left", "right")
+            exposure = replace(exposure, **{name: getattr(exposure, name)[::-1].copy() for name in names})  # noqa: PLW2901
+        state, step = ensemble.step(state, exposure)
+        steps.append(step)
+    told = [(s.restarted, s.parts[0].restarted) for s in steps if isinstance(s.parts[0].tracks.get("left"), Tracks)]
+    assert told.count((True, True)) == 1 and set(told) == {(True, True), (False, False)}
 
 
 def test_a_pose_by_points_that_the_last_key_frame_did_not_see_is_no_surer_than_that() -> None:

@@ -105,6 +105,8 @@ class ModernIntegrated:
         state, limits = limited(setup, state)
         state, decisions, revised, spline = adjusted(setup, state) if is_pair else (state, (), [], None)
         watch.lap("adjust")
+        # Poses hang on stereo's where it is followed, else on points: a blind start of the one is that of both, or not.
+        restarted = is_pair and part.restarted and (found is None or self.config.follow_stereo)
         pose, covariance, landmarks = None, None, Landmarks.empty()
         if status == Status.TRACKING:
             onto = stereo_from_window(setup, state)
@@ -124,6 +126,7 @@ class ModernIntegrated:
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
             decisions=(*limits, *decisions),
             parts=(part,),
+            restarted=restarted,
             calibration=_calibration(state.window),
             spline=spline.moved(stereo_from_window(setup, state)) if spline is not None else None,
         )

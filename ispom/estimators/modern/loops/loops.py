@@ -126,10 +126,16 @@ def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
     near = length < APART_DEPTHS * parent.sight.depth and turn < APART_DEG
     if near and parent is nodes[-1] and before:
         return replace(loops, nodes=nodes)
-    corrected = parent.corrected @ Similarity(1.0, between)
-    path = nodes[-1].path + length
     node = Node(
-        key.time_ns, parent.time_ns, key.world_from_camera, unsure, key.scale_variance, path, corrected, key.sight()
+        key.time_ns,
+        parent.time_ns,
+        key.world_from_camera,
+        unsure,
+        key.scale_variance,
+        nodes[-1].path + length,
+        parent.corrected @ Similarity(1.0, between),
+        key.sight(),
+        bool(before),
     )
     waiting = candidates(nodes, node, drift)
     nodes = (*nodes, node) if eye.baseline else with_depths(eye, (*nodes, node))

@@ -38,6 +38,8 @@ class Node:
     corrected: Similarity
     """world_from_node, with the loops."""
     sight: Sight
+    seen: bool = True
+    """Whether some observation joins it to its parent: else the way there is what a blind start holds possible."""
 
     @property
     def correction(self) -> Similarity:

@@ -28,7 +28,7 @@ class Correction:
     @staticmethod
     def of(loops: Loops) -> Correction:
         nodes = loops.nodes
-        parents = [False, *(n.parent_ns == b.time_ns for b, n in pairwise(nodes))]
+        parents = [False, *(n.seen and n.parent_ns == b.time_ns for b, n in pairwise(nodes))]
         return Correction(
             np.array([n.time_ns for n in nodes], np.int64), tuple(n.correction for n in nodes), tuple(parents)
         )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ispom_app.run.folder.results import Results, metrics_text, summary
+from ispom_app.run.folder.results import Results, metrics_text, summary, trajectory_files
+from ispom_app.run.folder.run_folder import RunFolder
 from ispom_app.run.folder.statistics import RunStatistics
 
 from ispom.geometry import Pose
@@ -44,3 +46,17 @@ def test_a_stretch_that_nothing_joins_is_measured_by_itself() -> None:
     assert all(s["ate_m"] < 1e-9 for s in segments) and report["methods"]["monocular"]["ate_m"] > 0.1
     assert "2 segments that nothing joins" in summary(report)
     assert "segments" not in told(Status.TRACKING, restarted=False)["methods"]["monocular"]
+
+
+def test_stretches_that_nothing_joins_have_files_of_their_own(tmp_path: Path) -> None:
+    written = dict(trajectory_files("monocular", way(2.0), [0, FROM]))
+    assert list(written) == ["monocular.tum", "monocular_segment_1.tum", "monocular_segment_2.tum"]
+    parts = [written[name].splitlines()[-FROM:] for name in list(written)[1:]]
+    assert [line for part in parts for line in part] == written["monocular.tum"].splitlines()[-COUNT:]
+    assert list(dict(trajectory_files("monocular", way(0.0), [0]))) == ["monocular.tum"]
+    # A run that was killed leaves them in a folder that the next one may use.
+    with RunFolder(tmp_path / "run") as folder:
+        for name, text in written.items():
+            folder.write(name, text)
+    with RunFolder(tmp_path / "run"):
+        assert not list((tmp_path / "run").glob("*.tum"))
