@@ -101,7 +101,7 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
     loop = Loop(first.time_ns, then.time_ns, way.first_from_then, way.covariance)
     loops = replace(loops, proposed=(*loops.proposed, loop), waiting=())
     same = agreeing(loops.nodes, loops.proposed, loop, drift)
-    views = LOOP_VIEWS.of(len(same), max(VIEWS, MAJORITY * len(loops.proposed)))
+    views = LOOP_VIEWS.of(len(same), max(VIEWS, np.ceil(MAJORITY * len(loops.proposed))))
     if not views.passed:
         return loops, (points, views)
     return _closed(loops, same, drift, bool(eye.baseline), poses, (points, views))
