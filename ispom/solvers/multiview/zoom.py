@@ -55,12 +55,16 @@ def turn_and_zoom(x1: Array, x2: Array, scale: float, weights: Array | None = No
     with its weight (N,).
     """
     weights = np.ones(len(x1)) if weights is None else weights
-    found = [_fitted(x1, x2, scale, focal, weights) for focal in FOCAL_FACTORS]
+    begun = [TurnAndZoom(np.eye(3), 1.0, 1.0)]  # on a tripod, whatever else moves
+    for focal in FOCAL_FACTORS:
+        rotation = dominant_rotation(x1 / focal, x2 / focal, scale / focal, weights=weights)
+        begun.append(TurnAndZoom(rotation, 1.0, focal))
+    found = [_fitted(start, x1, x2, scale, weights) for start in begun]
     return min(found, key=lambda each: weighted_median(each.distances(x1, x2), weights))
 
 
-def _fitted(x1: Array, x2: Array, scale: float, focal: float, weights: Array) -> TurnAndZoom:
-    """Levenberg-Marquardt from the dominant rotation without a zoom."""
+def _fitted(start: TurnAndZoom, x1: Array, x2: Array, scale: float, weights: Array) -> TurnAndZoom:
+    """Levenberg-Marquardt."""
 
     def cost(values: TurnAndZoom) -> float:
         return float(weights @ np.log1p((values.distances(x1, x2) / scale) ** 2))
@@ -77,7 +81,6 @@ def _fitted(x1: Array, x2: Array, scale: float, focal: float, weights: Array) ->
         focal = float(np.clip(values.focal * longer, *FOCAL_RANGE))
         return TurnAndZoom(so3_exp(step[:3]) @ values.rotation, values.zoom * float(zoom), focal)
 
-    start = TurnAndZoom(dominant_rotation(x1 / focal, x2 / focal, scale / focal, weights=weights), 1.0, focal)
     return minimise(start, cost, stepped, ITERATIONS, TOLERANCE).values
 
 

@@ -37,6 +37,14 @@ def test_what_moves_by_itself_does_not_matter() -> None:
     assert turn_and_zoom(x1, x2, SCALE).distances(x1, x2)[50:].max() < 0.1 * SCALE
 
 
+def test_a_still_background_is_found_behind_what_most_points_are_on() -> None:
+    x1 = seen(scene(), 1.0)
+    x2 = seen(scene() @ so3_exp(np.array([0.0, 0.3, 0.1])).T + (0.3, 0, 0.5), 1.0)
+    x2[:60] = x1[:60]
+    weights = np.where(np.arange(150) < 60, 3.0, 1.0)
+    assert turn_and_zoom(x1, x2, SCALE, weights).distances(x1, x2)[:60].max() < 0.1 * SCALE
+
+
 @pytest.mark.parametrize("way", [(0.5, 0, 0), (0, 0, 1.0)])
 def test_travel_is_not_explained(way: tuple[float, float, float]) -> None:
     x1, x2 = seen(scene(), 1.0), seen(scene() - way, 1.0)
