@@ -194,8 +194,12 @@ def _result(
     between = None
     if len(views) > 1 and halves is not None:
         between = halves[0].camera_from_rig[1] @ halves[1].camera_from_rig[1].inverse()
+    rig = rig_of(found.estimate, names)
+    if line_delay is not None and line_delay.rolls:
+        (name,) = names
+        rig = replace(rig, **{name: replace(rig.camera(name), line_delay_s=line_delay.seconds)})
     return Calibration(
-        target, cameras, found, image_of, rig_of(found.estimate, names), listed, correlations(found),
+        target, cameras, found, image_of, rig, listed, correlations(found),
         _rejections(views, seen, keep, image_of), rows, between, clock, line_delay,
         verdict(found, cameras, listed, rows, of_images, clock),
     )  # fmt: skip

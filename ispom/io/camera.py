@@ -1,6 +1,6 @@
 """Cameras as YAML: `width`, `height`, `fx`, `fy`, `cx`, `cy` [px] and perhaps `distortion` (OpenCV's coefficients).
 
-`model: fisheye` says that these are the four of a fisheye lens.
+`model: fisheye` says that these are the four of a fisheye lens, `line_delay_s` that the shutter rolls.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from ispom.types import Camera
 from ispom.types.camera import Lens
 
 SIZES, INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
+LINE_DELAY = "line_delay_s"
 MODELS = ("opencv", "pinhole", "fisheye")
+MAX_READOUT_S = 1.0
+"""From the first row of a rolling shutter to its last."""
 MAX_SIDE_PX = 32_766
 """OpenCV's remapping counts pixels in 16 bits."""
 MAX_PIXELS = 1 << 26
@@ -51,8 +54,18 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     counts = (0, 4) if lens == "fisheye" else (0, 4, 5, 8)
     distortion = finite_numbers(path, f"{where}distortion", values.get("distortion", []), counts)
     width, height = (int(found[key]) for key in SIZES)
-    camera = Camera(width, height, *(found[key] for key in INTRINSICS), distortion=tuple(distortion), lens=lens)
+    delay_s = finite_numbers(path, f"{where}{LINE_DELAY}", [values.get(LINE_DELAY, 0)], 1)[0]
+    if abs(delay_s) * height > MAX_READOUT_S:
+        limit = f"from the first row to the last are at most {MAX_READOUT_S:g} s"
+        raise InputError(f"{path}: {where}{LINE_DELAY} is {delay_s:g}, but {limit}: correct it")
+    intrinsics = [found[key] for key in INTRINSICS]
+    camera = Camera(width, height, *intrinsics, distortion=tuple(distortion), lens=lens, line_delay_s=delay_s)
     return usable(camera, f"{path}: {where.rstrip('.')}".rstrip(": "))
+
+
+def line_delay_entry(camera: Camera) -> dict[str, float]:
+    """What a file says of the shutter: nothing unless it rolls."""
+    return {LINE_DELAY: camera.line_delay_s} if camera.line_delay_s else {}
 
 
 def usable(camera: Camera, where: str) -> Camera:

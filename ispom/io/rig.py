@@ -10,7 +10,7 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.camera import INTRINSICS, SIZES, camera_of
+from ispom.io.camera import INTRINSICS, SIZES, camera_of, line_delay_entry
 from ispom.io.mapping import MAX_BYTES, finite_numbers, read_mapping
 from ispom.io.rows import read_text
 from ispom.types import Camera, Rig
@@ -57,6 +57,7 @@ def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
         **{key: getattr(camera, key) for key in SIZES},
         **{key: float(getattr(camera, key)) for key in INTRINSICS},
         "distortion": [float(v) for v in camera.distortion],
+        **line_delay_entry(camera),
         f"rig_from_{name}": _pose_entry(rig_from_camera),
     }
 

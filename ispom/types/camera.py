@@ -35,6 +35,8 @@ class Camera:
     """OpenCV's k1, k2, p1, p2[, k3[, k4, k5, k6]], or k1, k2, k3, k4 of a fisheye lens; empty for none."""
     lens: Lens = "opencv"
     """Perspective with radial and tangential distortion, or fisheye (equidistant; Kannala and Brandt 2006)."""
+    line_delay_s: float = 0.0
+    """Of a rolling shutter: by how much later each row is exposed than the one above it. Times are the middle row's."""
 
     @property
     def matrix(self) -> Array:
@@ -89,6 +91,7 @@ class Camera:
             fy=self.fy * sy,
             cx=(self.cx + 0.5) * sx - 0.5,
             cy=(self.cy + 0.5) * sy - 0.5,
+            line_delay_s=self.line_delay_s / sy,
         )
 
 

@@ -60,6 +60,7 @@ def test_the_delay_is_found_and_the_camera_without_it(delay_s: float) -> None:
     blind, found = calibrated(delay_s, told=False), calibrated(delay_s)
     delay = found.line_delay
     assert delay is not None and delay.rolls
+    assert found.rig.camera("video").line_delay_s == delay.seconds
     assert abs(delay.seconds - delay_s) < min(3 * delay.standard_error_s, 1e-6)
     assert blind.solution.rms_px > 1.5 * found.solution.rms_px
     assert found.solution.rms_px == pytest.approx(np.sqrt(2) * NOISE_PX, rel=0.25)

@@ -29,6 +29,7 @@ EUROC = [-0.283, 0.0739, 0.0002, 0.00002]
         ({"cx": -1e5}, r"cx is -100000 px, far outside of the image"),
         ({"distortion": [-0.28, 0.07, 1, 0]}, "the distortion cannot be undone"),
         ({"distortion": [1e9, 0, 0, 0]}, "the distortion cannot be undone"),
+        ({"line_delay_s": 0.003}, "line_delay_s is 0.003, but from the first row to the last are at most 1 s"),
         ({"distortion": [float("inf"), 0, 0, 0]}, "distortion needs 0 or 4 or 5 or 8 finite"),
     ],
 )

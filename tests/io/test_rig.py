@@ -13,7 +13,7 @@ from ispom.types import Camera, Rig
 from tests import doubles
 
 
-@pytest.mark.parametrize("rig", [doubles.rig(), Rig.single(Camera(64, 48, 50.0, 51.0, 31.5, 23.5))])
+@pytest.mark.parametrize("rig", [doubles.rig(), Rig.single(Camera(64, 48, 50.0, 51.0, 31.5, 23.5, line_delay_s=3e-5))])
 def test_a_rig_is_read_back(rig: Rig, tmp_path: Path) -> None:
     (tmp_path / "rig.yaml").write_text(rig_text(rig))
     found = read_rig(tmp_path / "rig.yaml")

@@ -13,7 +13,7 @@ from ispom.io.calibrations.kalibr import kalibr_text
 from ispom.io.calibrations.opencv import opencv_text
 from ispom.io.calibrations.placed import Placed, flow
 from ispom.io.calibrations.ros import ros_text
-from ispom.io.camera import INTRINSICS, SIZES
+from ispom.io.camera import INTRINSICS, SIZES, line_delay_entry
 from ispom.types import Camera, Rig
 
 Format = Literal["camera", "kalibr", "euroc", "opencv", "ros", "colmap"]
@@ -34,7 +34,8 @@ def camera_text(camera: Camera) -> str:
     values: dict[str, object] = {"model": "fisheye"} if camera.lens == "fisheye" else {}
     values |= {key: getattr(camera, key) for key in SIZES}
     values |= {key: float(getattr(camera, key)) for key in INTRINSICS}
-    return yaml.dump({**values, "distortion": list(map(float, camera.distortion))}, Dumper=flow(), sort_keys=False)
+    values |= {"distortion": list(map(float, camera.distortion)), **line_delay_entry(camera)}
+    return yaml.dump(values, Dumper=flow(), sort_keys=False)
 
 
 def rig_files(rig: Rig, form: Format) -> dict[str, str]:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import as_tracks, next_live_tracks
+from ispom.estimators.modern.monocular.tracks import as_tracks, next_live_tracks, speed_where
 from ispom.estimators.modern.places import Place, Places
+from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, TrackStatus, Trajectory, VideoFrame, colours_at
@@ -29,13 +30,18 @@ def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float
     return detect_spread(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
 
 
+def _late(setup: Setup, outcome: Outcome, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
+    return late_px(setup.camera, fresh, speed_where(outcome.followed, fresh))
+
+
 def next_state(
     setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage, fresh: NDArray[np.float32]
 ) -> ModernMonocularState:
     """With the fresh corners in the map or the start, and the tracks that are alive."""
     world, start, live = outcome.map, outcome.start, state.live
     if len(fresh):
-        ids, x = live.next_id + np.arange(len(fresh), dtype=np.int64), setup.camera.normalise(fresh)
+        ids, late = live.next_id + np.arange(len(fresh), dtype=np.int64), _late(setup, outcome, fresh)
+        x = setup.camera.normalise(fresh - late)
         if world is not None:
             world = world.with_new_tracks(ids, x)
         elif start is not None:

@@ -18,6 +18,7 @@ from ispom.estimators.modern.monocular.start import poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points
+from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.settings import Range
 from ispom.stopwatch import Stopwatch
@@ -123,8 +124,10 @@ def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Ima
     live = state.live
     if state.map is None:
         nowhere = np.full((len(live.ids), 3), np.nan)
-        return NewImage(time_ns, grey, None, follow(live, grey, None), nowhere)
+        return NewImage(time_ns, grey, None, follow(setup.camera, live, time_ns, grey, None), nowhere)
     predicted, lens = coasted(state.recent, time_ns), Lens(setup.camera, state.map.extra)
-    scene = scene_points(lens, live.uv, state.map.known(live.ids), state.recent[-1][1])
-    followed = follow(live, grey, projected(lens, scene, predicted, live.uv))
+    late = late_px(setup.camera, live.uv, live.speed)
+    scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
+    expected = projected(lens, scene, predicted, live.uv - late) + late
+    followed = follow(setup.camera, live, time_ns, grey, expected)
     return NewImage(time_ns, grey, predicted, followed, scene)

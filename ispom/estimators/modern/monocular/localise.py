@@ -12,7 +12,15 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.realign import realigned
 from ispom.estimators.modern.monocular.setup import INLIER, MIN_INLIER_SHARE, Setup
 from ispom.estimators.modern.monocular.state import NewImage
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, displaced_by_features, follow, projected
+from ispom.estimators.modern.monocular.tracks import (
+    Followed,
+    LiveTracks,
+    displaced_by_features,
+    follow,
+    projected,
+    unrolled,
+)
+from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
@@ -54,7 +62,7 @@ def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Local
     """From the tracks as followed; where that fails, from tracks displaced as the image's features are."""
     found = _located(setup, live, world, new, new.followed)
     if not found.agreeing and (jumped := displaced_by_features(live, new.grey)) is not None:
-        found = _located(setup, live, world, new, follow(live, new.grey, jumped))
+        found = _located(setup, live, world, new, follow(setup.camera, live, new.time_ns, new.grey, jumped))
     return found
 
 
@@ -96,7 +104,7 @@ def _seen(setup: Setup, live: LiveTracks, world: Map, followed: Followed) -> tup
     alive = followed.status == TrackStatus.ALIVE
     xyz = world.known(live.ids[alive])
     known = np.isfinite(xyz[:, 0])
-    x = corrected(setup.camera.normalise(followed.uv[alive][known]), world.extra)
+    x = corrected(setup.camera.normalise(unrolled(setup.camera, followed)[alive][known]), world.extra)
     return live.ids[alive][known], xyz[known], x
 
 
@@ -105,7 +113,8 @@ def set_right(
 ) -> tuple[Followed, NDArray[np.bool_]]:
     """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""
     lens = Lens(setup.camera, world.extra)
-    expected = projected(lens, world.known(live.ids), pose, followed.uv)
+    late = late_px(setup.camera, followed.uv, followed.speed)
+    expected = projected(lens, world.known(live.ids), pose, followed.uv - late) + late
     misplaced = np.linalg.norm(expected - followed.uv, axis=1) > INLIER * setup.loss_px
     lost = followed.status != TrackStatus.ALIVE
     expected = np.where((misplaced | lost)[:, None], expected, followed.uv)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,4 +70,4 @@ def realigned(
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:
         uv[other], status[other] = BACK.track(live.grey, as_bright(grey, live.grey), live.uv[other], uv[other])
-    return Followed(uv, status), compared
+    return replace(followed, uv=uv, status=status), compared

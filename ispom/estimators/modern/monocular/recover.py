@@ -12,7 +12,7 @@ from ispom.estimators.modern.monocular.motion_model import coasted, coasted_cova
 from ispom.estimators.modern.monocular.setup import TURN_LOSS, Setup
 from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame
+from ispom.estimators.modern.monocular.tracks import Followed, tracked_frame, unrolled
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.frontends.contrast import has_contrast
 from ispom.geometry import Pose
@@ -31,7 +31,7 @@ def recover(
     """Wait for a frame that the last good one explains; then, or where only the place is lost, start anew."""
     frame = tracked_frame(setup.camera, state.live, followed, new.time_ns)
     last_ns, last = state.recent[-1]
-    before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(state.live.uv), last)
+    before = TrackedFrame(last_ns, state.live.ids, setup.camera.normalise(unrolled(setup.camera, state.live)), last)
     turn = None if state.missed else turned(before, frame, setup.sigma)
     if turn is not None:
         because, held = turn

@@ -50,6 +50,7 @@ def _by_points(
     followed = Followed(
         np.concatenate([tracked.uv, found.uv]),
         np.concatenate([tracked.status, np.full(count, TrackStatus.ALIVE, np.uint8)]),
+        np.concatenate([tracked.speed, np.zeros((count, 2), np.float32)]),
     )
     again = located_by(setup, joint.live, grown, followed, found.world_from_camera)
     again = replace(again, compared=np.concatenate([compared, np.zeros(count, bool)]))
@@ -61,7 +62,8 @@ def _tracks_at(
 ) -> tuple[Followed, NDArray[np.bool_]]:
     """The tracks there are, found again by their patches where a pose puts them; which ones (N,) were compared."""
     lost = np.full(len(state.live.ids), TrackStatus.LOST, np.uint8)
-    return set_right(setup, state.live, world, new, Followed(state.live.uv, lost), world_from_camera)
+    followed = Followed(state.live.uv, lost, np.zeros_like(state.live.uv))
+    return set_right(setup, state.live, world, new, followed, world_from_camera)
 
 
 def joined(
@@ -86,6 +88,7 @@ def joined(
         ids=np.concatenate([live.ids, ids]),
         uv=np.concatenate([live.uv, before.astype(np.float32)]),
         flow=np.concatenate([live.flow, np.zeros((count, 2), np.float32)]),
+        speed=np.concatenate([live.speed, np.zeros((count, 2), np.float32)]),
         origin_ns=np.concatenate([live.origin_ns, np.full(count, place.time_ns)]),
         origin_uv=np.concatenate([live.origin_uv, before.astype(np.float32)]),
         next_id=live.next_id + count,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.rolling import late_px, speed_px_s
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
@@ -28,6 +29,9 @@ class LiveTracks:
     """(N, 2) [px]."""
     flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     """(N, 2) [px] motion into that image; 0 where new."""
+    speed: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px/s] there; 0 unless the shutter rolls."""
+    time_ns: int = 0
     origin_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) the image of `origins` whose patch each point is compared with: that of its first sight, mostly."""
     origin_uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
@@ -44,6 +48,8 @@ class Followed:
     uv: NDArray[np.float32]
     status: NDArray[np.uint8]
     """(N,) TrackStatus."""
+    speed: NDArray[np.float32]
+    """(N, 2) [px/s] in it; 0 unless the shutter rolls."""
 
 
 GUIDED, UNGUIDED = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5)
@@ -53,16 +59,22 @@ MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 
 
-def follow(live: LiveTracks, grey: Image, predicted: NDArray[np.float32] | None) -> Followed:
+def follow(
+    camera: Camera, live: LiveTracks, time_ns: int, grey: Image, predicted: NDArray[np.float32] | None
+) -> Followed:
     """Pyramidal KLT, from where each point is expected: `predicted` (N, 2) [px], else its last motion continued.
 
     Without a prediction checked forward and backward; with one the check follows, in `realign.realigned`.
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
-        return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8))
+        return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
     grey = as_bright(grey, live.grey)
     klt = UNGUIDED if predicted is None else GUIDED
-    return Followed(*klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted))
+    uv, status = klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted)
+    if not camera.line_delay_s:
+        return Followed(uv, status, live.speed)
+    flow = np.where((status == TrackStatus.ALIVE)[:, None], uv - live.uv, live.flow)
+    return Followed(uv, status, speed_px_s(camera, flow, live.flow, (time_ns - live.time_ns) * 1e-9))
 
 
 def displaced_by_features(live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
@@ -79,6 +91,11 @@ def displaced_by_features(live: LiveTracks, grey: Image) -> NDArray[np.float32] 
     at, motion = before.uv[pairs[:, 0]], now.uv[pairs[:, 1]] - before.uv[pairs[:, 0]]
     nearest = ((live.uv[:, None] - at[None]) ** 2).sum(axis=2).argmin(axis=1)
     return (live.uv + motion[nearest]).astype(np.float32)
+
+
+def unrolled(camera: Camera, tracks: LiveTracks | Followed) -> NDArray[np.float32]:
+    """(N, 2) [px] where they would be, had all rows been exposed with the middle one."""
+    return tracks.uv - late_px(camera, tracks.uv, tracks.speed)
 
 
 def scene_points(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world_from_camera: Pose) -> Array:
@@ -110,7 +127,7 @@ def projected(
 def tracked_frame(camera: Camera, live: LiveTracks, followed: Followed, time_ns: int) -> TrackedFrame:
     """The points alive in the new image."""
     alive = followed.status == TrackStatus.ALIVE
-    return TrackedFrame(time_ns, live.ids[alive], camera.normalise(followed.uv[alive]))
+    return TrackedFrame(time_ns, live.ids[alive], camera.normalise(unrolled(camera, followed)[alive]))
 
 
 def as_tracks(
@@ -126,6 +143,15 @@ def as_tracks(
         status=np.concatenate([status, np.full(n, TrackStatus.NEW, np.uint8)]),
         residual_px=np.concatenate([residual_px, np.full(n, np.nan, np.float32)]),
     )
+
+
+def speed_where(followed: Followed, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(M, 2) [px/s] of fresh points at (M, 2): that of the nearest track."""
+    alive = np.flatnonzero(followed.status == TrackStatus.ALIVE)
+    if not len(alive) or not followed.speed.any():
+        return np.zeros((len(fresh), 2), np.float32)
+    nearest = ((fresh[:, None] - followed.uv[alive][None]) ** 2).sum(axis=2).argmin(axis=1)
+    return followed.speed[alive][nearest]
 
 
 def next_live_tracks(
@@ -152,6 +178,8 @@ def next_live_tracks(
         np.concatenate([live.ids[alive], live.next_id + np.arange(n, dtype=np.int64)]),
         np.concatenate([followed.uv[alive], fresh]),
         np.concatenate([(followed.uv - live.uv)[alive], np.zeros((n, 2), np.float32)]),
+        np.concatenate([followed.speed[alive], speed_where(followed, fresh)]),
+        time_ns,
         origin_ns,
         np.concatenate([origin_uv[alive], fresh]),
         tuple(item for item in images if item[0] in used),
