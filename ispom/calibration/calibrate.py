@@ -197,7 +197,8 @@ def _result(
     rig = rig_of(found.estimate, names)
     if line_delay is not None and line_delay.rolls:
         (name,) = names
-        rig = replace(rig, **{name: replace(rig.camera(name), line_delay_s=line_delay.seconds)})
+        camera = replace(found.estimate.cameras[0], line_delay_s=line_delay.seconds)
+        rig = replace(rig, **{name: camera})
     return Calibration(
         target, cameras, found, image_of, rig, listed, correlations(found),
         _rejections(views, seen, keep, image_of), rows, between, clock, line_delay,

@@ -15,7 +15,7 @@ def speed_px_s(
 
     Extrapolated from that and the motion `before` (N, 2) in the interval before it, 0 where there was none.
     """
-    known = before.any(axis=1)
+    known = np.asarray(before.any(axis=1))
     now = np.where(known[:, None], 1.5 * flow - 0.5 * before, flow)
     between_s = interval_s + camera.line_delay_s * flow[:, 1]  # from the exposure of one row to that of another
     return (now / np.maximum(between_s, interval_s / 2)[:, None]).astype(np.float32)
