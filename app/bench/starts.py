@@ -53,13 +53,13 @@ class Started:
 
 
 def starts(source: str, last: int | None, every: int) -> Iterator[Started]:
-    """At every such frame of the video, of its first ones until `last` where that is given."""
+    """At every such frame of the video, of its first ones until `last` where that is given, but for the very last."""
     sequence = open_sequence(source)
     assert sequence.truth is not None
     truth = sequence.truth.moved(right=sequence.rig.rig_from_video, frame="video")
     video = [i for i, kind in enumerate(sequence.kinds) if kind == "video"]
     kept = dict[int, Exposure]()
-    for frame in range(0, len(video[:last]) - 2, every):
+    for frame in range(0, len(video[:last]) - AFTER, every):
         kept = {i: e for i, e in kept.items() if i >= video[frame]}
         yield _started(source, sequence, truth, video[frame:], frame, kept)
 
