@@ -21,7 +21,7 @@ def test_wrong_is_a_map_of_another_shape(outcome: str, error: float, turn_deg: f
 
 
 def test_a_flight_is_started_in_the_middle() -> None:
-    first, second = starts("sim:tiny", 60, 50)
+    first, second = starts("sim:tiny", 80, 50)
     assert (first.frame, second.frame) == (0, 50)
     assert first.outcome == second.outcome == "map" and not first.wrong and not second.wrong
     assert 3 < second.frames < 40
