@@ -25,7 +25,7 @@ WITHIN = 12
 """Of the last so many nodes."""
 MAJORITY = 2 / 3
 """Of the views that tell of a loop: where more tell of others, houses look alike."""
-AGREEING_DEPTHS, AGREEING_DEG, AGREEING_SCALE = 0.1, 4.0, 0.1
+AGREEING_DEPTHS, AGREEING_DEG, AGREEING_SCALE = 0.1, 2.0, 0.1
 """By how much what they tell of the last pose may differ, beside what odometry drifts between them."""
 
 

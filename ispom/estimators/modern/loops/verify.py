@@ -19,12 +19,13 @@ MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1): on a facade of equal windows
 most features fail it."""
 FEWEST = 25
-"""Points that agree: on 20 routes by facades without a loop, sights of unlike places had 12 at most."""
+"""Points that agree: of 735 pairs of sights of unlike places in three towns one had 16, and one 61, of two facades that
+are alike. That odometry can have come back there, and that views agree, is asked besides (find.py)."""
 INLIER = 4.0
 """Deviations of a feature's place within which it agrees with a pose."""
 FEWEST_SCALES = 12
 """Points with a depth in both sights, for the ratio of their units."""
-FARTHEST = 1.0
+FARTHEST = 0.75
 """Depths of half of the points by which two views of one place may lie apart: with more the way is hardly known."""
 SURE_DEPTH, SURE_RAD, SURE_SCALE = 1e-3, 5e-4, 5e-3
 """What a way between two sights is never surer than, as points of one sight err alike: in depths, [rad], ln unit."""
