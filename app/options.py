@@ -79,8 +79,13 @@ class SourceOptions:
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file beside them."""
 
     def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
-        """The sequence of a source, shaped by these options; InputError where that cannot be, or may not."""
-        opened = open_sequence(
+        """The sequence of a source, shaped by these options, with the camera that its images tell where it has no
+        calibration; InputError where that cannot be, or may not."""
+        return refined(self.opened(source, policy))
+
+    def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
+        """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
+        return open_sequence(
             source,
             stereo_every=self.stereo_every,
             video_scale=self.video_scale,
@@ -89,7 +94,6 @@ class SourceOptions:
             camera=self.camera,
             policy=policy,
         )
-        return refined(opened)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +152,8 @@ class Serve(Options):
     (the default), sim3 (needed where its unit is not the metre), scale, first, none."""
 
     def opener(self, named: str) -> Callable[..., Sequence]:
-        """What opens sources in the app: `named`, from the command line, in any case, others as these options allow.
+        """What opens sources in the app, as `opened` does: `named`, from the command line, in any case, others as
+        these options allow.
 
         InputError where the options themselves are not possible.
         """
@@ -160,8 +165,8 @@ class Serve(Options):
 
         def opened(source: str, options: SourceOptions | None = None) -> Sequence:
             if source in (named, without_secrets(named)):  # the page shows and sends it without its password
-                return replace(options or self, camera=self.camera).open(named)
-            return (options or self).open(source, policy)
+                return replace(options or self, camera=self.camera).opened(named)
+            return (options or self).opened(source, policy)
 
         return opened
 

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.rig import read_rig
@@ -70,7 +71,7 @@ def _recording(folder: Path) -> tuple[Path | None, str]:
 def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Opener) -> tuple[Sequence, str]:
     """That of the source, or else one without images, and why."""
     try:
-        sequence = opener(source_of(run), source_options(run))
+        sequence = refined(opener(source_of(run), source_options(run)))
         if _same(found, sequence):
             return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
         unavailable = f"{run.source} is not the source that the run had: its exposures have other times"

@@ -237,7 +237,8 @@ class Controller:
             found = self._opener.stored(source, self._history_bytes)
             if found is None:
                 asked = source, options, self._wanted, before.config
-                found = CurrentRun(self._opener.playback(*asked, strict=run is None), self._history_bytes)
+                playback = self._opener.playback(*asked, strict=run is None, progress=self._store.busy)
+                found = CurrentRun(playback, self._history_bytes)
         except Exception as fault:
             if before.phase == "ready":
                 self._store.emit(Restored(before))
@@ -282,7 +283,8 @@ class Controller:
         self._show(*self._branches.add(CurrentRun.of_stored(stored, self._history_bytes), name, 0, (change,)))
 
     def _run_of(self, asked: Asked) -> CurrentRun:
-        playback = self._opener.playback(asked.source, None, asked.methods, asked.config, strict=True)
+        wanted = asked.source, None, asked.methods, asked.config
+        playback = self._opener.playback(*wanted, strict=True, progress=self._store.busy)
         return CurrentRun(playback, self._history_bytes)
 
     def _restart(self, methods: tuple[str, ...], config: Config) -> None:

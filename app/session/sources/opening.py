@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError
 from ispom.io.files import bounded, exists, expanded
 from ispom.methods import Config, Variant, default_methods, in_order, possible_methods
@@ -63,13 +64,18 @@ class SourceOpener:
         config: Config,
         *,
         strict: bool,
+        progress: Callable[[str], None],
     ) -> Playback:
-        """Opens a source. InputError where it cannot be opened, or the methods do not fit.
+        """Opens a source; `progress` is told what takes long. InputError where it cannot be opened, or the methods do
+        not fit.
 
         `methods` None means the usual ones. `strict`: exactly these; otherwise those of them that the source has the
         cameras for, or else the usual ones.
         """
         sequence = self.opener(source) if options is None else self.opener(source, options)
+        if sequence.guess is not None:
+            progress(f"{without_secrets(source)} has no calibration: finding focal length and distortion in its images")
+            sequence = refined(sequence)
         possible, usual = possible_methods(sequence.rig), default_methods(sequence.rig, self.variant)
         if not possible:
             raise InputError(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ispom_app.options import SourceOptions
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
+from ispom_app.session.sources.opening import SourceOpener
 from ispom_app.session.sources.recent import MOST, RecentSources
 
+from ispom.ensemble import build
+from ispom.methods import Config
+from ispom.types import Guess
 from tests.app.helpers import opener, started, wait_for
 
 
@@ -66,3 +71,14 @@ def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: P
     assert session.state.source_options.stereo_every == 3
     assert session.state.recent == ("double:5", "double:20")
     session.close(1.0)
+
+
+def test_finding_a_camera_that_has_no_calibration_is_told():
+    def unknown(source: str, options: SourceOptions | None = None):
+        return replace(opener(source), guess=Guess(224.0, 0.3, "a guess"))
+
+    told: list[str] = []
+    source = SourceOpener(unknown, build, "modern")
+    source.playback("double:3", None, None, Config(), strict=False, progress=told.append)
+    SourceOpener(opener, build, "modern").playback("double:3", None, None, Config(), strict=False, progress=told.append)
+    assert told == ["double:3 has no calibration: finding focal length and distortion in its images"]
