@@ -17,13 +17,15 @@ from ispom.io.whole import write_whole
 from ..outputs import claim_folder
 from ..run.console import progress
 from ..run.folder.made_map import MAP
-from .dense import MAX_DEPTH_BASELINES, VOXELS_PER_BASELINE, Dense, DenseSettings, dense, stereo_pairs
+from .dense import Dense, dense
 from .inputs import Ran, read_ran
 from .laser import Placed, measured, placed
+from .looks import MAX_DEPTH_BASELINES, VOXELS_PER_BASELINE, DenseSettings, looks, stereo_pairs
 from .options import Map
 from .output import LASER_PICTURE, write_dense, write_laser, write_numbers, write_recording
 
 WIDTH = 120
+LOOKS = {"stereo": "stereo pairs", "video": "video images", "both": "stereo pairs and video images"}
 
 
 def make_map(options: Map) -> int:
@@ -40,8 +42,9 @@ def make_map(options: Map) -> int:
     claim_folder(folder, "map")
     found = None
     if settings is not None:
-        with progress(len(stereo_pairs(ran.sequence))) as advance:
-            found = dense(ran.sequence, ran.paths[method], settings, advance)
+        made_of = looks(ran.sequence, ran.paths[method], settings)
+        with progress(len(made_of)) as advance:
+            found = dense(made_of, settings, advance)
         write_dense(folder, found)
     points: dict[str, Placed] = {}
     if laser is not None:
@@ -63,7 +66,7 @@ def _settings(options: Map, ran: Ran) -> DenseSettings:
     for flag, value in (("voxel-m", voxel_m), ("max-depth-m", depth_m), ("memory-gb", options.memory_gb)):
         if not 0 < value < math.inf:
             raise InputError(f"--{flag} is {value:g}: give a positive number")
-    return DenseSettings(voxel_m, depth_m, options.memory_gb, options.interpolate)
+    return DenseSettings(voxel_m, depth_m, options.memory_gb, options.interpolate, options.depth_from)
 
 
 def _draw(options: Map, points: dict[str, Placed]) -> None:
@@ -87,7 +90,8 @@ def _numbers(
         numbers["dense"] = {
             "voxel_m": settings.voxel_m,
             "max_depth_m": settings.max_depth_m,
-            "pairs": found.pairs,
+            "depth_from": settings.depth_from,
+            "fused": found.fused,
             "skipped": found.skipped,
             "triangles": len(found.mesh),
             "points": len(found.cloud),
@@ -101,7 +105,7 @@ def _print(options: Map, method: str, found: Dense | None, points: dict[str, Pla
     if found is not None:
         skipped = f", {found.skipped} skipped" if found.skipped else ""
         _say(
-            f"{found.pairs} stereo pairs with the poses of {method}{skipped}: "
+            f"{found.fused} {LOOKS[options.depth_from]} with the poses of {method}{skipped}: "
             f"{len(found.mesh)} triangles, {len(found.cloud)} points"
         )
     if points:

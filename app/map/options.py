@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
 from ispom.solvers.trajectory.continuous import Between
 
+From = Literal["stereo", "video", "both"]
 SIMULATED = "sim"
 """In place of a file: the profiler of a simulation."""
 
@@ -29,6 +31,8 @@ class Map:
     """Poses between poses, at each point's time."""
     dense: bool = True
     """Make the mesh and the cloud."""
+    depth_from: From = "stereo"
+    """Whose images tell the depth: stereo pairs, or the video's, by the motion between them (plane sweep), or both."""
     voxel_m: float | None = None
     """Size of a voxel [m]; default: a tenth of the baseline."""
     max_depth_m: float | None = None

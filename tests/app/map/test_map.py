@@ -44,12 +44,26 @@ def numbers(run: Path) -> dict:
 def test_the_surface_is_the_simulated_one(run: Path) -> None:
     mesh = read_coloured_mesh(run / "map" / "mesh.ply")
     dense = numbers(run)["dense"]
-    assert dense["pairs"] == 7 and dense["skipped"] == 2 and dense["triangles"] == len(mesh.triangles) > 20_000
+    assert dense["fused"] == 7 and dense["skipped"] == 2 and dense["triangles"] == len(mesh.triangles) > 20_000
     start = Flight.seeded(0).pose_at(11_300_000)  # the first pair: there the world of the run begins
     corners = start.apply(mesh.triangles[::20, 0].astype(float))
     far = Surface(build_city(0).triangles).distances(corners)
     assert np.median(far) < 0.03
     assert 30 < mesh.rgb.mean() < 220 and mesh.rgb.std() > 15
+
+
+def test_the_video_tells_the_surface_as_well(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "video"
+    assert main(["map", str(run), "--depth-from", "video", "--out", str(out)]) == 0
+    dense = json.loads((out / "map.json").read_text())["dense"]
+    assert dense["depth_from"] == "video" and dense["fused"] > 4
+    corners = (
+        Flight.seeded(0)
+        .pose_at(11_300_000)
+        .apply(read_coloured_mesh(out / "mesh.ply").triangles[::20, 0].astype(float))
+    )
+    far = Surface(build_city(0).triangles).distances(corners)
+    assert np.median(far) < 0.03
 
 
 def test_gltf_is_the_same_surface_with_y_up(run: Path) -> None:
