@@ -25,6 +25,8 @@ from ispom.solvers.spline.problem import PosePrior, RigModel, SplineProblem
 WIDER = 3
 """At most so often a loss that is too narrow for the errors is widened."""
 HIGHEST_DAMPING = 1e4
+UNSEEN = 1e-6
+"""Information of a knot that nothing was seen from: it is known to a kilometre, or not at all as an angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ class Solution:
         hessian, free = self.hessian.copy(), _free(self.problem)
         hessian[:knots, :knots] += j.T @ held.information @ j
         full = np.zeros_like(hessian)
-        full[np.ix_(free, free)] = inverse_factored(factor(hessian[np.ix_(free, free)]))
+        full[np.ix_(free, free)] = covariance_of(hessian[np.ix_(free, free)])
         return full
 
     def pose_covariance(self, e: int, parameters: Array) -> Array:
@@ -90,6 +92,14 @@ class Solution:
         information = rig.information.copy()
         information[np.ix_(free, free)] = np.linalg.inv(parameters[-RIG:, -RIG:][np.ix_(free, free)])
         return replace(rig, information=information)
+
+
+def covariance_of(information: Array) -> Array:
+    """(n, n) inverse of an information matrix; of what it says nothing of, the variance is large, and finite."""
+    found = inverse_factored(factor(information))
+    if (found.diagonal() < 1 / UNSEEN).all():  # not for NaN either
+        return found
+    return inverse_factored(factor(information + UNSEEN * np.eye(len(information))))
 
 
 def solve(problem: SplineProblem, iterations: int = 8, tolerance: float = 1e-3) -> Solution:

@@ -10,7 +10,7 @@ import pytest
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.resection import refine_pose
 from ispom.solvers.spline import continuous
-from ispom.solvers.spline.continuous import PointUncertainty, Solution, solve
+from ispom.solvers.spline.continuous import PointUncertainty, Solution, covariance_of, solve
 from ispom.solvers.spline.pose_covariance import pose_covariance
 from ispom.solvers.spline.problem import AnchoredPoints, PosePrior, RigModel
 from tests.solvers.made_flight import RIG, made_flight, problem_of
@@ -103,3 +103,13 @@ def held_out(seed: int) -> float:
 def test_a_frame_outside_the_window_is_as_far_off_as_its_covariance_says() -> None:
     nees = np.mean([held_out(seed) for seed in range(8)])
     assert nees == pytest.approx(6, abs=2.6)  # the 95 % band of the mean of eight
+
+
+def test_what_was_never_seen_has_a_large_variance_and_a_finite_one() -> None:
+    seen = np.random.default_rng(0).normal(size=(9, 6))
+    np.testing.assert_allclose(covariance_of(seen.T @ seen), np.linalg.inv(seen.T @ seen), rtol=1e-9)
+    unseen = np.zeros((8, 8))
+    unseen[:6, :6] = seen.T @ seen
+    found = covariance_of(unseen)
+    np.testing.assert_allclose(found[:6, :6], np.linalg.inv(seen.T @ seen), rtol=1e-4)
+    assert (found.diagonal()[6:] > 1e5).all() and (found.diagonal()[6:] < 1e7).all()
