@@ -59,6 +59,9 @@ def spread(nodes: tuple[Similarity, ...], edges: tuple[Edge, ...], scaled: bool)
     last = np.zeros((graph.size, FREEDOM))
     last[-FREEDOM:] = np.eye(FREEDOM)
     covariance = graph.factored(jacobian).solve(last)[-FREEDOM:]
+    if not scaled:
+        # Held, and not free by one: carried along a way, that would be as much as its length.
+        covariance[-1, :] = covariance[:, -1] = 0.0
     return Spread(places.values(), (covariance + covariance.T) / 2, 0.5 * float(residuals @ residuals))
 
 

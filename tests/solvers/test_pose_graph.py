@@ -94,6 +94,7 @@ def test_the_covariance_is_that_of_the_errors() -> None:
         nodes, edges = chain(truth, drift, rng, False)
         loop = Edge(0, 39, noisy(truth[0].inverse() @ truth[-1], rng, TIGHT, False), TIGHT)
         got = spread(nodes, (*edges, loop), False)
+        assert not got.covariance[6].any() and not got.covariance[:, 6].any(), "of a pair the unit is known"
         off = truth[-1].inverse() @ got.nodes[-1]
         d = np.concatenate([off.pose.translation, off.pose.rotvec])
         found.append(float(d @ np.linalg.solve(got.covariance[:6, :6], d)))
