@@ -77,6 +77,8 @@ class Loops:
     left: int = 0
     """Poses that are still to be told anew, from the one before `told` backwards and around."""
     told: int = 0
+    end: int = 0
+    """Poses that there were when the graph was adjusted: later ones were told with it."""
 
     @property
     def correction(self) -> Similarity:
@@ -165,7 +167,7 @@ def _closed(
     way = newest.path - node_at(nodes, same[-1].first_ns).path
     shifted = LOOP_SHIFT.of(float(shift) / max(way, 1e-9), drift)
     known, told = Known(nodes[-1], found.covariance), loops.told if loops.left else poses
-    loops = replace(loops, nodes=nodes, closed=closed, known=known, left=poses, told=told)
+    loops = replace(loops, nodes=nodes, closed=closed, known=known, left=poses, told=told, end=poses)
     return loops, (*decisions, shifted)
 
 

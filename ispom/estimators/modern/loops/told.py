@@ -52,7 +52,7 @@ def next_range(loops: Loops, poses: int) -> tuple[Loops, range]:
     """Which of so many poses are told anew now, by their numbers: the newest ones first; and what is left then."""
     if not loops.left:
         return loops, range(0)
-    stop = min(loops.told, poses) or poses
+    stop = min(loops.told, poses) or min(loops.end, poses)
     start = max(stop - min(AT_ONCE, loops.left), 0)
     return replace(loops, told=start, left=loops.left - (stop - start)), range(start, stop)
 
