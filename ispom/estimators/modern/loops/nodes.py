@@ -94,7 +94,9 @@ def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Nod
     way, covariance = step_between(parent, gone)
     down = Edge(0, 1, way, covariance)
     kept = tuple(
-        replace(n, parent_ns=parent.time_ns) if n.parent_ns == gone.time_ns else n for n in nodes if n is not gone
+        replace(n, parent_ns=parent.time_ns, seen=n.seen and gone.seen) if n.parent_ns == gone.time_ns else n
+        for n in nodes
+        if n is not gone
     )
     moved = dict[int, Loop]()
     for loop in loops:
