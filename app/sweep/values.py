@@ -79,7 +79,10 @@ def shown(value: Value) -> str:
     """As a person writes it."""
     if isinstance(value, bool):
         return "on" if value else "off"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        brief = f"{value:g}"
+        return brief if float(brief) == value else repr(value)  # two values never look the same
+    return str(value)
 
 
 def _choosable(setting: Setting) -> bool:

@@ -61,6 +61,11 @@ def test_what_is_wrong_is_said_in_one_sentence(setting: str, text: str, said: st
     assert said in str(refused.value)
 
 
+def test_values_that_differ_are_shown_differently() -> None:
+    assert [shown(v) for v in (1.0, 0.1, 1e-5, True, 200)] == ["1", "0.1", "1e-05", "on", "200"]
+    assert shown(0.1234567) != shown(0.1234568)
+
+
 def test_a_word_that_is_no_choice_names_those_that_are() -> None:
     with pytest.raises(InputError, match="one of norm, vector, depth, unit"):
         parsed("monocular.paper", "scale_transfer", "norm, metre")
