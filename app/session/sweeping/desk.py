@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.sequences.address import is_address, is_device
 
 from ...options import SourceOptions
 from ...review.origin import source_of, source_options
@@ -94,8 +95,8 @@ class SweepDesk:
         state = self._store.state
         if run is None:
             raise InputError("there is no run yet: open a source first")
-        if run.live:
-            raise InputError("a live source cannot be run again: wait for its end, or open its recording")
+        if run.live or is_device(state.source) or is_address(state.source):
+            raise InputError("a live source cannot be run again by a sweep: film it, and open the film")
         run.require_source()
         if run.stored is None:
             return state.source, state.source_options
