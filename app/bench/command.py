@@ -137,6 +137,9 @@ def _starts(console: Console, options: Bench) -> list[dict[str, Any]]:
         if isinstance(rows, dict):
             console.print(f"{source}: {rows['error']}")
             continue
+        if not rows:
+            console.print(f"{source}: skipped, it has too few frames")
+            continue
         print_starts(console, starts_found(rows))
         measured += rows
     return measured
