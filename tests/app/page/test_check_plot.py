@@ -111,6 +111,7 @@ in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt
 def go_to(page: Page, index: int) -> None:
     page.send(f"{{do: 'seek', index: {index}}}")
     page.until(f"state.index === {index}", "the seek")
+    page.controls.locator(".why", has_text=f"exposure {index},").first.wait_for()  # viser draws it anew, a little later
 
 
 def row(page: Page, name: str = NAME):
@@ -121,6 +122,7 @@ def row(page: Page, name: str = NAME):
 def test_a_click_on_a_check_plots_it_and_a_reload_keeps_it(page: Page) -> None:
     row(page).click()
     page.until(f"state.plotted === '{NAME}' && state.plot.values", "the plot")
+    page.until("location.hash.includes('plot=')", "the address")  # which is written twice a second at most
     page.tab.reload()
     page.until(f"state.plotted === '{NAME}' && state.plot.values", "the plot after a reload")
     assert page.tab.locator("#plot").is_visible() and page.tab.locator("#plot b").inner_text() == NAME
