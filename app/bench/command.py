@@ -21,7 +21,7 @@ from ispom.errors import InputError
 from ispom.methods import names
 
 from ..outputs import require_own, write_file
-from .consistency import print_consistency
+from .consistency import FLIGHTS, print_consistency
 from .gaps import GAP_METHODS, GAP_SEEDS, gaps_found, print_gaps
 from .options import Bench
 from .page.measure import ATTENDANCES, answered, attended, print_answered, print_attended
@@ -101,10 +101,15 @@ def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
     # Not the user's cache: so many flights would push out the ones that are really used.
     with tempfile.TemporaryDirectory() as folder:
         for method in (m for m in names() if not options.methods or m in options.methods):
-            with _progress(f"{method}: {options.seeds} seeds"):
-                found = _child("consistency", {"method": method, "seeds": options.seeds, "folder": folder})
-            print_consistency(console, method, found)
-            measured.append({"method": method, **found})
+            by_scene = dict[str, dict[str, Any]]()
+            for scene in FLIGHTS:
+                task = {"method": method, "scene": scene, "seeds": options.seeds, "folder": folder}
+                with _progress(f"{method}: {options.seeds} seeds of {scene}"):
+                    by_scene[scene] = _child("consistency", task)
+                if not by_scene[scene] or "error" in by_scene[scene]:  # it is the same elsewhere
+                    break
+            print_consistency(console, method, by_scene)
+            measured += [{"method": method, "scene": scene, **found} for scene, found in by_scene.items()]
     return measured
 
 

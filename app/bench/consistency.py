@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,28 @@ from rich.table import Table
 from ispom.evaluation.consistency import PARTS, Errors, consistency, errors
 from ispom.methods import method as registered
 from ispom.sequences.formats.simulated import open_simulated
+from ispom.simulation.scenario.scenario import World
 from ispom.types import Sequence, Step
 
 from .measure import ensemble_of
 
-DURATION_S = 8.0
-"""Of each flight: sim:tiny, longer than it is by itself."""
+
+@dataclass(frozen=True)
+class Flight:
+    """A way through a simulated place, as every seed makes it anew."""
+
+    title: str
+    scene: str
+    duration_s: float
+    """[s] As long as twenty seeds are rendered within half an hour."""
+    world: World = World()
+
+
+FLIGHTS = {
+    "sim:tiny": Flight("sim:tiny", "tiny", 6.0),
+    "sim:indoor": Flight("sim:indoor in images of sim:tiny's size", "tiny", 6.0, World(place="indoor", motion="walk")),
+    "sim:city": Flight("sim:city", "city", 4.0),
+}
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 GAUGE = {
     "own": "Relative to the first pose and the length of the map's first baseline, to which the truth is scaled.",
@@ -34,12 +50,14 @@ GAUGE = {
 are estimated in."""
 
 
-def measured(method: str, seeds: int, folder: Path) -> dict[str, Any]:
+def measured(method: str, scene: str, seeds: int, folder: Path) -> dict[str, Any]:
     """By part of the pose: NEES over the seeds; empty where the method gives no covariances."""
     cv2.setNumThreads(1)
-    runs: list[Errors] = []
+    runs, flight = list[Errors](), FLIGHTS[scene]
     for seed in range(seeds):
-        runs.append(_errors(open_simulated("tiny", seed, folder / str(seed), duration_s=DURATION_S), method))
+        place = folder / flight.title / str(seed)
+        found = open_simulated(flight.scene, seed, place, duration_s=flight.duration_s, world=flight.world)
+        runs.append(_errors(found, method))
         if not len(runs[0].times_ns):
             return {}
     found = {name: consistency(runs, part) for name, part in PARTS.items()}
@@ -68,31 +86,41 @@ def _per_axis(runs: list[Errors]) -> list[float]:
     return np.sqrt(np.mean(twists**2 / variances, axis=0)).tolist()
 
 
-def print_consistency(console: Console, method: str, found: dict[str, Any]) -> None:
-    if "error" in found or not found:
-        console.print(f"{method}: {found.get('error', 'gives no covariances')}")
+def print_consistency(console: Console, method: str, by_scene: dict[str, dict[str, Any]]) -> None:
+    """What was found of a method, by the keys of FLIGHTS."""
+    failed = next((found["error"] for found in by_scene.values() if "error" in found), None)
+    by_scene = {scene: found for scene, found in by_scene.items() if found}
+    if failed or not by_scene:
+        console.print(f"{method}: {failed or 'gives no covariances'}")
         return
-    runs = found["pose"]["runs"]
-    table = Table(
-        method, "NEES", "of", "band of the mean", "times inside", "above", "sigma x", box=None, pad_edge=False
-    )
-    for part in PARTS:
-        row = found[part]
-        low, high = row["band"]
-        cells = (f"{row['average']:.2f}", str(row["dof"]), f"{low:.2f} to {high:.2f}", f"{100 * row['inside']:.0f} %")
-        table.add_row(part, *cells, f"{100 * row['above']:.0f} %", f"{row['sigma_factor']:.2f}")
+    heads = ("", "NEES", "of", "band", "in/above/below", "longest", "sigma x")
+    table = Table(method, *heads, box=None, pad_edge=False)
+    for scene, found in by_scene.items():
+        for part in PARTS:
+            table.add_row(scene if part == "pose" else "", part, *_cells(found[part]))
     console.print(table)
-    axes = ", ".join(f"{axis} {factor:.2f}" for axis, factor in zip(AXES, found["per_axis"], strict=True))
+    for scene, found in by_scene.items():
+        flight = FLIGHTS[scene]
+        axes = ", ".join(f"{axis} {factor:.2f}" for axis, factor in zip(AXES, found["per_axis"], strict=True))
+        console.print(
+            f"{found['pose']['runs']} seeds of {flight.title}, {flight.duration_s:g} s; of each axis: {axes}."
+        )
     console.print(
-        f"{runs} seeds of sim:tiny, {DURATION_S:g} s. The mean over the seeds should lie in its 95 % band at about "
-        f"95 % of the times; sigma x: what the standard deviations should be multiplied by; of each axis: {axes}. "
-        f"{GAUGE[registered(method).unit]}\n"
+        f"The mean over the seeds should lie in its 95 % band at about 95 % of the times (in; longest: the longest "
+        f"stretch above); sigma x: what the standard deviations should be multiplied by. {GAUGE[registered(method).unit]}\n"
     )
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    low, high = row["band"]
+    shares = "/".join(f"{100 * row[share]:.0f}" for share in ("inside", "above", "below"))
+    ends = (f"{shares} %", f"{row['longest_above_s']:.1f} s", f"{row['sigma_factor']:.2f}")
+    return (f"{row['average']:.2f}", str(row["dof"]), f"{low:.2f}-{high:.2f}", *ends)
 
 
 def main(argument: str) -> None:
     task = json.loads(argument)
-    found = measured(task["method"], task["seeds"], Path(task["folder"]))
+    found = measured(task["method"], task["scene"], task["seeds"], Path(task["folder"]))
     sys.stdout.write(json.dumps(found) + "\n")
 
 

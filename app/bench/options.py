@@ -24,8 +24,8 @@ class Bench:
     blocks: bool = True
     """Measure the building blocks, too: bundle adjustment of a window, rendering, logging, opening."""
     consistency: bool = False
-    """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of a
-    simulation."""
+    """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of
+    three simulations."""
     seeds: int = 20
     """Number of seeds for --consistency."""
     gaps: bool = False

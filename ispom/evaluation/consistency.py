@@ -48,6 +48,10 @@ class Consistency:
     """Share of the times whose average lies in the band: about 0.95 where all is well."""
     above: float
     """Share of the times whose average lies above: the covariance is too small."""
+    below: float
+    """Share of the times whose average lies below: the covariance is too large."""
+    longest_above_s: float
+    """The longest time that it stays above, from the first such time to the first one after that is not."""
 
     @property
     def sigma_factor(self) -> float:
@@ -99,8 +103,24 @@ def consistency(runs: list[Errors], part: slice = PARTS["pose"]) -> Consistency 
     dof, count = part.stop - part.start, len(runs)
     low, high = band(dof, count)
     mean = rows.mean(axis=0)
-    inside, above = (mean >= low) & (mean <= high), mean > high
-    return Consistency(dof, count, float(rows.mean()), (low, high), float(inside.mean()), float(above.mean()))
+    above, below = mean > high, mean < low
+    return Consistency(
+        dof,
+        count,
+        float(rows.mean()),
+        (low, high),
+        float((~above & ~below).mean()),
+        float(above.mean()),
+        float(below.mean()),
+        _longest_s(np.array(common), above),
+    )
+
+
+def _longest_s(times_ns: NDArray[np.int64], holds: NDArray[np.bool_]) -> float:
+    """The longest stretch of the times (K,) at which it holds, until the next time at which it does not, or the end."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]])))
+    begins, ends = edges[::2], np.minimum(edges[1::2], len(holds) - 1)
+    return float((times_ns[ends] - times_ns[begins]).max(initial=0)) * 1e-9
 
 
 def band(dof: int, runs: int, probability: float = 0.95) -> tuple[float, float]:

@@ -37,7 +37,17 @@ def test_right_covariances_lie_in_the_band(part: str) -> None:
 def test_too_small_and_too_large_ones_do_not() -> None:
     small, large = found(0.25), found(4.0)
     assert small.inside == 0 and small.above == 1 and small.sigma_factor == pytest.approx(2, rel=0.05)
+    assert (small.below, large.below) == (0, 1) and large.longest_above_s == 0
+    assert small.longest_above_s == pytest.approx((TIMES - 1) * 1e-7)
     assert large.inside == 0 and large.above == 0 and large.sigma_factor == pytest.approx(0.5, rel=0.05)
+
+
+def test_the_longest_stretch_above_ends_where_the_next_time_is_not() -> None:
+    claims = np.ones(10)
+    claims[[1, 4, 5]] = 1e-3
+    run = Errors(np.arange(10) * 10**9, np.ones((10, 6)), claims[:, None, None] * np.eye(6))
+    result = consistency([run, run])
+    assert result is not None and result.above == pytest.approx(0.3) and result.longest_above_s == 2
 
 
 def test_the_band_is_bar_shaloms() -> None:

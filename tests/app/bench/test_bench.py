@@ -82,11 +82,18 @@ def test_consistency_is_told_of_what_has_covariances(
         return Errors(np.arange(10), twists, np.tile(np.eye(6) / 4, (10, 1, 1)))
 
     monkeypatch.setattr(consistency, "_errors", lambda sequence, method: made(sequence))
-    monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s: seed)
+    monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s, world: seed)
     monkeypatch.setattr(command, "names", lambda: ("stereo",))
-    monkeypatch.setattr(command, "_child", lambda module, task: consistency.measured("stereo", task["seeds"], tmp_path))
+    found = lambda module, task: consistency.measured("stereo", task["scene"], task["seeds"], tmp_path)  # noqa: E731
+    monkeypatch.setattr(command, "_child", found)
     assert main(["bench", "--consistency", "--seeds", "5", "--json", str(tmp_path / "c.json")]) == 0
-    (row, *_) = json.loads((tmp_path / "c.json").read_text())["consistency"]
+    row, *others = json.loads((tmp_path / "c.json").read_text())["consistency"]
+    assert [row["scene"], *(other["scene"] for other in others)] == list(consistency.FLIGHTS)
+    assert (
+        row["pose"]["above"] == 1
+        and row["pose"]["below"] == 0
+        and row["pose"]["longest_above_s"] == pytest.approx(9e-9)
+    )
     assert row["pose"]["sigma_factor"] == pytest.approx(2, rel=0.1) and row["position"]["dof"] == 3
     monkeypatch.setattr(command, "_child", lambda module, task: {})
     assert main(["bench", "--consistency"]) == 0
