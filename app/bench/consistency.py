@@ -106,8 +106,9 @@ def print_consistency(console: Console, method: str, by_scene: dict[str, dict[st
             f"{found['pose']['runs']} seeds of {flight.title}, {flight.duration_s:g} s; of each axis: {axes}."
         )
     console.print(
-        f"The mean over the seeds should lie in its 95 % band at about 95 % of the times (in; longest: the longest "
-        f"stretch above); sigma x: what the standard deviations should be multiplied by. {GAUGE[registered(method).unit]}\n"
+        f"The mean over the seeds should lie in its 95 % band at about 95 % of the times (longest: the longest stretch "
+        "above it); sigma x: what the standard deviations should be multiplied by. "
+        f"{GAUGE[registered(method).unit]}\n"
     )
 
 
