@@ -22,21 +22,28 @@ function step(name, shown, ask) {
 // `drives` says whether this page may change all that; one that follows another's may look at an exposure of its own.
 export function makeAddress(send, drives) {
   let wanted = read(); // what is still to be reached; null while the address follows the page
+  let since = performance.now(); // when that was read
   let asked = null; // the step that was asked for, and the notices that there were then
+  let driving = false; // whether this page drove when it last looked
   let writtenAt = 0;
+  let written = location.hash; // as this page left it; else somebody has changed it, which is heard of a moment later
   let due = null;
   const write = (state) => {
     due = null;
+    if (location.hash !== written) return;
     writtenAt = performance.now();
     const named = state.address.lesson ? STEPS.slice(0, 1) : STEPS;
     const parts = named.map(({ name, shown }) => [name, String(shown(state))]);
     const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
     const hash = `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
-    if (hash !== location.hash) history.replaceState(null, "", hash);
+    if (hash !== written) history.replaceState(null, "", hash);
+    written = location.hash;
   };
   addEventListener("hashchange", () => {
     asked = null;
     wanted = read();
+    since = performance.now();
+    written = location.hash;
     if (wanted && shown) follow(shown);
   });
   let shown = null;
@@ -49,12 +56,14 @@ export function makeAddress(send, drives) {
   };
   // Whether there is nothing more to ask for; where there is, it is asked for, which may come back here at once.
   const reached = (state) => {
+    if (driving !== drives()) [driving, asked] = [!driving, null];
     const notices = state.notices.at(-1)?.number ?? 0;
-    const steps = drives() ? STEPS : STEPS.filter(({ name }) => name === "at");
+    const steps = driving ? STEPS : STEPS.filter(({ name }) => name === "at");
     const next = steps.find(({ name, shown }) => wanted[name] !== undefined && String(shown(state)) !== wanted[name]);
     const waited = asked && performance.now() - asked.at >= PATIENCE_MS;
     if (!next || (asked?.name === next.name && (refused(state, asked) || (waited && idle(state))))) {
-      wanted = null;
+      // A page that comes after one which the server has yet to see closed follows at first, and drives a moment later.
+      if (driving || performance.now() - since >= PATIENCE_MS) wanted = null;
       return true;
     }
     if (asked?.name !== next.name) {

@@ -16,7 +16,9 @@ import { makeTour } from "./tour.js";
 history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
-dark.addEventListener("change", () => location.reload());
+const leaving = new AbortController();
+dark.addEventListener("change", () => location.reload(), leaving);
+addEventListener("beforeunload", () => leaving.abort()); // a reload would undo where the page is on its way to
 
 let socket;
 let state = null;

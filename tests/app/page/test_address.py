@@ -72,6 +72,24 @@ def test_one_who_does_not_drive_opens_it_at_its_exposure(page: Page, browser, ap
     other.tab.close()
 
 
+def test_who_drives_a_moment_after_opening_it_gets_all_of_it(page: Page, browser, app: App) -> None:  # noqa: F811
+    """As after a reload, where the server sees the page before closed only later."""
+    before = Page(browser, app.url, viewer=FAKE)
+    before.send('{do: "take_over"}')
+    before.until("state.people.driving", "the wheel")
+    other = Page(browser, f"{app.url}#run=double:40&at=9&hidden=clouds,truth", viewer=FAKE)
+    other.until(
+        "window.ispom.shown.index === 9 && location.hash === '#run=double:40&at=9'", "the exposure, on that page alone"
+    )
+    before.tab.close()
+    other.until("state.index === 9 && String(state.address.hidden) === 'clouds,truth'", "all that its address named")
+    other.send('{do: "hide", names: []}')
+    assert not other.faults
+    other.tab.close()
+    page.send('{do: "take_over"}')
+    page.until("state.people.driving && state.address.hidden.length === 0", "the wheel")
+
+
 def test_an_address_of_another_branch_shows_that_branch(page: Page) -> None:
     go(page, 40)
     page.controls.get_by_role("tab", name="Methods").click()
