@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import sys
-import zlib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -27,12 +26,13 @@ from ispom.geometry import Array, Pose
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.city import build_city
+from ispom.simulation.motions import Motion
 from ispom.simulation.path import Path as Route
-from ispom.simulation.renderer import Renderer, exposed
-from ispom.simulation.source import NOISE_SIGMA
+from ispom.simulation.renderer import Renderer
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Camera, Exposure, Frame, Rig, Status, Step, StereoPair, Trajectory, VideoFrame
+from ispom.types import Camera, Exposure, Frame, Rig, Status, Step, StereoPair, Trajectory
 
+from .flights import FilmedMethod, Flight
 from .measure import ensemble_of
 
 GAPS_S, TURNS_DEG = (1.0, 2.0, 3.0, 5.0, 7.0), (0.0, 20.0, 45.0, 90.0)
@@ -47,10 +47,6 @@ LEAST_ERROR = 0.01
 """Share of the way across the gap that is no error to speak of, where the error without it happens to be smaller."""
 SCALES = {"monocular": 1.0, "stereo": 0.5}
 """Of the simulated images: 640x480 for each."""
-
-
-Method = Literal["monocular", "stereo"]
-GAP_METHODS: tuple[Method, ...] = ("monocular", "stereo")
 GAP_SEEDS = 3
 """Of sim:city."""
 
@@ -58,7 +54,7 @@ GAP_SEEDS = 3
 @dataclass(frozen=True)
 class Trial:
     source: str
-    method: Method
+    method: FilmedMethod
     start_s: float
     """The gap's begin."""
     gap_s: float
@@ -81,42 +77,25 @@ class Found:
         return self.error_m <= self.allowed_m if self.outcome == "located" else self.seen_again < SEEN_AGAIN
 
 
-@dataclass(frozen=True, eq=False)
-class Flight:
-    """Through sim:city; from `turned_from_s` on the rig is turned by an angle beside its route."""
+@dataclass(frozen=True)
+class Turned:
+    """A motion with the rig turned by an angle beside it from a time on."""
 
-    seed: int
-    rig: Rig
-    turned_from_s: float = np.inf
-    turn_deg: float = 0.0
+    motion: Motion
+    from_s: float
+    turn_deg: float
 
     def pose_at(self, time_ns: int) -> Pose:
         """world_from_rig."""
-        pose = Route.seeded(self.seed).pose_at(time_ns)
-        turn = np.radians([0.0, self.turn_deg if time_ns * 1e-9 >= self.turned_from_s else 0.0, 0.0])
-        return pose @ Pose.from_rotvec(turn, np.zeros(3))
-
-    def truth(self, times_ns: list[int], frame: Frame) -> Trajectory:
-        """Of one of the rig's frames at these times."""
-        mount = self.rig.rig_from(frame)
-        return Trajectory.of([(t, self.pose_at(t) @ mount) for t in times_ns], frame)
-
-    def exposure(self, renderer: Renderer, time_ns: int, stereo: bool) -> Exposure:
-        """As sim:city has it."""
-        names: tuple[Frame, ...] = ("left", "right") if stereo else ("video",)
-        images = []
-        for name in names:
-            camera = self.rig.camera(name)
-            sharp = renderer.image(camera, self.pose_at(time_ns) @ self.rig.rig_from(name), 1)
-            images.append(exposed(sharp, zlib.crc32(f"{self.seed} {time_ns} {name}".encode()), NOISE_SIGMA))
-        return StereoPair(time_ns, *images) if stereo else VideoFrame(time_ns, images[0])
+        turn = np.radians([0.0, self.turn_deg if time_ns * 1e-9 >= self.from_s else 0.0, 0.0])
+        return self.motion.pose_at(time_ns) @ Pose.from_rotvec(turn, np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
     """One method over one source without gaps, from which the gaps are cut."""
 
-    method: Method
+    method: FilmedMethod
     ensemble: Ensemble
     exposures: list[Exposure]
     truth: Trajectory
@@ -127,7 +106,7 @@ class Case:
     final: Trajectory
 
     @staticmethod
-    def of(method: Method, rig: Rig, exposures: list[Exposure], truth: Trajectory) -> Case:
+    def of(method: FilmedMethod, rig: Rig, exposures: list[Exposure], truth: Trajectory) -> Case:
         ensemble, states, steps = ensemble_of(method, rig), list[Any](), list[Step]()
         state = ensemble.start()
         for exposure in exposures:
@@ -169,10 +148,10 @@ def _at(trajectory: Trajectory, time_ns: int) -> Pose:
     return pose
 
 
-def simulated(method: Method, seed: int) -> Iterator[Found]:
+def simulated(method: FilmedMethod, seed: int) -> Iterator[Found]:
     """Gaps and turns over one seed of sim:city."""
     stereo = method == "stereo"
-    flight = Flight(seed, simulated_rig(SCALES[method]))
+    flight = Flight(seed, simulated_rig(SCALES[method]), Route.seeded(seed))
     renderer, rate_hz = Renderer(build_city(seed)), 5.0 if stereo else 15.0
     side: Frame = "left" if stereo else "video"
     given: Frame = "rig" if stereo else "video"
@@ -185,7 +164,7 @@ def simulated(method: Method, seed: int) -> Iterator[Found]:
     for gap_s in GAPS_S:
         for turn_deg in TURNS_DEG:
             trial = Trial(f"sim:city seed {seed}", method, BEFORE_S, gap_s, turn_deg)
-            turned = replace(flight, turned_from_s=BEFORE_S + 0.5 * gap_s, turn_deg=turn_deg)
+            turned = replace(flight, motion=Turned(flight.motion, BEFORE_S + 0.5 * gap_s, turn_deg))
             after = [t for t in times if 0 <= t * 1e-9 - BEFORE_S - gap_s <= AFTER_S]
             seen = [turned.exposure(renderer, t, stereo) for t in after] if turn_deg else None
             seen = seen or [e for e in case.exposures if e.time_ns in after]
@@ -202,7 +181,7 @@ def _surface(renderer: Renderer, camera: Camera, world_from_camera: Pose) -> tup
     return np.column_stack([column, row]).astype(float), depth[row, column]
 
 
-def driven(method: Method, folder: Path) -> Iterator[Found]:
+def driven(method: FilmedMethod, folder: Path) -> Iterator[Found]:
     """Gaps in a drive with stereo pairs (KITTI), whose exposures are left out."""
     sequence = open_sequence(str(folder))
     assert sequence.truth is not None
