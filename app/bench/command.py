@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import subprocess
@@ -22,7 +23,9 @@ from ispom.methods import names
 
 from ..outputs import require_own, write_file
 from .consistency import FLIGHTS, print_consistency
-from .gaps import GAP_METHODS, GAP_SEEDS, gaps_found, print_gaps
+from .flights import FILMED_METHODS
+from .gaps import GAP_SEEDS, gaps_found, print_gaps
+from .loops import loops_found, print_loops
 from .options import Bench
 from .page.measure import ATTENDANCES, answered, attended, print_answered, print_attended
 from .page.served import Served
@@ -63,6 +66,8 @@ def bench(options: Bench) -> int:
         report["consistency"] = _consistency(console, options)
     elif options.gaps:
         report["gaps"] = _gaps(console, options)
+    elif options.loops:
+        report["loops"] = _loops(console, options)
     elif options.starts:
         report["starts"] = _starts(console, options)
     elif options.page:
@@ -72,7 +77,7 @@ def bench(options: Bench) -> int:
     else:
         _rows_and_blocks(console, chosen, options, report)
     if options.json is not None:
-        write_file(options.json, json.dumps(report, indent=2) + "\n", JSON_HEAD)
+        write_file(options.json, json.dumps(_plain(report), indent=2, allow_nan=False) + "\n", JSON_HEAD)
     return 0
 
 
@@ -115,18 +120,32 @@ def _consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
 
 def _gaps(console: Console, options: Bench) -> list[dict[str, Any]]:
     drive, measured = next(found_below(c, options.data) for c in CASES if c.key == "kitti-06"), []
-    for method in (m for m in GAP_METHODS if not options.methods or m in options.methods):
+    for method in _filmed(options):
         tasks: list[dict[str, Any]] = [{"method": method, "seed": seed} for seed in range(GAP_SEEDS)]
         tasks += [{"method": method, "folder": drive.source}] if drive is not None else []
         for task in tasks:
-            with _progress(f"{method}: gaps in {task.get('folder') or 'sim:city'}"):
-                found = _child("gaps", task)
-            if isinstance(found, dict):
-                console.print(f"{method}: {found['error']}")
-                continue
-            print_gaps(console, gaps_found(found))
-            measured += found
+            rows = _told(console, f"{method}: gaps in {task.get('folder') or 'sim:city'}", "gaps", task)
+            if rows:
+                print_gaps(console, gaps_found(rows))
+                measured += rows
     return measured
+
+
+def _loops(console: Console, options: Bench) -> list[dict[str, Any]]:
+    methods, measured = _filmed(options), []
+    for seed in range(options.seeds) if methods else ():
+        for returns in (True, False):
+            task = {"seed": seed, "returns": returns, "methods": methods}
+            what = "sim:town" if returns else "equal houses"
+            measured += _told(console, f"loops in {what}, seed {seed} of {options.seeds}", "loops", task) or []
+    for method in methods if measured else ():
+        print_loops(console, [d for d in loops_found(measured) if d.method == method])
+    return measured
+
+
+def _filmed(options: Bench) -> list[str]:
+    """The methods wanted of those whose flights are filmed for them."""
+    return [m for m in FILMED_METHODS if not options.methods or m in options.methods]
 
 
 def _starts(console: Console, options: Bench) -> list[dict[str, Any]]:
@@ -137,10 +156,9 @@ def _starts(console: Console, options: Bench) -> list[dict[str, Any]]:
             console.print(f"{cases[key].title}: skipped, it is not in {options.data} (see --data)")
             continue
         source, last = (key, None) if found is None else (found.source, found.frames)
-        with _progress(f"monocular: started in {source}"):
-            rows = _child("starts", {"source": source, "last": last, "every": every})
-        if isinstance(rows, dict):
-            console.print(f"{source}: {rows['error']}")
+        task = {"source": source, "last": last, "every": every}
+        rows = _told(console, f"monocular: started in {source}", "starts", task)
+        if rows is None:
             continue
         if not rows:
             console.print(f"{source}: skipped, it has too few frames")
@@ -148,6 +166,16 @@ def _starts(console: Console, options: Bench) -> list[dict[str, Any]]:
         print_starts(console, starts_found(rows))
         measured += rows
     return measured
+
+
+def _told(console: Console, what: str, module: str, task: dict[str, Any]) -> list[dict[str, Any]] | None:
+    """The rows that another process found; None, and said so, where it could not."""
+    with _progress(what):
+        rows = _child(module, task)
+    if isinstance(rows, dict):
+        console.print(f"{what}: {rows['error']}")
+        return None
+    return rows
 
 
 def _soak(console: Console, options: Bench) -> list[dict[str, Any]]:
@@ -238,11 +266,21 @@ def _about(options: Bench) -> dict[str, Any]:
         "blocks": [],
         "consistency": [],
         "gaps": [],
+        "loops": [],
         "starts": [],
         "soak": [],
         "page": {},
         "skipped": [],
     }
+
+
+def _plain(value: Any) -> Any:
+    """With null for what is no number: JSON has no word for that."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextmanager

@@ -1,8 +1,8 @@
-"""`ispom bench --loops`: simulated drives that come back to their start, with loops and without, and others that do not.
+"""`ispom bench --loops`: simulated drives that come back to their start, and others that look as if they did.
 
-The drives that come back go around sim:town's block (541 m). The others begin in the middle of a street of equal houses
-and end before they are there again: what they see looks like what they saw at other places, and every loop is a false
-one. `python -m ispom_app.bench.loops '{...}'` prints what was found as one line of JSON.
+The drives that come back go around sim:town's block (541 m), with loops and without. The others begin in the middle of
+a street of equal houses and end before they are there again: what they see looks like what they saw at other places,
+and every loop is a false one. `python -m ispom_app.bench.loops '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ from ispom.ensemble import Ensemble, build
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
 from ispom.evaluation.ate import rms
 from ispom.evaluation.consistency import PARTS, band, errors
-from ispom.geometry import Pose, Similarity
+from ispom.geometry import Pose
 from ispom.methods import Config
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.motions import Motion, motion_of
 from ispom.simulation.renderer import Renderer
 from ispom.simulation.town import LAP_M, SPEED_M_S, build_town
-from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Rig, Step, StereoPair, Trajectory, VideoFrame
 
 from .flights import FILMED_METHODS, FilmedMethod, Flight
@@ -141,22 +140,24 @@ def _judged(flight: Flight, times: list[int], returns: bool, run: Run, plain: Ru
 
 
 def _off(found: Trajectory, truth: Trajectory, metric: bool) -> np.ndarray:
-    """(N,) distances of the poses from the true ones [m], the first of them being given; of one camera the first 60 m."""
-    own = found.translations
-    there = [truth.at(t) for t in found.times_ns.tolist()]
-    true = np.stack([pose.translation for pose in there if pose is not None])
-    assert len(true) == len(own)
-    if metric and there[0] is not None:
-        onto = Similarity(1.0, there[0] @ found.pose(0).inverse())
-    else:
-        way = np.concatenate([[0.0], np.linalg.norm(np.diff(true, axis=0), axis=1).cumsum()])
-        onto = umeyama(own[way < START_M], true[way < START_M], with_scale=True)
-    return np.linalg.norm(onto.apply(own) - true, axis=1)
+    """(N,) distances of the poses from the true ones [m]: given the first pose, and of one camera the first 60 m."""
+    true = [truth.at(t) for t in found.times_ns.tolist()]
+    begin, first = true[0], found.pose(0)
+    assert begin is not None
+    own = first.inverse().apply(found.translations)
+    moved = np.stack([begin.inverse().apply(pose.translation) for pose in true if pose is not None])
+    if not metric:
+        way = np.concatenate([[0.0], np.linalg.norm(np.diff(moved, axis=0), axis=1).cumsum()])
+        there = way < START_M
+        own *= (own[there] * moved[there]).sum() / (own[there] ** 2).sum()
+    return np.linalg.norm(own - moved, axis=1)
 
 
 def print_loops(console: Console, found: list[Driven]) -> None:
     """A table of all drives of one method, and what it comes to."""
-    table = Table("drive", "seed", "way m", "loops", "error m", "without", "NEES", "all poses", box=None, pad_edge=False)
+    table = Table(
+        "drive", "seed", "way m", "loops", "error m", "without", "NEES", "all poses", box=None, pad_edge=False
+    )
     for f in found:
         more = (f.plain_error_m, f.plain_nees, f.spread)
         name = "sim:town" if f.returns else "equal houses"

@@ -27,10 +27,13 @@ class Bench:
     """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of
     three simulations."""
     seeds: int = 20
-    """Number of seeds for --consistency."""
+    """Number of seeds for --consistency and --loops."""
     gaps: bool = False
     """Measure, instead of all else, whether monocular and stereo know where they are after 1-7 s without images, in
     which the camera may turn: in sim:city (three seeds), and in KITTI 06 where it is in --data."""
+    loops: bool = False
+    """Measure, instead of all else, whether monocular and stereo find a loop after 541 m through sim:town, what they
+    are off by there, with and without; and whether they find false ones where houses are alike and nothing returns."""
     starts: bool = False
     """Measure, instead of all else, whether the monocular method's first map is right, started at many places of
     sim:city, sim:indoor and sim:tiny, and of KITTI 06, KITTI 00 and handheld_board where they are in --data."""
