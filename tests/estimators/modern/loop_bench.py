@@ -83,12 +83,20 @@ class Driven:
 
 
 def driven(
-    facades: Facades, length_m: float, seed: int, eye: Eye = EYE, drift: float = 1.0, blind_at: int = -1
+    facades: Facades,
+    length_m: float,
+    seed: int,
+    eye: Eye = EYE,
+    drift: float = 1.0,
+    blind_at: int = -1,
+    begun_with: int = 1,
 ) -> Driven:
     """Along the route, with key frames STEP_M apart; of one camera (no baseline) the unit drifts as well.
 
-    At node `blind_at` nothing joins it to those before: it is put 3 m beside, and known to 3 m.
+    At node `blind_at` nothing joins it to those before: it is put 3 m beside, and known to 3 m. What begins there is
+    told of when there are as many key frames as it is begun with: the first map of one camera has several.
     """
+    begins = blind_at + begun_with - 1
     rng = np.random.default_rng([seed, 7])
     truth = [on_route(along) for along in np.arange(0.0, length_m, STEP_M)]
     truth = [truth[0].inverse() @ pose for pose in truth]
@@ -115,8 +123,10 @@ def driven(
             seen = replace(seen, xyz=np.full_like(seen.xyz, np.nan), depth=unit * seen.depth)
         window = {k: odometry[k] for k in range(max(i - 3, 0, blind_at * (i >= blind_at)), i + 1)}
         variance = i * (0.004 * drift) ** 2 if single else 0.0
-        key = KeyFrameSeen(i, odometry[-1], covariance, variance, window, lambda seen=seen: seen)
-        loops, new = seen_again(loops, eye, key, i + 1)
+        key = KeyFrameSeen(
+            i, odometry[-1], covariance, variance, window, lambda seen=seen: seen, joined=blind_at < 0 or i != begins
+        )
+        loops, new = seen_again(loops, eye, None if blind_at <= i < begins else key, i + 1)
         told += new
         for _ in range(3):
             loops, new = seen_again(loops, eye, None, i + 1)

@@ -71,3 +71,17 @@ def test_a_toy_full_of_corners_before_a_still_background_makes_none() -> None:
     said = {d.key: d for d in found.decisions}
     assert said["start_parallax"].passed and not said["travel"].passed
     assert said["second_motion"].value > 0.5 and not said["second_motion"].passed
+
+
+@pytest.mark.parametrize(("shared", "joined"), [(12, True), (4, False)])
+def test_a_start_that_shares_nothing_with_the_frames_before_is_a_segment_of_its_own(shared: int, joined: bool) -> None:
+    rng = np.random.default_rng(2)
+    x = rng.uniform(-0.4, 0.4, (200, 2))
+    found = Progress(Start(), (), None)
+    nothing = TrackedFrame(0, np.zeros(0, np.int64), np.zeros((0, 2)))
+    for time, first in enumerate((0, 0, 200 - shared)):
+        ids = first + np.arange(200)
+        found = advance(found.start, TrackedFrame(time, ids, x), SIGMA, np.radians(1.0))
+    assert found.start.joined is joined and found.held is not None
+    dark = advance(advance(Start(), nothing, SIGMA, np.radians(1.0)).start, nothing, SIGMA, np.radians(1.0))
+    assert dark.start.joined, "no pose was told before"

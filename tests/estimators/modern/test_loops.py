@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.loops import nodes as nodes_module
-from ispom.estimators.modern.loops.loops import Loops
+from ispom.estimators.modern.loops.loops import KeyFrameSeen, Known, Loops, covariance_at, seen_again
 from ispom.estimators.modern.loops.nodes import Loop, Node, edges_of, step_between, thinned
 from ispom.estimators.modern.loops.sight import Eye, Sight
 from ispom.estimators.modern.loops.told import AT_ONCE, Correction, next_range
@@ -43,9 +43,11 @@ def test_a_lap_ends_where_it_began(eye: Eye, seed: int) -> None:
     assert after < 0.001 * 1.06 * LAP_M < before
 
 
-def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays() -> None:
-    blind = 50
-    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, blind_at=blind)
+@pytest.mark.parametrize(("eye", "keys"), [(EYE, 1), (SINGLE, 2)], ids=["pair", "single"])
+def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(eye: Eye, keys: int) -> None:
+    blind, drift = 50, 1.0 if eye.baseline else SINGLE_DRIFT
+    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, eye, drift, blind, keys)
+    blind += keys - 1
     assert closed(found) and found.ends[1] < 0.001 * 1.06 * LAP_M
     off = {
         n.time_ns: float(np.linalg.norm(n.corrected.pose.translation - found.truth[n.time_ns].translation))
@@ -141,6 +143,17 @@ def test_between_nodes_the_correction_is_between_theirs() -> None:
     alone = [*shifted[:2], replace(shifted[2], parent_ns=0)]
     apart = Correction.of(Loops(tuple(alone), (Loop(0, 2, Similarity(), np.eye(7)),)))
     assert apart.follows == (False, True, False)
+
+
+def test_how_sure_a_pose_is_follows_its_window_as_that_is_adjusted() -> None:
+    nodes = chain(40)
+    adjusted = 0.1 * np.eye(7)
+    loops = Loops(nodes, (Loop(0, 39, Similarity(), np.eye(7)),), known=Known(nodes[-1], adjusted))
+    moved = nodes[-1].odometry @ Pose(translation=np.array([3.0, 0.0, 0.0]))
+    last = nodes[-1]
+    key = KeyFrameSeen(40, moved, last.covariance, 0.0, {39: moved, 40: moved}, blank)
+    loops, _ = seen_again(loops, EYE, key, 41)
+    np.testing.assert_allclose(covariance_at(loops, moved, last.covariance, 0.0), adjusted, atol=1e-5)
 
 
 def test_all_poses_are_told_again_a_bounded_number_at_a_time() -> None:

@@ -114,6 +114,14 @@ def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(
     assert steps[62].key_frame, "only the map's adjustment says how sure it is of what a key frame showed long ago"
 
 
+def test_a_start_from_a_turn_that_is_interrupted_is_a_segment_of_its_own(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    steps, _ = video(flight, exposures, [*[2] * 5, *range(-30, -60, -1)])
+    assert [i for i, s in enumerate(steps) if s.restarted] == [5]
+    assert steps[-1].status is Status.TRACKING
+
+
 def test_a_blind_start_of_stereo_is_told_by_the_integration_that_follows_it(
     flight: Sequence, exposures: list[Exposure]
 ) -> None:

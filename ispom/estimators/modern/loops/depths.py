@@ -21,13 +21,15 @@ MIN_SIGNIFICANCE = 3.0
 
 
 def with_depths(eye: Eye, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """With those of the newest node's features; and of its parent's, where nothing was before that."""
+    """With those of the newest node's features; and of its parent's, where nothing was before that.
+
+    Nothing is met across a blind start: what the way is there only the loops will tell.
+    """
     newest, others = nodes[-1], list[Node]()
-    while len(others) < OTHERS:
-        parent = node_at(nodes, (others[-1] if others else newest).parent_ns)
-        if parent is newest or (others and parent is others[-1]):
-            break
-        others.append(parent)
+    last = newest
+    while len(others) < OTHERS and last.seen and last.parent_ns != last.time_ns:
+        last = node_at(nodes, last.parent_ns)
+        others.append(last)
     if not others:
         return nodes
     found = {newest.time_ns: _met(eye, newest, others)}

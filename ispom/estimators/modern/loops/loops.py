@@ -54,6 +54,8 @@ class KeyFrameSeen:
     """world_from_camera of the key frames that are still adjusted, this one included, oldest first."""
     sight: Callable[[], Sight]
     """What it shows; made only where it is needed."""
+    joined: bool = True
+    """Whether some observation joins it to the key frames before: else it is where a blind start was held to be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,11 @@ class Known:
     node: Node
     covariance: Array
     """(7, 7) of its right perturbation."""
+
+    def within(self, nodes: tuple[Node, ...]) -> Known:
+        """With the node's pose as it is now: its window may still be adjusted."""
+        node = next((n for n in reversed(nodes) if n.time_ns == self.node.time_ns), self.node)
+        return replace(self, node=node)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +119,7 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
 def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
     """With a node, where it is some way from the last one, and what that is to be compared with."""
     nodes = with_poses(loops.nodes, key.window)
+    known = None if loops.known is None else loops.known.within(nodes)
     unsure = np.zeros((6, 6)) if key.covariance is None else key.covariance
     if not nodes:
         first = Similarity(1.0, key.world_from_camera)
@@ -120,14 +128,14 @@ def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
         )
         return replace(loops, nodes=(node,))
     before = [t for t in key.window if t < key.time_ns]
-    # In a window that began anew nothing is before: then the way there is that of the blind start.
-    parent = node_at(nodes, before[-1]) if before else nodes[-1]
+    # What began anew hangs on the last node: the way there is that of the blind start.
+    parent = node_at(nodes, before[-1]) if key.joined and before else nodes[-1]
     between = parent.odometry.inverse() @ key.world_from_camera
     length = float(np.linalg.norm(between.translation))
     turn = float(np.degrees(rotation_angle_rad(between.rotation)))
     near = length < APART_DEPTHS * parent.sight.depth and turn < APART_DEG
-    if near and parent is nodes[-1] and before:
-        return replace(loops, nodes=nodes)
+    if near and parent is nodes[-1] and key.joined:
+        return replace(loops, nodes=nodes, known=known)
     node = Node(
         key.time_ns,
         parent.time_ns,
@@ -137,7 +145,7 @@ def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
         nodes[-1].path + length,
         parent.corrected @ Similarity(1.0, between),
         key.sight(),
-        bool(before),
+        key.joined,
     )
     waiting = candidates(nodes, node, drift)
     nodes = (*nodes, node) if eye.baseline else with_depths(eye, (*nodes, node))
@@ -146,7 +154,7 @@ def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
     late = {n.time_ns for n in nodes[-WITHIN:]}
     proposed = tuple(p for p in loops.proposed if p.then_ns in late and p.first_ns in kept)
     waiting = tuple(t for t in waiting if t in kept)
-    return replace(loops, nodes=nodes, closed=closed, proposed=proposed, waiting=waiting)
+    return replace(loops, nodes=nodes, closed=closed, proposed=proposed, waiting=waiting, known=known)
 
 
 def _closed(

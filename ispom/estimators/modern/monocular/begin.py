@@ -43,7 +43,8 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     found = advance(start, frame, setup.sigma, setup.start_parallax_rad)
     outcome = Outcome(new.followed, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
     if found.map is None:
-        return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1)
+        alone = start.joined and not found.start.joined
+        return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1, restarted=alone)
     problem = bundle_problem(found.map)
     uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma)
     return replace(

@@ -79,7 +79,7 @@ class ModernMonocular:
         """One frame: follow the tracks, locate it in the map (or begin one), and look for new corners."""
         exposure = self._size.reduced(exposure)
         assert isinstance(exposure, VideoFrame)
-        setup, watch, loops = self._setup, Stopwatch(), state.loops
+        setup, watch, before = self._setup, Stopwatch(), state
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
         watch.lap("track")
         if state.map is None:
@@ -92,7 +92,7 @@ class ModernMonocular:
         watch.lap("new points")
         step = as_step(state, after, outcome, exposure, fresh, watch.seconds)
         if self.config.loops:
-            after, step = with_loops(setup, loops, after, outcome, new, step)
+            after, step = with_loops(setup, before, after, outcome, new, step)
             watch.lap("loops")
         return after, self._size.enlarged(step)
 

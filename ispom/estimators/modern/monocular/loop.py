@@ -22,13 +22,19 @@ from ispom.types import Image, Step, Trajectory
 
 
 def with_loops(
-    setup: Setup, loops: Loops, after: ModernMonocularState, outcome: Outcome, new: NewImage, step: Step
+    setup: Setup,
+    before: ModernMonocularState,
+    after: ModernMonocularState,
+    outcome: Outcome,
+    new: NewImage,
+    step: Step,
 ) -> tuple[ModernMonocularState, Step]:
     """The state after a frame, with what is known of loops, and its Step in the world as they make it."""
     eye, key = Eye.of(setup.camera, FEATURE_ERROR * setup.sigma), None
     if outcome.key_frame and after.map is not None:
-        key = _key_frame_seen(setup, after, after.map, outcome, new.grey)
-    loops, decisions = seen_again(loops, eye, key, len(after.settled))
+        joined = before.start is None or before.start.joined
+        key = _key_frame_seen(setup, after, after.map, outcome, new.grey, joined)
+    loops, decisions = seen_again(before.loops, eye, key, len(after.settled))
     step = replace(step, decisions=(*step.decisions, *decisions))
     if loops.closed:
         loops, step = _corrected(loops, after, step)
@@ -67,14 +73,14 @@ def _corrected(loops: Loops, after: ModernMonocularState, step: Step) -> tuple[L
 
 
 def _key_frame_seen(
-    setup: Setup, after: ModernMonocularState, world: Map, outcome: Outcome, grey: Image
+    setup: Setup, after: ModernMonocularState, world: Map, outcome: Outcome, grey: Image, joined: bool
 ) -> KeyFrameSeen:
     """The newest key frame of the map."""
     window = {k.time_ns: pose for k, pose in zip(world.keys, world.poses, strict=True)}
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
     sight = partial(_sight, Lens(setup.camera, world.extra), grey, _depth(world, pose))
-    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight)
+    return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined)
 
 
 def _depth(world: Map, pose: Pose) -> float:

@@ -39,6 +39,9 @@ class Start:
     """(6, 6) of the base in the world from before a loss; zero where the base is the world."""
     coasting: Callable[[int], Pose] | None = None
     """The pose that goes on from before a loss, by time, for as long as nothing is seen."""
+    joined: bool = True
+    """Whether what was seen tells at least how the reference is turned against the frames before; where it does not,
+    what begins there is a segment of its own."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks first seen in the reference, while that is the only frame."""
@@ -57,12 +60,14 @@ class Start:
         last = self.frames[-1]
         ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
         base = last.world_from_camera or self.base
+        # Of frames in which nothing was seen no pose is told: there is nothing to be joined to.
+        joined = self.joined and (len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED)
         if len(ids) >= MIN_SHARED:
             turn = dominant_rotation(last.at(ids), frame.at(ids), TURN_LOSS * sigma)
             base = Pose(base.rotation @ turn.T, base.translation)
         elif self.coasting is not None and len(self.frames) == 1:
             base = self.coasting(frame.time_ns)
-        return replace(self, frames=(replace(frame, world_from_camera=base),), base=base), base
+        return replace(self, frames=(replace(frame, world_from_camera=base),), base=base, joined=joined), base
 
 
 def poses_held(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]:

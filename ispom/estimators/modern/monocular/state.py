@@ -64,7 +64,7 @@ class Outcome:
     start: Start | None = None
     key_frame: bool = False
     restarted: bool = False
-    """Its place is the coasted one: no observation joins what begins here to the frames before."""
+    """Its place is the coasted or the last one: no observation joins what begins here to the frames before."""
     decisions: tuple[Decision, ...] = ()
     residual_px: NDArray[np.float32] | None = None
     """(N,) of the tracks followed; NaN where one took no part."""

@@ -32,7 +32,7 @@ def with_loops(
     """The state after a pair, with what is known of loops, and its Step in the world as they make it."""
     after, loops = outcome.after, before.loops
     settled = after.settled.part(len(before.settled), len(after.settled))
-    key = _key_frame_seen(setup, after, new) if outcome.key_frame else None
+    key = _key_frame_seen(setup, outcome, new) if outcome.key_frame else None
     seen, decisions = seen_again(loops.loops, eye_of(setup), key, len(after.poses))
     loops = replace(loops.with_settled(settled), loops=seen)
     step = replace(step, decisions=(*step.decisions, *decisions))
@@ -72,9 +72,9 @@ def _corrected(setup: Setup, loops: StereoLoops, after: ModernStereoState, step:
     return replace(loops, loops=seen), step
 
 
-def _key_frame_seen(setup: Setup, after: ModernStereoState, new: NewPair) -> KeyFrameSeen:
+def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSeen:
     """The newest key frame of the map."""
-    world = after.map
+    after, world = outcome.after, outcome.after.map
     return KeyFrameSeen(
         new.time_ns,
         world.keys[-1].left_from_world.inverse(),
@@ -83,6 +83,7 @@ def _key_frame_seen(setup: Setup, after: ModernStereoState, new: NewPair) -> Key
         0.0,
         {k.time_ns: k.left_from_world.inverse() for k in world.keys},
         partial(_sight, setup, world, new, after.last.rate),
+        joined=not outcome.restarted,
     )
 
 
