@@ -95,7 +95,7 @@ class Run:
     def of(method: FilmedMethod, rig: Rig, loops: bool) -> Run:
         config = Config()
         config = config.with_settings(method, replace(config.of(method), loops=loops))
-        ensemble = build(config, (method,), rig if method == "stereo" else Rig.single(rig.left))
+        ensemble = build(config, (method,), rig if method == "stereo" else Rig.single(rig.camera("left")))
         return Run(method, ensemble, ensemble.start(), [])
 
     def see(self, pair: StereoPair) -> None:
@@ -198,7 +198,7 @@ def loops_found(rows: list[dict[str, Any]]) -> list[Driven]:
 def main(argument: str) -> None:
     task = json.loads(argument)
     cv2.setNumThreads(1)
-    methods = [m for m in FILMED_METHODS if m in task["methods"]]
+    methods: list[FilmedMethod] = [m for m in FILMED_METHODS if m in task["methods"]]
     sys.stdout.write(json.dumps([asdict(d) for d in driven(task["seed"], task["returns"], methods)]) + "\n")
 
 

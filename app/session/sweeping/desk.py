@@ -64,7 +64,9 @@ class SweepDesk:
         if over:
             self._process = None
             failure = process.failure
-            problem = CANCELLED if self._cancelled else sweep.problem or (failure and f"the sweep {failure}")
+            # After the last run there was nothing left to cancel.
+            cancelled = self._cancelled and (failure or len(sweep.outcomes) < len(sweep.swept.values))
+            problem = CANCELLED if cancelled else sweep.problem or (failure and f"the sweep {failure}")
             process.stop()
             sweep = replace(sweep, ended=True, problem=problem, under_way={}, left_s=None)
         if sweep is not self._store.state.sweep:

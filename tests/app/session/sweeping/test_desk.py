@@ -10,7 +10,12 @@ from ispom_app.cli import main
 from ispom_app.options import SourceOptions
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
+from ispom_app.session.state import State
+from ispom_app.session.store import Store
 from ispom_app.session.sweeping.commands import CancelSweep, RunSweep, ShowSwept
+from ispom_app.session.sweeping.desk import SweepDesk
+from ispom_app.sweep.sweep import Sweep
+from ispom_app.sweep.values import parsed
 
 from ispom.ensemble import build
 from ispom.sequences import open_sequence
@@ -91,6 +96,33 @@ def test_cancelled_it_keeps_what_was_computed(session: Session) -> None:
     sweep = session.state.sweep
     assert sweep is not None and sweep.problem == "cancelled" and 1 <= len(sweep.outcomes) < 4
     assert (session.recordings_dir / sweep.name / "results.csv").exists()
+
+
+class Ended:
+    """A process that has told what it has."""
+
+    running, failure = False, ""
+
+    def __init__(self, rows: int) -> None:
+        self.rows = rows
+
+    def told(self) -> list[dict]:
+        return [{"row": i, "folder": str(i), "failure": None, "values": None, "ms": None} for i in range(self.rows)]
+
+    def cancel(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+@pytest.mark.parametrize(("rows", "problem"), [(1, "cancelled"), (2, "")])
+def test_after_the_last_run_there_is_nothing_to_cancel(tmp_path: Path, rows: int, problem: str) -> None:
+    store = Store(State("sim:tiny"))
+    store.set(sweep=Sweep.begun("sweep-1", parsed("stereo", "window", "4, 8"), "sim:tiny", OPTIONS, 0.0))
+    desk = SweepDesk(store, tmp_path)
+    desk._process = Ended(rows)  # type: ignore[assignment]
+    desk.cancel()
+    assert desk.watch() and store.state.sweep is not None
+    assert store.state.sweep.ended and store.state.sweep.problem == problem
 
 
 def test_another_source_is_not_compared_with_it(session: Session) -> None:
