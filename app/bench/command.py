@@ -22,6 +22,7 @@ from ispom.errors import InputError
 from ispom.methods import names
 
 from ..outputs import require_own, write_file
+from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, print_consistency
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
@@ -70,6 +71,8 @@ def bench(options: Bench) -> int:
         report["loops"] = _loops(console, options)
     elif options.starts:
         report["starts"] = _starts(console, options)
+    elif options.cameras:
+        report["cameras"] = _cameras(console, options)
     elif options.page:
         report["page"] = _page(console, options)
     elif options.soak:
@@ -178,6 +181,16 @@ def _told(console: Console, what: str, module: str, task: dict[str, Any]) -> lis
     return rows
 
 
+def _cameras(console: Console, options: Bench) -> list[dict[str, Any]]:
+    measured = []
+    methods = [m for m in CAMERA_METHODS if not options.methods or m in options.methods]
+    for seed, cameras in ((seed, name) for seed in range(SEEDS) for name in CAMERAS if seed == 0 or name not in COSTLY):
+        task = {"seed": seed, "cameras": cameras, "methods": methods}
+        measured += _told(console, f"sim:city seed {seed}: {cameras}", "cameras", task) or []
+    print_cameras(console, cameras_found(measured))
+    return measured
+
+
 def _soak(console: Console, options: Bench) -> list[dict[str, Any]]:
     found = []
     for method in (m for m in names() if not options.methods or m in options.methods):
@@ -268,6 +281,7 @@ def _about(options: Bench) -> dict[str, Any]:
         "gaps": [],
         "loops": [],
         "starts": [],
+        "cameras": [],
         "soak": [],
         "page": {},
         "skipped": [],

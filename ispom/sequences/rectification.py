@@ -36,7 +36,7 @@ class Rectification:
             raise ValueError("the cameras are not beside each other")
         fx, fy, cx, cy = p_left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
         return Rectification(
-            Camera(*size, fx, fy, cx, cy),
+            Camera(*size, fx, fy, cx, cy, line_delay_s=_line_delay_s(left, right, fy)),
             float(-p_right[0, 3] / p_right[0, 0]),
             Pose(np.asarray(turn_left, float).T),
             undistortion(left, turn_left, p_left, size),
@@ -55,6 +55,11 @@ def _rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDAr
     if left.lens == "fisheye":
         return cv2.fisheye.stereoRectify(k_left, d_left, k_right, d_right, size, turn, shift, flags, balance=0.0)[:4]
     return cv2.stereoRectify(k_left, d_left, k_right, d_right, size, turn, shift, flags=flags, alpha=0)[:4]
+
+
+def _line_delay_s(left: Camera, right: Camera, fy: float) -> float:
+    """From row to row of the rectified images, as it is in their middle."""
+    return 0.5 * (left.line_delay_s * left.fy + right.line_delay_s * right.fy) / fy
 
 
 def _coefficients(camera: Camera) -> NDArray:

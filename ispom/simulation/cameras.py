@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,6 +15,11 @@ NOISE_SIGMA = 1.6
 """Sensor noise [grey levels]."""
 STEREO_DELAY_S = 0.0113
 """Stereo exposes this long after a video frame: never at the same time."""
+
+FISHEYE = (-0.013, 0.004, -0.002, 0.0005)
+"""k1 .. k4 of the fisheye lens."""
+WIDER = 1.5
+"""Times as wide an angle is seen by it."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +40,53 @@ class Timing:
         return sorted(video + stereo)  # type: ignore[return-value]
 
 
-def simulated_rig(scale: float = 1.0) -> Rig:
-    """Video 640x480 and stereo 1280x960 at scale 1; the fields of view stay the same at every scale."""
-    stereo = Rig.stereo(Camera(1280, 960, 920.0, 920.0, 639.5, 479.5).scaled(scale), BASELINE_M)
+@dataclass(frozen=True)
+class Optics:
+    """How the cameras of the rig differ from its own."""
+
+    width_px: int = 0
+    """Of all images, at the same fields of view; 0: as the scale says."""
+    portrait: bool = False
+    """Images are higher than wide: sides are exchanged, and with them the fields of view."""
+    fisheye: bool = False
+    """All cameras have a fisheye lens, which sees 1.5 times as wide an angle from the image's centre to its sides."""
+    rolling_ns: int = 0
+    """How long after the first row the last one is exposed [ns]; times are those of the middle row."""
+
+    def of(self, camera: Camera) -> Camera:
+        """What becomes of a camera of the rig."""
+        if self.fisheye:
+            seen = (camera.fx / WIDER, camera.fy / WIDER)
+            camera = Camera(camera.width, camera.height, *seen, camera.cx, camera.cy, FISHEYE, "fisheye")
+        if self.portrait:
+            camera = _upright(camera)
+        if self.width_px:
+            camera = camera.scaled(self.width_px / camera.width)
+        return replace(camera, line_delay_s=self.rolling_ns * 1e-9 / (camera.height - 1))
+
+
+def _upright(camera: Camera) -> Camera:
+    """With x and y exchanged."""
+    k1, k2, *tangential = camera.distortion or (0.0, 0.0)
+    lens = (k1, k2, *(tangential if camera.lens == "fisheye" else tangential[::-1])) if camera.distortion else ()
+    return Camera(
+        camera.height, camera.width, camera.fy, camera.fx, camera.cy, camera.cx, lens, camera.lens
+    )  # fmt: skip
+
+
+AS_BUILT = Optics()
+
+
+@lru_cache(maxsize=32)
+def simulated_rig(scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
+    """Video 640x480 and stereo 1280x960 at scale 1; the fields of view stay the same at every scale.
+
+    A pair of fisheye lenses is not rectified.
+    """
+    stereo = Rig.stereo(optics.of(Camera(1280, 960, 920.0, 920.0, 639.5, 479.5).scaled(scale)), BASELINE_M)
     video = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
     return Rig(
-        video.scaled(scale),
+        optics.of(video.scaled(scale)),
         stereo.left,
         stereo.right,
         Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),

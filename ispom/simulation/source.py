@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.simulation.building import build_building
-from ispom.simulation.cameras import NOISE_SIGMA, simulated_rig
+from ispom.simulation.cameras import NOISE_SIGMA, Optics, simulated_rig
 from ispom.simulation.city import build_city
 from ispom.simulation.meshes import WORD, MeshPlace, mesh_place
 from ispom.simulation.moon import build_moon
@@ -21,13 +21,13 @@ from ispom.simulation.renderer import Renderer, exposed
 from ispom.simulation.scene import Scene
 from ispom.simulation.town import build_town
 from ispom.simulation.walls import build_wall
-from ispom.types import Camera, Frame, Image, Kind
+from ispom.types import Camera, Frame, Image, Kind, Rig
 
 BLUR_EXPOSURE_S = 0.008
 """How long the shutter is open where motion blur is asked for; times are those of its middle."""
 BLUR_SAMPLES = 5
-STRIP_ROWS = 12
-"""Rows that a rolling shutter exposes together: 0.5 ms of 20 ms in a video image."""
+STRIP_NS = 500_000
+"""Rows that a rolling shutter exposes in so short a time are rendered together."""
 PLACES: Mapping[str, Callable[[int], Scene | MeshPlace]] = {
     "city": build_city,
     "town": build_town,
@@ -56,6 +56,15 @@ class Source:
     vehicles: int = 0
     """That drive in the street, of the city only."""
     people: int = 0
+    width_px: int = 0
+    portrait: bool = False
+    fisheye: bool = False
+    """These as in `cameras.Optics`."""
+
+    @property
+    def rig(self) -> Rig:
+        """As it is built: a pair of fisheye lenses is not rectified."""
+        return simulated_rig(self.scale, Optics(self.width_px, self.portrait, self.fisheye, self.rolling_ns))
 
     def render(self, time_ns: int, kind: Kind, threads: int) -> Image:
         """The video image, or the left image above the right one. The same bytes for any number of threads."""
@@ -65,7 +74,7 @@ class Source:
     def light(self, name: Frame, time_ns: int, threads: int) -> NDArray[np.float32]:
         """(H, W, 3) what falls on a camera's sensor in an exposure at a time, 0-255."""
         exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
-        renderer, strips = self._renderer(exposed_ns), self.strips(simulated_rig(self.scale).camera(name))
+        renderer, strips = self._renderer(exposed_ns), self.strips(self.rig.camera(name))
         return np.concatenate([self._rows(renderer, name, rows, exposed_ns + ns, threads) for rows, ns in strips])
 
     @cached_property
@@ -100,8 +109,9 @@ class Source:
         if not self.rolling_ns:
             return [(camera, 0)]
         found = []
-        for first in range(0, camera.height, STRIP_ROWS):
-            rows = min(STRIP_ROWS, camera.height - first)
+        together = max(1, camera.height * STRIP_NS // self.rolling_ns)
+        for first in range(0, camera.height, together):
+            rows = min(together, camera.height - first)
             share = (first + (rows - 1) / 2) / (camera.height - 1) - 0.5
             found.append((replace(camera, height=rows, cy=camera.cy - first), round(share * self.rolling_ns)))
         return found
@@ -110,7 +120,7 @@ class Source:
         self, renderer: Renderer | MeshPlace, name: Frame, camera: Camera, time_ns: int, threads: int
     ) -> NDArray[np.float32]:
         """What a camera on the rig sees while its shutter is open around a time."""
-        rig_from_camera, path = simulated_rig(self.scale).rig_from(name), motion_of(self.motion, self.seed)
+        rig_from_camera, path = self.rig.rig_from(name), motion_of(self.motion, self.seed)
         count = BLUR_SAMPLES if self.motion_blur else 1
         offsets_s = BLUR_EXPOSURE_S * ((np.arange(count) + 0.5) / count - 0.5)
         poses = [path.pose_at(time_ns + round(s * 1e9)) @ rig_from_camera for s in offsets_s]

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.caster import NOTHING
 from ispom.simulation.meshes import MeshPlace
 from ispom.simulation.motions import motion_of
@@ -36,11 +35,11 @@ class Truth:
             raise ValueError("rows of a rolling shutter have poses of their own: ask for a source without")
 
     def camera(self, name: Frame) -> Camera:
-        return simulated_rig(self.source.scale).camera(name)
+        return self.source.rig.camera(name)
 
     def pose(self, name: Frame, time_ns: int) -> Pose:
         """world_from_CAMERA in the exposure of a time."""
-        rig, motion = simulated_rig(self.source.scale), motion_of(self.source.motion, self.source.seed)
+        rig, motion = self.source.rig, motion_of(self.source.motion, self.source.seed)
         return motion.pose_at(self._exposed(name, time_ns)) @ rig.rig_from(name)
 
     def depth(self, name: Frame, time_ns: int) -> Array:

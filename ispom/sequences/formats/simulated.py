@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -12,16 +13,17 @@ from ispom.errors import InputError
 from ispom.io.files import expanded
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.scenario import looks_like_scenario
+from ispom.sequences.rectification import Rectification, remapped
 from ispom.simulation.ahead import AheadRenderer
 from ispom.simulation.cache import ImageCache, default_folder, source_key
-from ispom.simulation.cameras import Timing, simulated_rig
+from ispom.simulation.cameras import Timing
 from ispom.simulation.meshes import mesh_name
 from ispom.simulation.motions import motion_of
 from ispom.simulation.process import render_pool
 from ispom.simulation.route import Route, route_name
 from ispom.simulation.scenario.scenario import Scenario, World, scenario_of_file, scenario_of_words
 from ispom.simulation.source import Source
-from ispom.types import Exposure, Sequence, StereoPair, Trajectory, VideoFrame
+from ispom.types import Exposure, Image, Rig, Sequence, StereoPair, Trajectory, VideoFrame
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class Preset:
     place: str = "city"
     motion: str = "flight"
 
-    def rendered(self, world: World) -> tuple[str, str, int, int, int, int]:
-        """What the renderer is told of a world: of this scene where it says nothing else.
+    def rendered(self, world: World) -> tuple[str, str, int, int, int, int, int, bool, bool]:
+        """What the renderer is told of a world, from `Source.place` on: of this scene where it says nothing else.
 
         InputError for files that are not there, and for what the place does not have.
         """
@@ -44,6 +46,8 @@ class Preset:
         motion = self.motion if world.motion == "own" else world.motion
         if (world.vehicles or world.people) and place != "city":
             raise InputError(f"vehicles and people are in the city only: give place=city, not {place or 'a mesh'}")
+        if 0 < world.width_px < MIN_WIDTH_PX:
+            raise InputError(f"width_px is {world.width_px}, give a value from {MIN_WIDTH_PX} to 4096, or 0")
         if world.mesh and not world.route:
             raise InputError("a mesh needs a route through it: give route=FILE, poses world_from_rig as a TUM file")
         return (
@@ -53,6 +57,9 @@ class Preset:
             round(1e6 * world.rolling_shutter_ms),
             world.vehicles,
             world.people,
+            world.width_px,
+            world.portrait,
+            world.fisheye,
         )
 
     def length_s(self, world: World) -> tuple[float, float]:
@@ -65,6 +72,7 @@ class Preset:
 
 _PLAIN = World()
 LONGEST_ROUTE_S = 600.0
+MIN_WIDTH_PX = 64
 PRESETS = {
     "city": Preset(1.0, 20.0),
     "tiny": Preset(0.5, 3.0),
@@ -149,9 +157,11 @@ def open_simulated(
     if not 0.1 <= duration_s <= longest_s:
         raise InputError(f"sim:{name} cannot last {duration_s:g} s, give a duration from 0.1 to {longest_s:g} s")
     asked = preset.rendered(world)
-    rig, path, stamps = simulated_rig(preset.scale), motion_of(asked[1], seed), Timing(duration_s).exposures()
-    other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked
     shaping = (seed, motion_blur, preset.scale)
+    source, stamps = Source(*shaping, *asked), Timing(duration_s).exposures()
+    rig, rectified = _rectified(source.rig)
+    path = motion_of(source.motion, seed)
+    other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked
     libraries = [version(name) for name in ("numpy", "opencv-python-headless")]
     ahead = AheadRenderer(
         [f"{time_ns:012d}_{kind}" for time_ns, kind in stamps],
@@ -163,8 +173,7 @@ def open_simulated(
         (time_ns, kind), image = stamps[i], ahead.get(i)
         if kind == "video":
             return VideoFrame(time_ns, image)
-        left, right = np.split(image, 2)
-        return StereoPair(time_ns, left, right)
+        return StereoPair(time_ns, *rectified(*np.split(image, 2)))
 
     return Sequence(
         f"sim:{name} seed {seed}" + (", motion blur" if motion_blur else ""),
@@ -176,3 +185,13 @@ def open_simulated(
         ("simulated: rendered images with sensor noise, exact truth",),
         ahead.prepare,
     )
+
+
+def _rectified(rig: Rig) -> tuple[Rig, Callable[[Image, Image], tuple[Image, Image]]]:
+    """The rig as its pair is rectified, and what does that to the images."""
+    left, right = rig.camera("left"), rig.camera("right")
+    if left.lens != "fisheye":
+        return rig, lambda *images: images
+    found = Rectification.of(left, right, rig.rig_from_right.inverse() @ rig.rig_from_left)
+    told = replace(rig, left=found.camera, right=found.camera)
+    return told, lambda a, b: (remapped(a, found.left_maps), remapped(b, found.right_maps))

@@ -86,6 +86,22 @@ class WrongPair(Spell):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrongShutter:
+    """How fast the rows of all cameras are told to be exposed one after the other, where their shutters roll."""
+
+    percent: Annotated[float, Range(-100, 100)] = -100.0
+    """Slower than they are; -100: nothing is said of a rolling shutter."""
+
+    def on(self, sequence: Sequence, seed: int) -> Sequence:
+        rig = sequence.rig
+        video, left, right = (self.told(rig.camera(name)) for name in ("video", "left", "right"))
+        return replace(sequence, rig=replace(rig, video=video, left=left, right=right))
+
+    def told(self, camera: Camera) -> Camera:
+        return replace(camera, line_delay_s=(1 + self.percent / 100) * camera.line_delay_s)
+
+
+@dataclass(frozen=True, kw_only=True)
 class WrongMount:
     """The pose of the video camera on the rig that is told: turned and shifted along the camera's own axes."""
 

@@ -12,7 +12,7 @@ import yaml
 from ispom.errors import InputError
 from ispom.io.mapping import read_mapping
 from ispom.settings import Range, from_plain, settings
-from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair
+from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair, WrongShutter
 from ispom.simulation.scenario.fault import Fault
 from ispom.simulation.scenario.images import Blocked, Darkness, Defocus, ExposureJumps, Rain
 from ispom.simulation.scenario.times import Clock, Dropped, Repeated
@@ -31,6 +31,7 @@ FAULTS: Mapping[str, type] = {
     "wrong-baseline": WrongBaseline,
     "wrong-pair": WrongPair,
     "wrong-mount": WrongMount,
+    "wrong-shutter": WrongShutter,
 }
 """By the name that files and addresses use."""
 
@@ -57,6 +58,12 @@ class World:
     """How long after the left camera the right one exposes [ms]."""
     rolling_shutter_ms: Annotated[float, Range(0, 100)] = 0.0
     """How long after the first row the last one is exposed, in all cameras [ms]; times are those of the middle row."""
+    width_px: Annotated[int, Range(0, 4096)] = 0
+    """Of all images, at the same fields of view; 0: that of the scene. From 64 on."""
+    portrait: bool = False
+    """Images are higher than wide: sides are exchanged, and with them the fields of view."""
+    fisheye: bool = False
+    """All cameras have fisheye lenses, which see 1.5 times as wide an angle; the pair is rectified on opening."""
     vehicles: Annotated[int, Range(0, 40)] = 0
     """That drive in the city's street, at 5 to 10 m/s in both directions."""
     people: Annotated[int, Range(0, 200)] = 0

@@ -1,0 +1,162 @@
+"""`ispom bench --cameras`: the same flight as cameras of other kinds film it, beside what the plain ones lead to.
+
+4K, 12 bits in 16-bit files, a variable rate, portrait, fisheye lenses, and rolling shutters whose line delay is known,
+or not. `python -m ispom_app.bench.cameras '{...}'` prints what was found as one line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from ispom.ensemble import build
+from ispom.evaluation.metrics import errors
+from ispom.io.rig import rig_text
+from ispom.io.tum import tum_text
+from ispom.methods import Config
+from ispom.methods import method as registered
+from ispom.sequences import open_sequence
+from ispom.sequences.formats.simulated import open_scenario
+from ispom.simulation.cache import default_folder
+from ispom.simulation.scenario.scenario import scenario_of_words
+from ispom.types import Image, Sequence, Status, StereoPair, VideoFrame
+
+FLIGHT = "city?duration_s=3"
+SEEDS = 3
+PLAIN, LARGE, BITS, ROLLING, BLIND = "plain", "4K", "12 bits", "rolling shutter", "rolling, not told"
+ROLLS = "rolling_shutter_ms=20"
+CAMERAS: Mapping[str, str] = {
+    PLAIN: "",
+    LARGE: "width_px=3840",
+    BITS: "",
+    "variable rate": "fault=dropped:share=0.3",
+    "portrait": "portrait=true",
+    "fisheye": "fisheye=true",
+    ROLLING: ROLLS,
+    BLIND: f"{ROLLS}&fault=wrong-shutter",
+}
+"""By name: what differs from the plain flight."""
+COSTLY = frozenset({LARGE})
+"""Rendered for the first seed only: that takes 15 minutes of one core."""
+CAMERA_METHODS = ("monocular", "stereo", "integrated")
+MOST = 1.5
+"""Times the error with plain cameras that is allowed."""
+LEAST_BLIND = 5.0
+"""Times that error which a rolling shutter must lead to where nothing is said of it, or the flight tests nothing."""
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """What a method makes of a flight."""
+
+    seed: int
+    cameras: str
+    method: str
+    ate_m: float
+    """Aligned by a rigid motion, or with scale; nan with too few poses."""
+    lost: int
+    """Steps."""
+
+
+def filmed(seed: int, cameras: str, methods: tuple[str, ...]) -> Iterator[Filmed]:
+    """The flight of a seed as one kind of cameras film it."""
+    with _opened(seed, cameras) as sequence:
+        assert sequence.truth is not None
+        ensemble = build(Config(), methods, sequence.rig)
+        state, lost = ensemble.start(), dict.fromkeys(methods, 0)
+        for i in range(len(sequence)):
+            state, steps = ensemble.step(state, sequence[i])
+            for step in steps:
+                lost[step.method] += step.status is Status.LOST
+        for name, trajectory in ensemble.finish(state).items():
+            found = errors(trajectory, sequence.truth, sequence.rig, registered(name).unit == "metric")["ate_m"]
+            yield Filmed(seed, cameras, name, float("nan") if found is None else found, lost[name])
+
+
+@contextmanager
+def _opened(seed: int, cameras: str) -> Iterator[Sequence]:
+    # Not with the user's simulations: so many flights would push out the ones that are really used.
+    cache = default_folder().parent / "cameras"
+    sequence = open_scenario(scenario_of_words(f"{FLIGHT}&{CAMERAS[cameras]}"), seed, cache)
+    if sequence.prepare:
+        sequence.prepare(0)
+    if cameras != BITS:
+        yield sequence
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        write_12_bits(sequence, Path(folder))
+        yield open_sequence(folder)
+
+
+def write_12_bits(sequence: Sequence, folder: Path) -> None:
+    """The sequence as a folder with 16-bit PNG files, whose values are 12 bits."""
+    assert sequence.truth is not None
+    times = dict[str, list[int]]()
+    for i in range(len(sequence)):
+        for name, image in _images(sequence, i):
+            times.setdefault(name, []).append(int(sequence.times_ns[i]))
+            (folder / name).mkdir(exist_ok=True)
+            deep = cv2.cvtColor(image, cv2.COLOR_RGB2BGR).astype(np.uint16) * 16
+            cv2.imwrite(str(folder / name / f"{len(times[name]):06d}.png"), deep)
+    lines = []
+    for name, stamps in times.items():
+        (folder / f"{name}.txt").write_text("".join(f"{t * 1e-9:.9f}\n" for t in stamps))
+        lines.append(f"{name}: {{source: {name}, times: {name}.txt}}\n")
+    (folder / "sequence.yaml").write_text("".join(lines) + "truth: truth.tum\n")
+    (folder / "rig.yaml").write_text(rig_text(sequence.rig))
+    (folder / "truth.tum").write_text(tum_text(sequence.truth))
+
+
+def _images(sequence: Sequence, i: int) -> list[tuple[str, Image]]:
+    seen = sequence[i]
+    if isinstance(seen, StereoPair):
+        return [("left", seen.left), ("right", seen.right)]
+    assert isinstance(seen, VideoFrame)
+    return [("video", seen.image)]
+
+
+def print_cameras(console: Console, found: list[Filmed]) -> None:
+    """A table of the errors as multiples of those with plain cameras, and what it comes to."""
+    ate = {(f.seed, f.cameras, f.method): f.ate_m for f in found}
+    table = Table("sim:city, 3 s", "cameras", *CAMERA_METHODS, "lost", box=None)
+    worse, tells = list[str](), list[str]()
+    for seed, cameras in dict.fromkeys((f.seed, f.cameras) for f in found):
+        cells, lost = list[str](), sum(f.lost for f in found if (f.seed, f.cameras) == (seed, cameras))
+        for method in CAMERA_METHODS:
+            error, plain = (ate.get((seed, name, method), float("nan")) for name in (cameras, PLAIN))
+            cells.append(f"{1e3 * error:.1f} mm ({error / plain:.2f})")
+            if cameras == BLIND:
+                tells += [] if error >= LEAST_BLIND * plain else [f"{method}, seed {seed}"]
+            elif (seed, cameras, method) in ate and not error <= MOST * plain:
+                worse.append(f"{method} with {cameras}, seed {seed}")
+        table.add_row(f"seed {seed}", cameras, *cells, str(lost))
+    console.print(table)
+    console.print(f"more than {MOST:g} times the error with plain cameras: {'; '.join(worse) or 'none'}")
+    console.print(f"less than {LEAST_BLIND:g} times where nothing is said of the shutter: {'; '.join(tells) or 'none'}")
+
+
+def cameras_found(rows: list[dict[str, Any]]) -> list[Filmed]:
+    """What processes printed."""
+    return [Filmed(**row) for row in rows]
+
+
+def main(argument: str) -> None:
+    task = json.loads(argument)
+    cv2.setNumThreads(1)
+    found = filmed(task["seed"], task["cameras"], tuple(task["methods"]))
+    sys.stdout.write(json.dumps([asdict(f) for f in found]) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
