@@ -128,22 +128,24 @@ def _images(sequence: Sequence, i: int) -> list[tuple[str, Image]]:
 
 def print_cameras(console: Console, found: list[Filmed]) -> None:
     """A table of the errors as multiples of those with plain cameras, and what it comes to."""
-    ate = {(f.seed, f.cameras, f.method): f.ate_m for f in found}
-    table = Table("sim:city, 3 s", "cameras", *CAMERA_METHODS, "lost", box=None)
-    worse, tells = list[str](), list[str]()
-    for seed, cameras in dict.fromkeys((f.seed, f.cameras) for f in found):
-        cells, lost = list[str](), sum(f.lost for f in found if (f.seed, f.cameras) == (seed, cameras))
-        for method in CAMERA_METHODS:
-            error, plain = (ate.get((seed, name, method), float("nan")) for name in (cameras, PLAIN))
-            cells.append(f"{1e3 * error:.1f} mm ({error / plain:.2f})")
-            if cameras == BLIND:
-                tells += [] if error >= LEAST_BLIND * plain else [f"{method}, seed {seed}"]
-            elif (seed, cameras, method) in ate and not error <= MOST * plain:
-                worse.append(f"{method} with {cameras}, seed {seed}")
-        table.add_row(f"seed {seed}", cameras, *cells, str(lost))
+    plain = {(f.seed, f.method): f.ate_m for f in found if f.cameras == PLAIN}
+    methods = list(dict.fromkeys(f.method for f in found))
+    rows, worse, tells = dict[tuple[int, str], dict[str, str]](), list[str](), list[str]()
+    for f in found:
+        times = f.ate_m / plain.get((f.seed, f.method), float("nan"))
+        cell = f"{1e3 * f.ate_m:.1f} mm ({times:.2f})" + (f", {f.lost} lost" if f.lost else "")
+        rows.setdefault((f.seed, f.cameras), {})[f.method] = cell
+        name = f"{f.method} with {f.cameras}, seed {f.seed}"
+        if f.cameras == BLIND:
+            tells += [] if times >= LEAST_BLIND else [name]
+        else:
+            worse += [] if times <= MOST else [name]
+    table = Table("sim:city, 3 s", "cameras", *methods, box=None)
+    for (seed, cameras), cells in rows.items():
+        table.add_row(f"seed {seed}", cameras, *(cells.get(method, "") for method in methods))
     console.print(table)
     console.print(f"more than {MOST:g} times the error with plain cameras: {'; '.join(worse) or 'none'}")
-    console.print(f"less than {LEAST_BLIND:g} times where nothing is said of the shutter: {'; '.join(tells) or 'none'}")
+    console.print(f"less than {LEAST_BLIND:g} times: {'; '.join(tells) or 'none'}")
 
 
 def cameras_found(rows: list[dict[str, Any]]) -> list[Filmed]:

@@ -34,7 +34,8 @@ class Current:
     points: PairPoints
     """Those alive."""
     rate: Array
-    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair; 0 where that is a gap."""
+    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair, 0 where that is a gap; or
+    while the rows of a rolling shutter were exposed."""
 
     @staticmethod
     def of(state: ModernStereoState, new: NewPair, sighting: Sighting) -> Current:
@@ -42,7 +43,9 @@ class Current:
         last, located = state.last, sighting.located
         pose = last.predicted(new.time_ns) if located is None else located.camera_from_world
         rate = np.zeros(6)
-        if last.left is not None and not sighting.relocated:
+        if sighting.rate is not None:
+            rate = sighting.rate
+        elif last.left is not None and not sighting.relocated:
             rate = (pose @ last.left_from_world.inverse()).log() / ((new.time_ns - last.time_ns) * 1e-9)
         return Current(new, pose, sighting.alive(last.points), rate)
 
@@ -78,7 +81,7 @@ def extended(
     new_ones, xyz = fresh
     points = PairPoints.joined(now.points, new_ones)
     world = state.map.with_points(new_ones.ids, xyz)
-    key = KeyFrame(now.new.time_ns, now.pose, points.ids, points.seen_by(setup.camera), now.rate)
+    key = KeyFrame(now.new.time_ns, now.pose, points.ids, points.seen_by(setup.camera), now.rate, setup.shutter)
     predicted = None
     if not world.keys and state.last.left is not None:
         predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ispom.estimators.modern.stereo.pair import PairPoints
+from ispom.estimators.modern.stereo.shutter import RateBelief
 from ispom.geometry import Array, Pose
 from ispom.types import Image
 
@@ -47,6 +48,11 @@ class LastPair:
     def rate(self) -> Array:
         """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
         return self.motion.log() / self.motion_s if self.motion_s > 0 else np.zeros(6)
+
+    def believed_rate(self, time_ns: int, baseline_m: float) -> RateBelief:
+        """How left_from_world changes at a time, if the motion goes on as it was; it may differ, as `unforeseen`."""
+        seconds = self.motion_s if self.motion_s > 0 else max(self._since_s(time_ns), 1e-3)
+        return RateBelief(self.rate, unforeseen(self.motion, baseline_m) / seconds)
 
     def predicted(self, time_ns: int) -> Pose:
         """left_from_world if the motion goes on as it was, COASTING_S long at most."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.stereo.last_pair import LastPair, unforeseen
 from ispom.estimators.modern.stereo.pair_calibration import with_ideal_right
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import Rows
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import PoseFit, fit_pose
@@ -15,6 +16,8 @@ from ispom.solvers.multiview.resection import resect
 
 MIN_INLIER_SHARE = 0.6
 """A pose refined from a prediction that fewer of its points agree with is sought again from three-point samples."""
+ROUNDS = 3
+"""The pose is located, and how it changes while the rows are exposed, so many times in turn."""
 FEW = 3
 """With fewer points than so many times the least number, the expected motion counts as well."""
 
@@ -27,11 +30,37 @@ def located(
     seen: Array,
     predicted: Pose,
     time_ns: int,
-) -> PoseFit | None:
-    """left_from_world by reprojection in both images; from three-point samples where the prediction is poor.
+) -> tuple[PoseFit | None, Array | None]:
+    """left_from_world by reprojection in both images; from three-point samples where the prediction is poor. Of a
+    rolling shutter also how it changed meanwhile (6,).
 
     `place` (N,) of the points in the map, `seen` (N, 3) as KeyFrame.seen.
     """
+    if not setup.shutter.rolls:
+        return _located(setup, last, world, place, seen, predicted, time_ns), None
+    believed = last.believed_rate(time_ns, setup.baseline_m)
+    rows = Rows(setup.shutter, world.xyz[place], seen, setup.baseline_m, setup.loss)
+    rate, found = believed.rate, None
+    for _ in range(ROUNDS):
+        at_middle = setup.shutter.at_middle(seen, rate, setup.baseline_m)
+        guess = predicted if found is None else found.camera_from_world
+        found = _located(setup, last, world, place, at_middle, guess, time_ns)
+        if found is None:
+            return None, None
+        rate, found = rows.refined(believed, rate, found)
+    return found, rate
+
+
+def _located(
+    setup: Setup,
+    last: LastPair,
+    world: StereoMap,
+    place: NDArray[np.int64],
+    seen: Array,
+    predicted: Pose,
+    time_ns: int,
+) -> PoseFit | None:
+    """By what all rows saw at one time."""
     xyz, prior = world.xyz[place], None
     moved = predicted @ last.left_from_world.inverse()
     rate = moved.log() / ((time_ns - last.time_ns) * 1e-9)

@@ -24,10 +24,11 @@ def with_ideal_right(setup: Setup, world: StereoMap, near: Array, seen: Array, r
 
 def intersected(setup: Setup, world: StereoMap, points: PairPoints, rate: Array) -> Array:
     """Points (N, 3) in the left camera from disparities without the errors of the pair found so far; at 2000 baselines
-    at most."""
-    seen = points.seen_by(setup.camera)
+    at most. Of a rolling shutter in that of the middle row."""
+    seen, moving = points.seen_by(setup.camera), rate
     lag, rate = world.extra[1], world.rate_for_lag(rate)
     x, y, right = seen[:, 0], seen[:, 1], seen[:, 2] - offset_at(seen[:, 2], world.extra)
     disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
     depth = (setup.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, LEAST_DISPARITY)
-    return np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
+    near = np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
+    return setup.shutter.points_at_middle(near, moving)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.types import Camera
 
@@ -32,6 +33,11 @@ class Setup:
     @property
     def left_from_rig(self) -> Pose:
         return self.rig_from_left.inverse()
+
+    @property
+    def shutter(self) -> Shutter:
+        """Of both cameras."""
+        return Shutter.of(self.camera)
 
     @property
     def loss(self) -> float:

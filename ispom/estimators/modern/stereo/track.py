@@ -48,6 +48,9 @@ def sight(
     sighting = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
     if last.left is None:
         return state, sighting, ()
+    if setup.shutter.rolls and last.motion_s <= 0 and sighting.located is not None:
+        state, sighting = _begun(setup, state, sighting, new)
+        last, world = state.last, state.map
     wanted = max(setup.min_inliers, ENOUGH_SHARE * len(last.points))
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
     if guided.passed:
@@ -67,6 +70,23 @@ def sight(
         if again.inliers >= max(setup.min_inliers, sighting.inliers + 1):
             state, sighting = joint, again
     return state, sighting, (guided, nearby, checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers))
+
+
+def _begun(
+    setup: Setup, state: ModernStereoState, sighting: Sighting, new: NewPair
+) -> tuple[ModernStereoState, Sighting]:
+    """The second pair tells how the first one moved while its rows were exposed: the state with its points where they
+    were with its middle row, and the pair located by these."""
+    assert sighting.located is not None
+    pose, last, (key, *others) = sighting.located.camera_from_world, state.last, state.map.keys
+    seconds = (new.time_ns - last.time_ns) * 1e-9
+    rate = (pose @ last.left_from_world.inverse()).log() / seconds
+    near = setup.shutter.points_at_middle(key.left_from_world.apply(state.map.xyz), rate - key.rate)
+    xyz = key.left_from_world.inverse().apply(near)
+    world = replace(state.map, xyz=xyz, keys=(replace(key, rate=rate), *others))
+    last = replace(last, motion=pose @ last.left_from_world.inverse(), motion_s=seconds)
+    again = _sighted(setup, last, world, new, pose, sighting.uv, sighting.status)
+    return replace(state, map=world), again
 
 
 def _better(first: Sighting, second: Sighting) -> Sighting:
@@ -106,7 +126,7 @@ def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predic
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
         return Sighting.nothing()
-    near = predicted.apply(world.xyz[place])
+    near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), last.rate)
     uv, status = _tracked(setup, last, new.left, near if guided else None)
     uv, status = _realigned(setup, last, world, new.left, uv, status, near, predicted)
     return _sighted(setup, last, world, new, predicted, uv, status)
@@ -130,10 +150,10 @@ def _sighted(
     expected = (setup.camera.fx * setup.baseline_m / depth).astype(np.float32)
     disparity[alive], lower = PointSearch().follow(new.left, new.right, uv[alive], expected)
     seen = PairPoints(points.ids[alive], uv[alive], disparity[alive]).seen_by(setup.camera)
-    motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns)
+    motion, rate = located(setup, last, world, place[alive], seen, predicted, new.time_ns)
     if motion is not None:
         status[alive[~motion.inliers]] = TrackStatus.REPROJECTION
-    return Sighting(uv, disparity, status, place, motion, alive, lower / setup.camera.fy)
+    return Sighting(uv, disparity, status, place, motion, alive, lower / setup.camera.fy, rate)
 
 
 def _tracked(

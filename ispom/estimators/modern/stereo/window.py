@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.solvers.late_shutter import RowFit, drift
@@ -31,6 +32,11 @@ class KeyFrame:
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
     rate: Array
     """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
+    shutter: Shutter = Shutter()
+
+    def at_middle(self, baseline_m: float) -> Array:
+        """(N, 3) `seen` as it was with the middle row."""
+        return self.shutter.at_middle(self.seen, self.rate, baseline_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +173,7 @@ def _packed(
     place = [state.places(k.ids) for k in state.keys]
     camera = np.repeat(np.arange(len(state.keys)), [len(p) for p in place])
     origin = np.concatenate([np.arange(len(p)) for p in place])
-    point, seen = np.concatenate(place), np.concatenate([k.seen for k in state.keys])
+    point, seen = np.concatenate(place), np.concatenate([k.at_middle(baseline) for k in state.keys])
     count = np.bincount(point[point >= 0], minlength=len(state.ids))
     # A point seen once says nothing: with a disparity it has as many unknowns as observations.
     good = np.flatnonzero((point >= 0) & (count[point] >= 2))

@@ -1,0 +1,39 @@
+"""The bench of cameras: what it films, and what it says of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from ispom_app.bench.cameras import CAMERAS, FLIGHT, Filmed, print_cameras, write_12_bits
+from rich.console import Console
+
+from ispom.sequences import open_sequence
+from ispom.sequences.formats.simulated import open_scenario
+from ispom.simulation.scenario.scenario import scenario_of_words
+
+
+def test_twelve_bits_are_the_same_images(tmp_path: Path) -> None:
+    sequence = open_scenario(scenario_of_words("tiny?duration_s=0.1&width_px=80"), 0, tmp_path / "cache")
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    write_12_bits(sequence, folder)
+    again = open_sequence(str(folder))
+    assert again.kinds == sequence.kinds and np.array_equal(again.times_ns, sequence.times_ns)
+    assert np.array_equal(again[0].image, sequence[0].image)  # type: ignore[union-attr]
+    assert np.array_equal(again[1].right, sequence[1].right)  # type: ignore[union-attr]
+    assert again.rig.camera("video") == sequence.rig.camera("video")
+
+
+def test_every_kind_of_cameras_is_a_scenario() -> None:
+    assert all(scenario_of_words(f"{FLIGHT}&{words}").scene == "city" for words in CAMERAS.values())
+
+
+def test_what_is_worse_is_named() -> None:
+    console = Console(record=True, width=160)
+    errors = {"plain": 0.01, "4K": 0.014, "fisheye": 0.016, "rolling, not told": 0.04}
+    print_cameras(console, [Filmed(0, cameras, "stereo", error, 0) for cameras, error in errors.items()])
+    text = console.export_text()
+    assert "14.0 mm (1.40)" in text
+    assert "more than 1.5 times the error with plain cameras: stereo with fisheye, seed 0" in text
+    assert "less than 5 times: stereo with rolling, not told, seed 0" in text
