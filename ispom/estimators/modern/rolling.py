@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.geometry import Array
 from ispom.types import Camera
 
 
@@ -26,3 +27,19 @@ def late_px(camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32])
     and of their own; 0 for a shutter that does not roll."""
     rows = uv[:, 1:] - (camera.height - 1) / 2
     return (camera.line_delay_s * rows * speed).astype(np.float32)
+
+
+def late_s(camera: Camera, rows: Array) -> Array:
+    """(N,) [s] after the middle row are rows (N,) [px] exposed."""
+    return camera.line_delay_s * (rows - (camera.height - 1) / 2)
+
+
+def moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:
+    """Points (N, 3) after times (N,), in a camera of which camera_from_world changes by `rate` (6,) (rho [m/s], phi
+    [rad/s]; left). To second order: an exposure lasts milliseconds.
+
+    `far` (N,) is what a metre of that motion counts for: 1, or of points on the plane z = 1 their inverse depths [1/m].
+    """
+    s = seconds[:, None]
+    change = rate[:3] * far[:, None] + np.cross(rate[3:], near)
+    return near + s * change + 0.5 * s**2 * np.cross(rate[3:], change)

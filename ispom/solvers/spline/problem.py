@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +37,21 @@ class AnchoredPoints:
 
 
 @dataclass(frozen=True, eq=False)
+class RowBands:
+    """Rows of a rolling shutter that count as exposed together, at another time than their exposure's."""
+
+    exposure: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(B,) index of the exposure."""
+    late_s: Array = field(default_factory=lambda: np.zeros(0))
+    """(B,) how much later than it."""
+
+
+@dataclass(frozen=True, eq=False)
 class RigObservations:
     """Where the cameras saw the points; sorted by point."""
 
     exposure: NDArray[np.int64]
-    """(O,) index of the time."""
+    """(O,) index of the time: of an exposure, or from their number on of a band of rows."""
     camera: NDArray[np.int64]
     """(O,) VIDEO or LEFT."""
     owner: NDArray[np.int64]
@@ -116,7 +126,14 @@ class SplineProblem:
     """Standard deviations of angular [rad/s^2] and linear [m/s^2] acceleration."""
     loss: float = 2.0
     """Scale of the Cauchy loss, in standard deviations of an observation."""
+    bands: RowBands = RowBands()
 
     def sampled(self) -> Sampled:
-        """The poses at the exposures, by the clock of the stereo pair."""
-        return self.spline.at(self.times_s + np.where(self.video, self.rig.clock_offset_s, 0.0))
+        """The poses at the exposures, by the clock of the stereo pair, and after them those of the bands."""
+        exposed = self.times_s + np.where(self.video, self.rig.clock_offset_s, 0.0)
+        return self.spline.at(np.concatenate([exposed, exposed[self.bands.exposure] + self.bands.late_s]))
+
+    @property
+    def exposures(self) -> NDArray[np.int64]:
+        """(O,) that the observations belong to."""
+        return np.concatenate([np.arange(len(self.times_s)), self.bands.exposure])[self.observations.exposure]

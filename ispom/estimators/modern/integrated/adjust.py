@@ -82,7 +82,8 @@ def _shortened(setup: Setup, state: ModernIntegratedState) -> ModernIntegratedSt
 def _with_solution(window: JointWindow, solution: Solution, used: NDArray[np.int64], reference_ns: int) -> JointWindow:
     """All poses, points and what is free of the rig, made better; covariances relative to that exposure."""
     sampled, edge = solution.sampled, window.pairs[1]
-    poses = [Pose(r, p) for r, p in zip(sampled.rotations, sampled.positions, strict=True)]
+    exposures = slice(len(window.views))
+    poses = [Pose(r, p) for r, p in zip(sampled.rotations[exposures], sampled.positions[exposures], strict=True)]
     views = tuple(
         replace(
             view,

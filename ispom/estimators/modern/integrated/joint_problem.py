@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.rows import banded
 from ispom.estimators.modern.integrated.view import Noise, located_poses, times_s
 from ispom.geometry import Array
 from ispom.solvers.spline.fit import fitted
-from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, RigObservations, SplineProblem
+from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, RigObservations, RowBands, SplineProblem
 
 MIN_VIEWS = {True: 3, False: 2}
 """Of a point to take part: in the video (where two say nothing that could be wrong) and in stereo pairs."""
@@ -33,17 +36,19 @@ def joint_problem(
     if len(used) < MIN_POINTS:
         return None, used
     points = window.table.select(used).points
+    observations, bands = _observations(window, noise, place, used)
     return SplineProblem(
         fitted(*located_poses(views, times_s(views, window.rig))[1:], spacing_s),
         np.array([v.time_ns - views[0].time_ns for v in views]) * 1e-9,
         np.array([v.video for v in views]),
         points,
-        _observations(window, noise, place, used),
+        observations,
         window.rig,
         _rig_prior(window),
         PosePrior(0, views[0].world_from_rig, np.eye(6) * HELD),
         np.column_stack([points.values[:, 2], np.full(len(points), DEPTH_INFORMATION)]),
         loss=noise.loss,
+        bands=bands,
     ), used
 
 
@@ -56,7 +61,7 @@ def _longest(count: NDArray, least: NDArray, video: NDArray, most: int) -> NDArr
 
 def _observations(
     window: JointWindow, noise: Noise, place: NDArray[np.int64], used: NDArray[np.int64]
-) -> RigObservations:
+) -> tuple[RigObservations, RowBands]:
     """Those of the points in use, by point, then by exposure; `place` of all observations in the window's table."""
     views = window.views
     exposure = np.repeat(np.arange(len(views)), [len(v.ids) for v in views])
@@ -67,15 +72,20 @@ def _observations(
     index = index[np.lexsort((exposure[index], owner[index]))]
     video = np.array([v.video for v in views])
     camera = np.where(video[exposure[index]], VIDEO, LEFT)
-    seen = _seen(window)[index]
+    bands, when, moved = banded(views, exposure)
+    seen = _seen(window, moved)[index]
     inverse = 1 / np.array([[noise.video] * 2 + [np.inf], [noise.stereo] * 2 + [noise.disparity]])[camera]
     inverse[np.isnan(seen[:, 2]), 2] = 0.0
-    return RigObservations(exposure[index], camera, owner[index], np.nan_to_num(seen), inverse)
+    return RigObservations(when[index], camera, owner[index], np.nan_to_num(seen), inverse), bands
 
 
-def _seen(window: JointWindow) -> Array:
-    """(O, 3) of all observations in the window: normalised coordinates and disparity, calibration errors removed."""
-    uv = np.concatenate([window.seen(v) for v in window.views])
+def _seen(window: JointWindow, moved: Array) -> Array:
+    """(O, 3) of all observations in the window: normalised coordinates and disparity, calibration errors removed.
+
+    `moved` (O, 2) since the time that their row's band is taken to have.
+    """
+    views = [v if v.middle is None else replace(v, middle=None) for v in window.views]
+    uv = np.concatenate([window.seen(v) for v in views]) - moved
     disparity = [v.rectified(window.pair_errors, window.rig.baseline_m) for v in window.views]
     return np.column_stack([uv, np.concatenate(disparity)])
 

@@ -33,18 +33,18 @@ def report(window: JointWindow, solution: Solution, iterations: int) -> tuple[De
 
 def spline_fit(start_ns: int, problem: SplineProblem, solution: Solution) -> SplineFit:
     """The spline before and after; `problem` is as it was given to the solver, its times count from `start_ns`."""
-    found, observed = solution.problem, problem.observations.exposure
+    found, observed, count = solution.problem, problem.exposures, len(problem.times_s)
     begun = problem.sampled()
     return SplineFit(
         start_ns + np.rint(problem.times_s * 1e9).astype(np.int64),
         problem.video,
-        begun.positions,
-        solution.sampled.positions,
+        begun.positions[:count],
+        solution.sampled.positions[:count],
         start_ns + np.rint(problem.spline.knot_times_s * 1e9).astype(np.int64),
         problem.spline.positions,
         found.spline.positions,
-        _medians(solution.errors_before, observed, len(problem.times_s)),
-        _medians(solution.errors, observed, len(problem.times_s)),
+        _medians(solution.errors_before, observed, count),
+        _medians(solution.errors, observed, count),
         solution.cost_before,
         solution.cost_after,
         solution.iterations,

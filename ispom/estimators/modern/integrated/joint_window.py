@@ -58,21 +58,35 @@ class JointWindow:
         return view.world_from_rig @ (self.rig.rig_from_video if view.video else self.rig.rig_from_left)
 
     def seen(self, view: View) -> Array:
-        """(N, 2) normalised coordinates in the video or the left camera, without what is wrong with the lens."""
-        return corrected(view.seen, self.lens_correction) if view.video else view.seen
+        """(N, 2) normalised coordinates in the video or the left camera, without what is wrong with the lens; where the
+        middle row would have seen them."""
+        seen = view.seen if view.middle is None else view.middle
+        return corrected(seen, self.lens_correction) if view.video else seen
 
     def predicted(self, time_ns: int) -> Pose:
         """world_from_rig if the motion of the last two views goes on; identity before any view."""
         if not self.views:
             return Pose()
-        last = self.views[-1]
-        before = [v for v in self.views[:-1] if v.video == last.video]
-        if not before or last.time_ns <= before[-1].time_ns:
+        last, way = self.views[-1], self._way()
+        if way is None:
             return last.world_from_rig
-        share = (time_ns - last.time_ns) / (last.time_ns - before[-1].time_ns)
+        share = (time_ns - last.time_ns) / way[1]
         if share > MOST_EXTRAPOLATED:
             return last.world_from_rig
-        return last.world_from_rig @ Pose.exp(share * (before[-1].world_from_rig.inverse() @ last.world_from_rig).log())
+        return last.world_from_rig @ Pose.exp(share * way[0].log())
+
+    def motion(self) -> Array:
+        """(6,) change of world_from_rig (rho [m/s], phi [rad/s]; right) between the last two views; 0 before them."""
+        way = self._way()
+        return np.zeros(6) if way is None else way[0].log() / (way[1] * 1e-9)
+
+    def _way(self) -> tuple[Pose, int] | None:
+        """before_rig_from_last_rig and the time [ns] from the last view but one of the last one's camera to that."""
+        last = self.views[-1] if self.views else None
+        before = [v for v in self.views[:-1] if last is not None and v.video == last.video]
+        if last is None or not before or last.time_ns <= before[-1].time_ns:
+            return None
+        return before[-1].world_from_rig.inverse() @ last.world_from_rig, last.time_ns - before[-1].time_ns
 
     def with_view(self, view: View) -> JointWindow:
         """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.rows import at_middle
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
@@ -35,7 +36,7 @@ def located(
         if view.video or len(view.ids) < MIN_POINTS:
             return state, None, Status.INITIALISING
         return replace(state, window=window.with_view(view)), None, Status.TRACKING
-    found = _resected(setup.noise, window, view)
+    view, found = _seen_together(setup.noise, window, view)
     by_stereo = pose_by_stereo(setup, state, view) if found is None else None
     if by_stereo is not None:
         view = replace(view, world_from_rig=by_stereo)
@@ -51,6 +52,22 @@ def located(
     near = found is None and window.reference is None
     known = found is not None or by_stereo is not None or near
     return state, found, Status.TRACKING if known else Status.LOST
+
+
+def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View, Resection | None]:
+    """The view as if all its rows had been exposed together, by the motion before it and that which leads to it; and
+    its resection."""
+    before = window.motion()
+    view = at_middle(window, view, before)
+    found, last = _resected(noise, window, view), window.views[-1]
+    if found is None or view.late_s is None or not (view.video and last.video):
+        return view, found
+    rig_from_camera, seconds = window.rig.rig_from_video, (view.time_ns - last.time_ns) * 1e-9
+    pose = found.camera_from_world.inverse() @ rig_from_camera.inverse()
+    now = (last.world_from_rig.inverse() @ pose).log() / max(seconds, 1e-3)
+    # The motion at the end of two intervals of which these are the means.
+    view = at_middle(window, view, 1.5 * now - 0.5 * before if before.any() else now)
+    return view, _resected(noise, window, view)
 
 
 def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import View
+from ispom.estimators.modern.rolling import late_s
 from ispom.types import Rig, Step, Tracks, TrackStatus
 
 
@@ -20,11 +21,12 @@ def observed(rig: Rig, part: Step, video: bool) -> View:
         alive &= tracks.disparity_px > 0
     order = np.flatnonzero(alive)[np.argsort(tracks.ids[alive], kind="stable")]
     seen = camera.normalise(tracks.uv[order].astype(float))
+    late = late_s(camera, tracks.uv[order, 1].astype(float)) if camera.line_delay_s else None
     if video:
-        return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan))
+        return View(part.time_ns, True, 2 * tracks.ids[order], seen, np.full(len(order), np.nan), late)
     disparity = tracks.disparity_px[order].astype(float) / camera.fx
     rate = part.calibration.get("pair_rate", np.zeros(6))
-    return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, rate)
+    return View(part.time_ns, False, 2 * tracks.ids[order] + 1, seen, disparity, late, rate=rate)
 
 
 def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:

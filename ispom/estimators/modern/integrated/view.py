@@ -32,6 +32,10 @@ class View:
     """(N, 2) normalised coordinates in the video or the left camera."""
     disparity: Array
     """(N,) x in the left camera minus that in the right one, as matched; NaN where unknown, and for the video."""
+    late_s: Array | None = None
+    """(N,) by how much later their rows are exposed than the middle one, by whose time the pose is; None for none."""
+    middle: Array | None = None
+    """(N, 2) `seen` as the middle row would have, by the motion then known; None where rows are exposed together."""
     rate: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) that a late right shutter is held to see."""
     world_from_rig: Pose = field(default_factory=Pose)

@@ -10,6 +10,7 @@ from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected
+from ispom.estimators.modern.stereo.rates import with_rates
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, with_rows, without_oldest
@@ -86,6 +87,7 @@ def extended(
     if not world.keys and state.last.left is not None:
         predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)
     world = _with_row_errors(setup, with_key(world, key, setup.extra_sigma, predicted), state, now, sighting)
+    world = with_rates(world, setup.baseline_m, setup.loss, setup.limit)
     world, settled, decisions = _adjusted(setup, world, state.settled)
     newest = world.keys[-1]
     points = points.select(np.isin(points.ids, newest.ids, assume_unique=True))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ispom.estimators.modern.rolling import moved
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
@@ -46,33 +47,25 @@ class Shutter:
             return seen
         far = np.maximum(np.nan_to_num(seen[:, 0] - seen[:, 2]), 0.0) / baseline_m
         ray = np.column_stack([seen[:, :2], np.ones(len(seen))])
-        moved = _moved(ray, -self.late_s(seen[:, 1]), rate, far)
-        right = moved[:, 0] - np.where(np.isfinite(seen[:, 2]), baseline_m * far, np.nan)
+        middle = moved(ray, -self.late_s(seen[:, 1]), rate, far)
+        right = middle[:, 0] - np.where(np.isfinite(seen[:, 2]), baseline_m * far, np.nan)
         # What has no positive disparity keeps it, and moves with the left image's point.
-        right = np.where(far > 0, right / moved[:, 2], seen[:, 2] + moved[:, 0] / moved[:, 2] - seen[:, 0])
-        return np.column_stack([moved[:, :2] / moved[:, 2:], right])
+        right = np.where(far > 0, right / middle[:, 2], seen[:, 2] + middle[:, 0] / middle[:, 2] - seen[:, 0])
+        return np.column_stack([middle[:, :2] / middle[:, 2:], right])
 
     def points_at_middle(self, near: Array, rate: Array) -> Array:
         """Points (N, 3) in the left camera of the row that sees them, in that of the middle row."""
         if not self.rolls:
             return near
         y = near[:, 1] / np.maximum(near[:, 2], 1e-9)
-        return _moved(near, -self.late_s(y), rate, np.ones(len(near)))
+        return moved(near, -self.late_s(y), rate, np.ones(len(near)))
 
     def as_seen(self, near: Array, rate: Array) -> Array:
         """Points (N, 3) in the left camera of the middle row, in that of the row that sees them."""
         if not self.rolls:
             return near
         y = np.clip(near[:, 1] / np.maximum(near[:, 2], 1e-9), -10, 10)
-        return _moved(near, self.late_s(y), rate, np.ones(len(near)))
-
-
-def _moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:
-    """Points (N, 3) after times (N,), in a camera of which camera_from_world changes by `rate` (6,); `far` (N,) is what
-    a metre of its motion counts for. To second order: an exposure lasts milliseconds."""
-    s = seconds[:, None]
-    change = rate[:3] * far[:, None] + np.cross(rate[3:], near)
-    return near + s * change + 0.5 * s**2 * np.cross(rate[3:], change)
+        return moved(near, self.late_s(y), rate, np.ones(len(near)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +96,8 @@ class Rows:
         fit, as much less sure as the rate is unknown."""
         near = fit.camera_from_world.apply(self.xyz)
         keep = fit.inliers & (near[:, 2] > 1e-6)
-        jacobian, error = self._linear(near[keep], self.shutter.at_middle(self.seen[keep], rate, self.baseline_m))
+        middle = self.shutter.at_middle(self.seen[keep], rate, self.baseline_m)
+        jacobian, _, error = pair_reprojected(near[keep], middle, self.baseline_m)
         weight = 1 / (self.sigma**2 + (error**2).sum(axis=1))
         by_rate = jacobian * self.shutter.late_s(self.seen[keep, 1])[:, None, None]
         weighted = by_rate * weight[:, None, None]
@@ -120,12 +114,15 @@ class Rows:
         information = fit.information - cross.T @ np.linalg.solve(hessian[6:, 6:], cross)
         return rate + step[6:], replace(fit, information=information)
 
-    def _linear(self, near: Array, seen: Array) -> tuple[Array, Array]:
-        """How x, y and the right x of points (N, 3) in the left camera follow a left twist (N, 3, 6), and where they
-        were seen minus where they are (N, 3); zeros where not seen in the right image."""
-        uv, _, by_twist = reprojected(near)
-        right, by_point, _ = reprojected(near - (self.baseline_m, 0, 0))
-        known = np.isfinite(seen[:, 2])
-        of_right = np.hstack([by_point[:, 0], np.cross(near, by_point[:, 0])]) * known[:, None]
-        error = np.column_stack([seen[:, :2] - uv, np.where(known, seen[:, 2] - right[:, 0], 0.0)])
-        return np.concatenate([by_twist, of_right[:, None]], axis=1), error
+
+def pair_reprojected(near: Array, seen: Array, baseline_m: float) -> tuple[Array, Array, Array]:
+    """How x, y and the right x of points (N, 3) in the left camera follow a left twist of its pose (N, 3, 6) and the
+    point there (N, 3, 3), and where they were seen (N, 3) minus where they are; zeros where the right x is unknown."""
+    uv, of_left, by_twist = reprojected(near)
+    right, of_right, _ = reprojected(near - (baseline_m, 0, 0))
+    known = np.isfinite(seen[:, 2])
+    row = of_right[:, 0] * known[:, None]
+    by_point = np.concatenate([of_left, row[:, None]], axis=1)
+    turned = np.hstack([row, np.cross(near, row)])
+    error = np.column_stack([seen[:, :2] - uv, np.where(known, seen[:, 2] - right[:, 0], 0.0)])
+    return np.concatenate([by_twist, turned[:, None]], axis=1), by_point, error

@@ -1,0 +1,57 @@
+"""Rolling shutters: what a view saw where its middle row would have seen it, and bands of rows for the spline."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.view import View
+from ispom.estimators.modern.rolling import moved
+from ispom.geometry import Array
+from ispom.solvers.spline.problem import RowBands
+
+BAND_S = 0.002
+"""Rows within it share a time of the spline; for the rest of the time their points move as in `at_middle`."""
+
+
+def at_middle(window: JointWindow, view: View, motion: Array) -> View:
+    """The view with what the middle row would have seen, if the rig moves by (6,), as `JointWindow.motion`."""
+    if view.late_s is None:
+        return view
+    rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
+    rate = -rig_from_camera.inverse().adjoint @ motion  # of camera_from_rig: the other way, and on its left
+    ray = np.column_stack([view.seen, np.ones(len(view.seen))])
+    middle = moved(ray, -view.late_s, rate, _inverse_depths(window, view))
+    return replace(view, middle=middle[:, :2] / middle[:, 2:])
+
+
+def _inverse_depths(window: JointWindow, view: View) -> Array:
+    """(N,) [1/m] of what a view sees: by disparity, or as the window's points have it; else their median."""
+    if not view.video:
+        return np.maximum(view.disparity, 0.0) / window.rig.baseline_m
+    place, found = window.table.places(view.ids), np.full(len(view.ids), np.nan)
+    known = place >= 0
+    camera = window.camera_pose(replace(view, world_from_rig=window.predicted(view.time_ns)))
+    depth = camera.inverse().apply(window.table.select(place[known]).points.xyz_in_world)[:, 2]
+    found[known] = np.where(depth > window.rig.baseline_m, 1 / np.maximum(depth, 1e-6), np.nan)
+    return np.where(np.isfinite(found), found, np.nanmedian(found) if np.isfinite(found).any() else 0.0)
+
+
+def banded(views: tuple[View, ...], exposure: NDArray[np.int64]) -> tuple[RowBands, NDArray[np.int64], Array]:
+    """The bands of rows; of all observations of the views, which are of exposures (O,), the index of their time as in
+    RigObservations; and (O, 2) how far they moved since that band, in the normalised image."""
+    still = np.zeros((len(exposure), 2))
+    if all(v.late_s is None for v in views):
+        return RowBands(), exposure, still
+    late = np.concatenate([np.zeros(len(v.ids)) if v.late_s is None else v.late_s for v in views])
+    way = np.concatenate([v.seen - v.seen if v.middle is None else v.seen - v.middle for v in views])
+    number = np.rint(late / BAND_S).astype(np.int64)
+    other = np.flatnonzero(number)
+    found, index = np.unique(np.column_stack([exposure, number])[other], axis=0, return_inverse=True)
+    when = exposure.copy()
+    when[other] = len(views) + index.reshape(-1)
+    share = np.divide(late - BAND_S * number, late, out=np.zeros(len(late)), where=late != 0)
+    return RowBands(found[:, 0], BAND_S * found[:, 1]), when, share[:, None] * way
