@@ -17,6 +17,7 @@ from ispom.solvers.spline.problem import (
     PosePrior,
     RigModel,
     RigObservations,
+    RowBands,
     SplineProblem,
 )
 
@@ -37,9 +38,9 @@ class Flight:
     def true_time_s(self, e: int) -> float:
         return self.start_s + self.times_s[e] + (self.clock_offset_s if self.video[e] else 0.0)
 
-    def truth(self, e: int) -> Pose:
-        """start_from_rig at an exposure."""
-        return self.origin.inverse() @ self.path.pose_at(round(1e9 * self.true_time_s(e)))
+    def truth(self, e: int, late_s: float = 0.0) -> Pose:
+        """start_from_rig at an exposure, or when one of its rows is exposed."""
+        return self.origin.inverse() @ self.path.pose_at(round(1e9 * (self.true_time_s(e) + late_s)))
 
     @property
     def origin(self) -> Pose:
@@ -65,9 +66,11 @@ def problem_of(
     turn_rig: Array | None = None,
     estimate_clock: bool = False,
     seed: int = 1,
+    read_out_s: float = 0.0,
 ) -> SplineProblem:
     """The problem with a poor start: the spline interpolates the stereo poses, and all points are at one depth.
 
+    With a `read_out_s` shutters roll, and each observation has a band of rows of its own.
     Even point numbers are seen by the video camera, odd ones by the pair: they share no points, only the spline.
     """
     rng = np.random.default_rng(seed)
@@ -80,9 +83,13 @@ def problem_of(
         for e in range(len(flight.times_s)):
             if flight.video[e] != (m % 2 == 0):
                 continue
-            camera_from_world = (flight.truth(e) @ RIG.rig_from(name)).inverse()  # type: ignore[arg-type]
-            x = camera_from_world.apply(point)
-            uv = camera.project(x[None])[0] + noise_px * rng.standard_normal(2)
+            late_s = 0.0
+            for _ in range(6 if read_out_s else 1):
+                camera_from_world = (flight.truth(e, late_s) @ RIG.rig_from(name)).inverse()  # type: ignore[arg-type]
+                x = camera_from_world.apply(point)
+                exact = camera.project(x[None])[0]
+                late_s = read_out_s * float(np.nan_to_num(exact[1] / (camera.height - 1) - 0.5))
+            uv = exact + noise_px * rng.standard_normal(2)
             if x[2] < 0.5 or not ((uv >= 0) & (uv < (camera.width, camera.height))).all():
                 continue
             seen = camera.normalise(uv[None])[0]
@@ -93,13 +100,16 @@ def problem_of(
                 anchors.append(flight.truth(near) @ RIG.rig_from(name))  # type: ignore[arg-type]
                 values.append([*seen, 1 / 10.0])
                 priors.append([0.1, 1.0])
-            rows.append((e, number, first, *seen, disparity, 1 / sigma, 1 / sigma, known / sigma))
+            rows.append((e, number, first, *seen, disparity, 1 / sigma, 1 / sigma, known / sigma, late_s))
     table = np.array(rows)
     points = AnchoredPoints(
         np.stack([a.rotation for a in anchors]), np.stack([a.translation for a in anchors]), np.array(values)
     )
+    exposure, bands = table[:, 0].astype(int), RowBands()
+    if read_out_s:
+        bands, exposure = RowBands(exposure, table[:, 9]), len(flight.times_s) + np.arange(len(table))
     observations = RigObservations(
-        table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2].astype(int), table[:, 3:6], table[:, 6:9]
+        exposure, table[:, 1].astype(int), table[:, 2].astype(int), table[:, 3:6], table[:, 6:9]
     )
     video = RIG.rig_from_video
     if turn_rig is not None:
@@ -115,7 +125,10 @@ def problem_of(
     guess = [_between(flight.times_s[stereo], ends, t) for t in at]
     spline = Spline(start, spacing_s, np.stack([g.rotation for g in guess]), np.stack([g.translation for g in guess]))
     prior = PosePrior(0, Pose(), np.eye(6) * 1e8)
-    return SplineProblem(spline, flight.times_s, flight.video, points, observations, rig, rig, prior, np.array(priors))
+    priors_of_depth = np.array(priors)
+    return SplineProblem(
+        spline, flight.times_s, flight.video, points, observations, rig, rig, prior, priors_of_depth, bands=bands
+    )
 
 
 def _between(times_s: Array, poses: list[Pose], time_s: float) -> Pose:

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ispom.estimators.modern.stereo.rates import with_rates
 from ispom.estimators.modern.stereo.shutter import RateBelief, Rows, Shutter
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Array, Pose
 from ispom.solvers.motion_only import fit_pose
 from ispom.types import Camera
@@ -32,13 +34,13 @@ def seen(near: Array) -> Array:
     return np.column_stack([near[:, :2], near[:, 0] - BASELINE_M]) / near[:, 2:]
 
 
-def rolled(xyz: Array) -> Array:
+def rolled(xyz: Array, pose: Pose = POSE, rate: Array = RATE) -> Array:
     """(N, 3) as rows that are exposed when they are saw points (N, 3) in the world."""
-    found = seen(POSE.apply(xyz))
+    found = seen(pose.apply(xyz))
     for _ in range(20):
         late_s = SHUTTER.late_s(found[:, 1])
-        near = np.stack([Pose.exp(t * RATE).apply(POSE.apply(p[None]))[0] for t, p in zip(late_s, xyz, strict=True)])
-        found = seen(near)
+        near = [Pose.exp(t * rate).apply(pose.apply(p[None]))[0] for t, p in zip(late_s, xyz, strict=True)]
+        found = seen(np.stack(near))
     return found
 
 
@@ -90,3 +92,25 @@ def test_pose_and_rate_are_found_together(noise_px: float) -> None:
     else:
         assert np.abs(rate - RATE).max() < 0.02 and off.max() < 2e-4
     assert (sigma > np.sqrt(np.linalg.inv(given).diagonal())).all(), "a pose is known less well with the rate unknown"
+
+
+def test_motions_of_key_frames_are_found_together_with_the_map_that_they_bent() -> None:
+    """Of a way along z with a shake; all begins at the mean motions."""
+    rng, xyz, ids = np.random.default_rng(2), scene(), np.arange(200)
+    places = [Pose.from_rotvec(0.02 * rng.standard_normal(3), np.array([0, 0, -0.5 * c])) @ POSE for c in range(5)]
+    mean = np.array([0.0, 0, -1.5, 0, 0, 0])
+    rates = [mean + 0.3 * rng.standard_normal(6) for _ in places]
+    keys = tuple(
+        KeyFrame(c * 333_000_000, pose, ids, rolled(xyz, pose, rate), mean, SHUTTER)
+        for c, (pose, rate) in enumerate(zip(places, rates, strict=True))
+    )
+    bent = keys[0].at_middle(BASELINE_M)
+    near = np.column_stack([bent[:, :2], np.ones(len(bent))]) * (BASELINE_M / (bent[:, 0] - bent[:, 2]))[:, None]
+    start = StereoMap(keys, ids, places[0].inverse().apply(near))
+    found = start
+    for _ in range(4):
+        found = with_rates(found, BASELINE_M, 1e-3 * SIGMA, 1.0)
+    off, before = (np.abs([k.rate - r for k, r in zip(m.keys, rates, strict=True)]).max() for m in (found, start))
+    assert before > 0.4 and off < 0.03
+    distance, then = (np.linalg.norm(m.xyz - xyz, axis=1) / near[:, 2] for m in (found, start))
+    assert np.median(distance) < 0.05 * np.median(then)
