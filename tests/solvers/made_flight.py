@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.simulation.cameras import simulated_rig
@@ -30,7 +31,7 @@ class Flight:
     start_s: float
     times_s: Array
     """(E,) as stamped: the video's clock may be off."""
-    video: Array
+    video: NDArray[np.bool_]
     xyz: Array
     """(M, 3)."""
     clock_offset_s: float
@@ -121,7 +122,7 @@ def problem_of(
     start = -spacing_s
     count = int(np.ceil((flight.times_s[-1] + 0.04 - start) / spacing_s)) + 3
     at = np.clip(start + spacing_s * (np.arange(count) - 1), flight.times_s[stereo[0]], flight.times_s[stereo[-1]])
-    ends = [flight.truth(e) for e in stereo]
+    ends = [flight.truth(int(e)) for e in stereo]
     guess = [_between(flight.times_s[stereo], ends, t) for t in at]
     spline = Spline(start, spacing_s, np.stack([g.rotation for g in guess]), np.stack([g.translation for g in guess]))
     prior = PosePrior(0, Pose(), np.eye(6) * 1e8)
