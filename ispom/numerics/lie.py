@@ -1,6 +1,7 @@
 """Maps between rotation vectors and rotations, and their Jacobians, compiled for the loops that need them.
 
-`ispom.geometry` has them for arrays of any shape, and for people. Barfoot, State Estimation for Robotics, 7.1.
+Vectors and matrices are tuples, as in `ispom.numerics.vectors`. `ispom.geometry` has the maps for arrays of any shape,
+and for people. Barfoot, State Estimation for Robotics, 7.1.
 """
 
 from __future__ import annotations
@@ -8,17 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.kernels import kernel, part
+from ispom.numerics.vectors import dot, matrix, scaled, store
 
 NEAR_HALF_TURN = -0.99
 """Cosine of an angle from which on the axis is found otherwise."""
 
 
-@kernel()
+@part
 def exp3(v):
-    """Rotation (3, 3) of a rotation vector (3,)."""
-    angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    a, b = rodrigues(angle2)
-    return _combination(v, 1.0, a, b)
+    """Rotation of a rotation vector."""
+    a, b = rodrigues(dot(v, v))
+    return _combination(v, a, b)
 
 
 @part
@@ -30,31 +31,34 @@ def rodrigues(angle2):
     return np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
 
 
-@kernel()
-def log3(r):
-    """Rotation vector (3,), of length 0..pi, of a rotation (3, 3)."""
-    x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    sine = 0.5 * np.sqrt(x * x + y * y + z * z)
-    cosine = 0.5 * (r[0, 0] + r[1, 1] + r[2, 2] - 1.0)
+@part
+def log3(m):
+    """Rotation vector, of length 0..pi, of a rotation."""
+    twice = _twice_sine_axis(m)
+    sine, cosine = 0.5 * np.sqrt(dot(twice, twice)), 0.5 * (m[0][0] + m[1][1] + m[2][2] - 1.0)
     if cosine < NEAR_HALF_TURN:
-        return _log_of_half_turn(r, sine, cosine)
-    factor = 0.5 if sine < 1e-9 else 0.5 * np.arctan2(sine, cosine) / sine
-    return np.array([factor * x, factor * y, factor * z])
+        return _log_of_half_turn(m, np.arctan2(sine, cosine), cosine)
+    return scaled(0.5 if sine < 1e-9 else 0.5 * np.arctan2(sine, cosine) / sine, twice)
 
 
-@kernel()
-def _log_of_half_turn(r, sine, cosine):
+@part
+def _twice_sine_axis(m):
+    return m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]
+
+
+@part
+def _log_of_half_turn(m, angle, cosine):
     """Near a half turn the difference from the transpose vanishes, and the sum with it shows the axis a: ~ a a'."""
-    k = 0
-    for i in range(1, 3):
-        if r[i, i] > r[k, k]:
-            k = i
-    axis = np.empty(3)
-    for i in range(3):
-        axis[i] = r[k, k] - cosine if i == k else 0.5 * (r[i, k] + r[k, i])
-    axis *= np.arctan2(sine, cosine) / np.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
-    along = axis[0] * (r[2, 1] - r[1, 2]) + axis[1] * (r[0, 2] - r[2, 0]) + axis[2] * (r[1, 0] - r[0, 1])
-    return -axis if along < 0.0 else axis
+    k = 1 if m[1][1] > m[0][0] else 0
+    k = 2 if m[2][2] > m[k][k] else k
+    axis = _column_of_sum(m, 0, k, cosine), _column_of_sum(m, 1, k, cosine), _column_of_sum(m, 2, k, cosine)
+    axis = scaled(angle / np.sqrt(dot(axis, axis)), axis)
+    return scaled(-1.0 if dot(axis, _twice_sine_axis(m)) < 0.0 else 1.0, axis)
+
+
+@part
+def _column_of_sum(m, i, k, cosine):
+    return m[k][k] - cosine if i == k else 0.5 * (m[i][k] + m[k][i])
 
 
 @kernel()
@@ -62,38 +66,36 @@ def logs(rotations):
     """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
     out = np.empty((len(rotations), 3))
     for n in range(len(rotations)):
-        out[n] = log3(rotations[n])
+        store(out, n, log3(matrix(rotations, n)))
     return out
 
 
-@kernel()
+@part
 def right_jacobian(v):
-    """(3, 3) J with exp(v + d) = exp(v) exp(J d) for small d."""
-    angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    """J with exp(v + d) = exp(v) exp(J d) for small d."""
+    angle2 = dot(v, v)
     if angle2 < 1e-8:
-        return _combination(v, 1.0, -0.5 + angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
+        return _combination(v, -0.5 + angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
     angle = np.sqrt(angle2)
-    return _combination(v, 1.0, -(1.0 - np.cos(angle)) / angle2, (angle - np.sin(angle)) / (angle2 * angle))
+    return _combination(v, -(1.0 - np.cos(angle)) / angle2, (angle - np.sin(angle)) / (angle2 * angle))
 
 
-@kernel()
+@part
 def inverse_right_jacobian(v):
     """The inverse of `right_jacobian`, for angles below 2 pi."""
-    angle2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    angle2 = dot(v, v)
     if angle2 < 1e-6:
-        return _combination(v, 1.0, 0.5, 1.0 / 12.0 + angle2 / 720.0)
-    angle = np.sqrt(angle2)
-    half = 0.5 * angle
-    return _combination(v, 1.0, 0.5, (1.0 - half * np.cos(half) / np.sin(half)) / angle2)
+        return _combination(v, 0.5, 1.0 / 12.0 + angle2 / 720.0)
+    half = 0.5 * np.sqrt(angle2)
+    return _combination(v, 0.5, (1.0 - half * np.cos(half) / np.sin(half)) / angle2)
 
 
-@kernel()
-def _combination(v, one, a, b):
-    """one I + a [v]x + b [v]x^2."""
-    x, y, z = v[0], v[1], v[2]
-    out = np.empty((3, 3))
-    out[0, 0], out[1, 1], out[2, 2] = one - b * (y * y + z * z), one - b * (x * x + z * z), one - b * (x * x + y * y)
-    out[0, 1], out[1, 0] = b * x * y - a * z, b * x * y + a * z
-    out[0, 2], out[2, 0] = b * x * z + a * y, b * x * z - a * y
-    out[1, 2], out[2, 1] = b * y * z - a * x, b * y * z + a * x
-    return out
+@part
+def _combination(v, a, b):
+    """I + a [v]x + b [v]x^2."""
+    x, y, z = v
+    return (
+        (1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y),
+        (b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x),
+        (b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)),
+    )

@@ -74,6 +74,14 @@ def store(array, i, v, first=0):
 
 
 @part
+def store_matrix(array, i, m):
+    """Into matrix i of an array (N, 3, 3)."""
+    store(array[i], 0, m[0])
+    store(array[i], 1, m[1])
+    store(array[i], 2, m[2])
+
+
+@part
 def store6(array, i, s):
     """Into row i of an array (N, 6)."""
     array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5] = s

@@ -2,11 +2,51 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ispom.numerics.lie import exp3, inverse_right_jacobian, log3, logs, right_jacobian
+from ispom.geometry import Array
+from ispom.numerics import lie
+from ispom.numerics.lie import logs
+from ispom.numerics.vectors import matrix, vector
+
+
+@numba.njit
+def _exp3(v):
+    return lie.exp3(vector(v, 0))
+
+
+@numba.njit
+def _log3(r):
+    return lie.log3(matrix(r, 0))
+
+
+@numba.njit
+def _right_jacobian(v):
+    return lie.right_jacobian(vector(v, 0))
+
+
+@numba.njit
+def _inverse_right_jacobian(v):
+    return lie.inverse_right_jacobian(vector(v, 0))
+
+
+def exp3(v: Array) -> Array:
+    return np.array(_exp3(v[None]))
+
+
+def log3(r: Array) -> Array:
+    return np.array(_log3(r[None]))
+
+
+def right_jacobian(v: Array) -> Array:
+    return np.array(_right_jacobian(v[None]))
+
+
+def inverse_right_jacobian(v: Array) -> Array:
+    return np.array(_inverse_right_jacobian(v[None]))
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-7, 1e-4, 0.3, 2.0, 3.0, 3.1, np.pi - 1e-5, np.pi - 1e-9])

@@ -12,8 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.kernels import kernel
+from ispom.kernels import kernel, part
 from ispom.numerics.lie import exp3, inverse_right_jacobian, log3, right_jacobian
+from ispom.numerics.vectors import (
+    dot,
+    matrix,
+    minus,
+    plus,
+    product,
+    scaled,
+    store,
+    store_matrix,
+    times,
+    times_transposed,
+    transposed,
+    vector,
+)
 
 ORDER = 4
 """Knots that shape the spline at any one time."""
@@ -80,46 +94,71 @@ class Sampled:
 def _sample(start, spacing, rotations, positions, times):
     n, last = len(times), len(rotations) - 4
     r, p, first = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(n, np.int64)
-    jacobians, weights, rates = np.empty((n, 4, 3, 3)), np.empty((n, 4)), np.empty((n, 6))
-    differences = np.empty((len(rotations), 3))
-    for k in range(1, len(rotations)):
-        differences[k] = log3(rotations[k - 1].T @ rotations[k])
+    jacobians, weights, rates = np.zeros((n, 4, 3, 3)), np.empty((n, 4)), np.zeros((n, 6))
+    turns, inverses = between_knots(rotations)
     for e in range(n):
         s = (times[e] - start) / spacing
-        i = min(max(int(np.floor(s)), 0), last)
+        first[e] = i = min(max(int(np.floor(s)), 0), last)
         u = s - i
         l1, l2, l3 = (5 + 3 * u - 3 * u * u + u**3) / 6, (1 + 3 * u + 3 * u * u - 2 * u**3) / 6, u**3 / 6
         v1, v2, v3 = (1 - u) ** 2 / 2 / spacing, (1 + 2 * u - 2 * u * u) / 2 / spacing, u * u / 2 / spacing
-        d1, d2, d3 = differences[i + 1], differences[i + 2], differences[i + 3]
-        a1, a2, a3 = exp3(l1 * d1), exp3(l2 * d2), exp3(l3 * d3)
-        a23 = a2 @ a3
-        a123 = a1 @ a23
-        r[e] = rotations[i] @ a123
-        j1 = a23.T @ (l1 * right_jacobian(l1 * d1))
-        j2 = a3.T @ (l2 * right_jacobian(l2 * d2))
-        j3 = l3 * right_jacobian(l3 * d3)
-        i1, i2, i3 = inverse_right_jacobian(d1), inverse_right_jacobian(d2), inverse_right_jacobian(d3)
-        jacobians[e, 0] = a123.T - j1 @ i1.T
-        jacobians[e, 1] = j1 @ i1 - j2 @ i2.T
-        jacobians[e, 2] = j2 @ i2 - j3 @ i3.T
-        jacobians[e, 3] = j3 @ i3
         weights[e, 0], weights[e, 1], weights[e, 2], weights[e, 3] = 1 - l1, l1 - l2, l2 - l3, l3
-        p[e] = 0.0
-        for k in range(4):
-            p[e] += weights[e, k] * positions[i + k]
-        rates[e, :3] = a23.T @ (v1 * d1) + a3.T @ (v2 * d2) + v3 * d3
-        rates[e, 3:] = -v1 * positions[i] + (v1 - v2) * positions[i + 1] + (v2 - v3) * positions[i + 2]
-        rates[e, 3:] += v3 * positions[i + 3]
-        first[e] = i
+        _place(p, rates, e, positions, i, weights[e], (-v1, v1 - v2, v2 - v3, v3))
+        _turn(r, rates, jacobians[e], e, rotations, i, turns, inverses, (l1, l2, l3), (v1, v2, v3))
     return r, p, first, jacobians, weights, rates
 
 
 @kernel()
+def between_knots(rotations):
+    """Rotation vectors (K - 1, 3) from each knot to the next, and the inverses (K - 1, 3, 3) of their Jacobians."""
+    turns, inverses = np.empty((len(rotations) - 1, 3)), np.empty((len(rotations) - 1, 3, 3))
+    for k in range(len(turns)):
+        turn = log3(product(transposed(matrix(rotations, k)), matrix(rotations, k + 1)))
+        store(turns, k, turn)
+        store_matrix(inverses, k, inverse_right_jacobian(turn))
+    return turns, inverses
+
+
+@part
+def _place(p, rates, e, positions, i, weights, changes):
+    """The position at time e and its velocity, from knots i to i + 3 with these weights and their rates of change."""
+    for x in range(3):
+        p[e, x] = 0.0
+        for k in range(4):
+            p[e, x] += weights[k] * positions[i + k, x]
+            rates[e, 3 + x] += changes[k] * positions[i + k, x]
+
+
+@part
+def _turn(r, rates, jacobians, e, rotations, i, turns, inverses, shares, changes):
+    """The rotation at time e, its rate, and its Jacobians (4, 3, 3), which are zero before.
+
+    From knot i on by a share of each of the three turns between knots, which change at these rates.
+    """
+    after = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # the rotation by all later turns
+    for k in range(2, -1, -1):
+        turn = vector(turns, i + k)
+        part_of_it, rate = scaled(shares[k], turn), times_transposed(after, scaled(changes[k], turn))
+        by_turn = product(transposed(after), right_jacobian(part_of_it))
+        for x in range(3):
+            row = scaled(shares[k], by_turn[x])
+            store(
+                jacobians[k + 1], x, plus(vector(jacobians[k + 1], x), times_transposed(matrix(inverses, i + k), row))
+            )
+            store(jacobians[k], x, minus(vector(jacobians[k], x), times(matrix(inverses, i + k), row)))
+            rates[e, x] += rate[x]
+        after = product(exp3(part_of_it), after)
+    for x in range(3):
+        store(jacobians[0], x, plus(vector(jacobians[0], x), transposed(after)[x]))
+    store_matrix(r, e, product(matrix(rotations, i), after))
+
+
+@kernel()
 def _moved(rotations, positions, step):
-    r, p = np.empty_like(rotations), np.empty_like(positions)
+    r, p, steps = np.empty_like(rotations), np.empty_like(positions), step.reshape(-1, 6)
     for k in range(len(rotations)):
-        r[k] = rotations[k] @ exp3(step[6 * k : 6 * k + 3])
-        p[k] = positions[k] + step[6 * k + 3 : 6 * k + 6]
+        store_matrix(r, k, product(matrix(rotations, k), exp3(vector(steps, k))))
+        store(p, k, plus(vector(positions, k), vector(steps, k, 3)))
     return r, p
 
 
@@ -131,25 +170,26 @@ def add_smoothness(rotations, positions, spacing, sigma_rad_s2, sigma_m_s2, hess
     """
     cost = 0.0
     wr, wp = 1.0 / (sigma_rad_s2 * spacing**2) ** 2, 1.0 / (sigma_m_s2 * spacing**2) ** 2
-    j = np.zeros((3, 9))
-    second = np.array([1.0, -2.0, 1.0])
-    for k in range(1, len(rotations) - 1):
-        a, b = log3(rotations[k - 1].T @ rotations[k]), log3(rotations[k].T @ rotations[k + 1])
-        ia, ib = inverse_right_jacobian(a), inverse_right_jacobian(b)
-        j[:, 0:3], j[:, 3:6], j[:, 6:9] = ia.T, -ia - ib.T, ib
-        r = b - a
-        q = positions[k - 1] - 2 * positions[k] + positions[k + 1]
-        cost += 0.5 * (wr * (r @ r) + wp * (q @ q))
-        jj, jr = wr * (j.T @ j), wr * (j.T @ r)
+    by_knot, second = np.empty((3, 3, 3)), (1.0, -2.0, 1.0)
+    turns, inverses = between_knots(rotations)
+    for k in range(len(turns) - 1):
+        before, after = matrix(inverses, k), matrix(inverses, k + 1)
+        for x in range(3):
+            store(by_knot[0], x, transposed(before)[x])
+            store(by_knot[1], x, scaled(-1.0, plus(before[x], transposed(after)[x])))
+            store(by_knot[2], x, after[x])
+        r = minus(vector(turns, k + 1), vector(turns, k))
+        q = plus(minus(vector(positions, k), scaled(2.0, vector(positions, k + 1))), vector(positions, k + 2))
+        cost += 0.5 * (wr * dot(r, r) + wp * dot(q, q))
         for m in range(3):
-            row = 6 * (k - 1 + m)
+            row, of_row = 6 * (k + m), transposed(matrix(by_knot, m))
             for x in range(3):
-                right[row + x] -= jr[3 * m + x]
+                right[row + x] -= wr * dot(of_row[x], r)
                 right[row + 3 + x] -= wp * second[m] * q[x]
             for n in range(3):
-                column = 6 * (k - 1 + n)
+                column, of_column = 6 * (k + n), transposed(matrix(by_knot, n))
                 for x in range(3):
                     hessian[row + 3 + x, column + 3 + x] += wp * second[m] * second[n]
                     for y in range(3):
-                        hessian[row + x, column + y] += jj[3 * m + x, 3 * n + y]
+                        hessian[row + x, column + y] += wr * dot(of_row[x], of_column[y])
     return cost

@@ -90,8 +90,9 @@ def reduce(knots, observed, depth_prior, loss, damping, with_rig):
             _eliminate(m, low, high, with_rig, spread, reduced, eliminated)
         else:
             eliminated.inverses[m], eliminated.sides[m] = 0.0, 0.0
+    by_knots = np.empty((RIG, 24))
     for e in range(exposures):
-        _add_pose(e, knots, reduced)
+        _add_pose(e, knots, reduced, by_knots)
     for k in range(n):
         for j in range(k + 1, n):
             reduced.hessian[k, j] = reduced.hessian[j, k]
@@ -220,21 +221,38 @@ def gain(inverted, a, b, c):
     )
 
 
-@kernel()
-def _add_pose(e, knots, reduced):
-    """Adds what is said of the pose at exposure e to the four knots that shape it (lower triangle)."""
-    jacobian = np.zeros((6, 24))
-    for q in range(4):
-        jacobian[:3, 6 * q : 6 * q + 3] = knots.rotation_jacobians[e, q]
-        for k in range(3):
-            jacobian[3 + k, 6 * q + 3 + k] = knots.weights[e, q]
+@part
+def _add_pose(e, knots, reduced, by_knots):
+    """Adds what is said of the pose at exposure e to the four knots that shape it (lower triangle).
+
+    `by_knots` (RIG, 24) is made use of.
+    """
     base, g = 6 * knots.first[e], len(reduced.right) - RIG
-    block, side = jacobian.T @ (reduced.poses[e] @ jacobian), jacobian.T @ reduced.poses_right[e]
-    of_rig = reduced.poses_rig[e] @ jacobian
-    for k in range(24):
-        reduced.right[base + k] += side[k]
-        for j in range(k + 1):
-            reduced.hessian[base + k, base + j] += block[k, j]
+    _times_jacobian(by_knots, reduced.poses[e], knots, e)
+    for q in range(4):
+        turn, weight, first = knots.rotation_jacobians[e, q], knots.weights[e, q], base + 6 * q
+        for k in range(3):
+            right = reduced.poses_right[e]
+            reduced.right[first + k] += turn[0, k] * right[0] + turn[1, k] * right[1] + turn[2, k] * right[2]
+            reduced.right[first + 3 + k] += weight * right[3 + k]
+            for j in range(6 * q + k + 1):
+                reduced.hessian[first + k, base + j] += (
+                    turn[0, k] * by_knots[0, j] + turn[1, k] * by_knots[1, j] + turn[2, k] * by_knots[2, j]
+                )
+            for j in range(6 * q + k + 4):
+                reduced.hessian[first + 3 + k, base + j] += weight * by_knots[3 + k, j]
+    _times_jacobian(by_knots, reduced.poses_rig[e], knots, e)
     for k in range(RIG):
         for j in range(24):
-            reduced.hessian[g + k, base + j] += of_rig[k, j]
+            reduced.hessian[g + k, base + j] += by_knots[k, j]
+
+
+@part
+def _times_jacobian(out, block, knots, e):
+    """Into the first rows of out (RIG, 24): a block (n, 6) of something and the pose at exposure e, as of its knots."""
+    for k in range(len(block)):
+        for q in range(4):
+            turn, weight = knots.rotation_jacobians[e, q], knots.weights[e, q]
+            for j in range(3):
+                out[k, 6 * q + j] = block[k, 0] * turn[0, j] + block[k, 1] * turn[1, j] + block[k, 2] * turn[2, j]
+                out[k, 6 * q + 3 + j] = weight * block[k, 3 + j]

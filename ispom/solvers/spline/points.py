@@ -53,7 +53,9 @@ def point_sensitivity(chosen, knots, exposures, owners, eliminated):
     out = np.zeros((len(chosen), 3, g + RIG))
     for i in range(len(chosen)):
         number[chosen[i]] = i
-        out[i, :, g:] = eliminated.mixed_rig[chosen[i]].T
+        for j in range(3):
+            for k in range(RIG):
+                out[i, j, g + k] = eliminated.mixed_rig[chosen[i], k, j]
     for o in range(len(exposures)):
         if number[owners[o]] >= 0:
             spread_over_knots(out[number[owners[o]]], knots, exposures[o], eliminated.mixed[o])

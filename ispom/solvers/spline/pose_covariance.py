@@ -6,6 +6,7 @@ import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
+from ispom.numerics.vectors import dot, matrix, times, vector
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.observation import MIN_DEPTH, RIG, Observed, cauchy_weight, empty_rows, linearise, placed
 from ispom.solvers.spline.problem import AnchoredPoints
@@ -82,28 +83,39 @@ def _equations(observed, loss, follow, own):
     Points follow the window by `follow` (K, 3, n), and have covariances `own` (K, 3, 3) beside.
     """
     information, noise, pull = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, follow.shape[2]))
-    rows, by_pose = empty_rows(), np.empty((2, 6))
+    rows, by_pose = empty_rows(), np.empty((6, 2))
     for m in range(len(own)):
         rig, camera = placed(observed, m)
-        if camera[2] <= MIN_DEPTH:
-            continue
-        weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
-        by_pose[:, :3] = -observed.points[m, 2] * rows.by_rig[:2]
-        by_pose[:, 3:] = rows.by_pose[:2, :3]
-        by_point = rows.by_point[:2]
-        doubt = by_point @ own[m] @ by_point.T
-        doubt[0, 0] += 1.0
-        doubt[1, 1] += 1.0
-        information += weight * (by_pose.T @ by_pose)
-        noise += weight * weight * (by_pose.T @ doubt @ by_pose)
-        _pull(pull, weight * (by_pose.T @ by_point), follow[m])
+        if camera[2] > MIN_DEPTH:
+            weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
+            for k in range(3):
+                for i in range(2):
+                    by_pose[k, i] = -observed.points[m, 2] * rows.by_rig[i, k]
+                    by_pose[3 + k, i] = rows.by_pose[i, k]
+            _add(information, noise, weight, by_pose, rows.by_point, own, m)
+            _pull(pull, weight, by_pose, rows.by_point, follow[m])
     return information, noise, pull
 
 
 @part
-def _pull(out, side, follow):
-    """Subtracts side (6, 3) times follow (3, n) from out (6, n)."""
+def _add(information, noise, weight, by_pose, by_point, own, m):
+    """Adds a point that is seen with unit noise and is itself uncertain by `own` m (3, 3)."""
+    first, second = vector(by_point, 0), vector(by_point, 1)
+    of_first, of_second = times(matrix(own, m), first), times(matrix(own, m), second)
+    xx, xy, yy = 1.0 + dot(first, of_first), dot(first, of_second), 1.0 + dot(second, of_second)
+    for k in range(6):
+        a, b = weight * by_pose[k, 0], weight * by_pose[k, 1]
+        c, d = weight * (a * xx + b * xy), weight * (a * xy + b * yy)
+        for j in range(6):
+            information[k, j] += a * by_pose[j, 0] + b * by_pose[j, 1]
+            noise[k, j] += c * by_pose[j, 0] + d * by_pose[j, 1]
+
+
+@part
+def _pull(out, weight, by_pose, by_point, follow):
+    """Subtracts from out (6, n) what pose and point (3, n) `follow` have to do with each other."""
     for k in range(6):
         for j in range(3):
+            side = weight * (by_pose[k, 0] * by_point[0, j] + by_pose[k, 1] * by_point[1, j])
             for i in range(out.shape[1]):
-                out[k, i] -= side[k, j] * follow[j, i]
+                out[k, i] -= side * follow[j, i]
