@@ -39,6 +39,12 @@ class TrackedFrame:
         kept = ~np.isin(self.ids, ids)
         return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
 
+    def placed_anew(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
+        """With other coordinates (M, 2) of those of the points (M,) that it has."""
+        place, moved = places(self.ids, ids), self.x.copy()
+        moved[place[place >= 0]] = x[place >= 0]
+        return replace(self, x=moved)
+
     def with_new(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:
         """With points (M,), (M, 2) first seen in it; their ids are larger than all others."""
         return replace(self, ids=np.concatenate([self.ids, ids]), x=np.concatenate([self.x, x]))

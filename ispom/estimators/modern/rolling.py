@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,17 +11,37 @@ from ispom.geometry import Array
 from ispom.types import Camera
 
 
-def speed_px_s(
-    camera: Camera, flow: NDArray[np.float32], before: NDArray[np.float32], interval_s: float
-) -> NDArray[np.float32]:
-    """(N, 2) velocity [px/s] of points at the end of their motion `flow` (N, 2) [px] in the last `interval_s`.
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """How points moved from one image to the next."""
 
-    Extrapolated from that and the motion `before` (N, 2) in the interval before it, 0 where there was none.
-    """
-    known = np.asarray(before.any(axis=1))
-    now = np.where(known[:, None], 1.5 * flow - 0.5 * before, flow)
-    between_s = interval_s + camera.line_delay_s * flow[:, 1]  # from the exposure of one row to that of another
-    return (now / np.maximum(between_s, interval_s / 2)[:, None]).astype(np.float32)
+    px: NDArray[np.float32]
+    """(N, 2) [px]; 0 where unknown."""
+    interval_s: float
+
+    def mean_px_s(self, camera: Camera) -> NDArray[np.float32]:
+        """(N, 2) velocity [px/s]: over the time from the exposure of one row to that of another."""
+        between_s = self.interval_s + camera.line_delay_s * self.px[:, 1]
+        return (self.px / np.maximum(between_s, max(self.interval_s, 1e-6) / 2)[:, None]).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Speeds:
+    """(N, 2) velocities [px/s] of points in three images."""
+
+    before: NDArray[np.float32]
+    last: NDArray[np.float32]
+    now: NDArray[np.float32]
+
+    @staticmethod
+    def of(camera: Camera, flow: Flow, before: Flow) -> Speeds:
+        """They change as the means of both motions do; where there was none before, as those of the others."""
+        mean, earlier, known = flow.mean_px_s(camera), before.mean_px_s(camera), np.asarray(before.px.any(axis=1))
+        gained = np.where(known[:, None], (mean - earlier) / max(flow.interval_s + before.interval_s, 1e-6), 0.0)
+        if known.any():
+            gained[~known] = np.median(gained[known], axis=0)
+        ends = (earlier - before.interval_s * gained, mean - flow.interval_s * gained, mean + flow.interval_s * gained)
+        return Speeds(*(each.astype(np.float32) for each in ends))
 
 
 def late_px(camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32]) -> NDArray[np.float32]:

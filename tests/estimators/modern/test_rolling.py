@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.ensemble import build
-from ispom.estimators.modern.rolling import late_px, speed_px_s
+from ispom.estimators.modern.rolling import Flow, Speeds, late_px
 from ispom.evaluation.metrics import errors
 from ispom.methods import Config
 from ispom.sequences.formats.simulated import open_simulated
@@ -32,10 +32,27 @@ def test_constant_velocities_are_undone_exactly() -> None:
         late_s = rate * (here[:, 1] - middle) / (1 - rate * velocity[:, 1])
         return here + late_s[:, None] * velocity
 
-    before, last, now = (seen(k * INTERVAL_S) for k in (-2, -1, 0))
-    late = late_px(CAMERA, now, speed_px_s(CAMERA, now - last, last - before, INTERVAL_S))
+    before, last, now = (seen(k * INTERVAL_S) for k in (-4, -1, 0))  # some images were dropped
+    speeds = Speeds.of(CAMERA, Flow(now - last, INTERVAL_S), Flow(last - before, 3 * INTERVAL_S))
+    for each in (speeds.before, speeds.last, speeds.now):
+        np.testing.assert_allclose(each, velocity, atol=0.01)
     assert np.abs(now - at_middle).max() > 2
-    assert np.abs(now - late - at_middle).max() < 1e-3
+    assert np.abs(now - late_px(CAMERA, now, speeds.now) - at_middle).max() < 1e-3
+
+
+def test_velocities_change_between_images_of_unlike_distances() -> None:
+    """Of points that are accelerated along the rows, so that all is seen at the images' times; one of them is new."""
+    velocity, gain = np.array([[90.0, 0], [-60.0, 0], [30.0, 0]]), np.array([900.0, 0])
+
+    def moved(begin_s: float, end_s: float) -> np.ndarray:
+        return velocity * (end_s - begin_s) + 0.5 * gain * (end_s**2 - begin_s**2)
+
+    known = np.array([[1.0], [1.0], [0.0]])
+    before = known * moved(-4 * INTERVAL_S, -INTERVAL_S)
+    speeds = Speeds.of(CAMERA, Flow(moved(-INTERVAL_S, 0), INTERVAL_S), Flow(before, 3 * INTERVAL_S))
+    np.testing.assert_allclose(speeds.now, velocity, atol=1e-3)
+    np.testing.assert_allclose(speeds.last, velocity - INTERVAL_S * gain, atol=1e-3)
+    np.testing.assert_allclose(speeds.before[:2], (velocity - 4 * INTERVAL_S * gain)[:2], atol=1e-3)
 
 
 def test_a_camera_of_another_size_rolls_as_long() -> None:

@@ -17,7 +17,7 @@ from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.start import poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import track_map
-from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points
+from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.settings import Range
@@ -81,6 +81,8 @@ class ModernMonocular:
         assert isinstance(exposure, VideoFrame)
         setup, watch, before = self._setup, Stopwatch(), state
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
+        for sight in seen_anew(setup.camera, state.live, new.followed):
+            state = state.placed_anew(*sight)
         watch.lap("track")
         if state.map is None:
             outcome = begin(setup, state, new)

@@ -89,6 +89,7 @@ def joined(
         uv=np.concatenate([live.uv, before.astype(np.float32)]),
         flow=np.concatenate([live.flow, np.zeros((count, 2), np.float32)]),
         speed=np.concatenate([live.speed, np.zeros((count, 2), np.float32)]),
+        second=np.concatenate([live.second, np.zeros(count, bool)]),
         origin_ns=np.concatenate([live.origin_ns, np.full(count, place.time_ns)]),
         origin_uv=np.concatenate([live.origin_uv, before.astype(np.float32)]),
         next_id=live.next_id + count,

@@ -47,6 +47,10 @@ class Start:
         """Adds tracks first seen in the reference, while that is the only frame."""
         return replace(self, frames=(self.frames[0].with_new(ids, x),))
 
+    def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
+        """With tracks (M,) at other coordinates (M, 2) in the frame of that time, if there is one."""
+        return replace(self, frames=tuple(f.placed_anew(ids, x) if f.time_ns == time_ns else f for f in self.frames))
+
     def limited(self) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
         """Without the oldest frames after the reference, where there are too many; and the poses held for those."""
         extra = len(self.frames) - BUFFER

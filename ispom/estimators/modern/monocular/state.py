@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,12 @@ class ModernMonocularState:
     """Where a lost frame is looked for."""
     loops: Loops = Loops()
     """Where a way came back, and what follows for the poses; all else here is odometry without it."""
+
+    def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
+        """With tracks (M,) at other coordinates (M, 2) in the frame of that time, where it is kept."""
+        if self.map is not None:
+            return replace(self, map=self.map.placed_anew(time_ns, ids, x))
+        return self if self.start is None else replace(self, start=self.start.placed_anew(time_ns, ids, x))
 
 
 @dataclass(frozen=True, eq=False)

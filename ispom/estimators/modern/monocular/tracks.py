@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.rolling import late_px, speed_px_s
+from ispom.estimators.modern.rolling import Flow, Speeds, late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
@@ -29,9 +29,13 @@ class LiveTracks:
     """(N, 2) [px]."""
     flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     """(N, 2) [px] motion into that image; 0 where new."""
+    before_ns: int = 0
+    """The image from which they moved."""
     speed: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     """(N, 2) [px/s] there; 0 unless the shutter rolls."""
     time_ns: int = 0
+    second: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    """(N,) which were new in the image before."""
     origin_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) the image of `origins` whose patch each point is compared with: that of its first sight, mostly."""
     origin_uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
@@ -50,6 +54,8 @@ class Followed:
     """(N,) TrackStatus."""
     speed: NDArray[np.float32]
     """(N, 2) [px/s] in it; 0 unless the shutter rolls."""
+    speeds: Speeds | None = None
+    """At the last two images as they are known now; None unless the shutter rolls."""
 
 
 GUIDED, UNGUIDED = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5)
@@ -73,8 +79,28 @@ def follow(
     uv, status = klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted)
     if not camera.line_delay_s:
         return Followed(uv, status, live.speed)
-    flow = np.where((status == TrackStatus.ALIVE)[:, None], uv - live.uv, live.flow)
-    return Followed(uv, status, speed_px_s(camera, flow, live.flow, (time_ns - live.time_ns) * 1e-9))
+    last = Flow(uv - live.uv, (time_ns - live.time_ns) * 1e-9)
+    speeds = Speeds.of(camera, last, Flow(live.flow, (live.time_ns - live.before_ns) * 1e-9))
+    alive = (status == TrackStatus.ALIVE)[:, None]
+    return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds)
+
+
+def seen_anew(camera: Camera, live: LiveTracks, followed: Followed) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
+    """Where the middle row would have seen tracks of the last two images, now that their motion after it is known, too:
+    time, ids (K,), and normalised coordinates (K, 2). Nothing unless the shutter rolls.
+
+    Of the image before the last those that were new in it; of the last one all others.
+    """
+    if followed.speeds is None:
+        return ()
+    alive, moved = followed.status == TrackStatus.ALIVE, live.flow.any(axis=1)
+    first, last = alive & live.second & (live.origin_ns == live.before_ns), alive & moved
+    old = live.origin_uv[first] - late_px(camera, live.origin_uv[first], followed.speeds.before[first])
+    uv = live.uv[last] - late_px(camera, live.uv[last], followed.speeds.last[last])
+    return (
+        (live.before_ns, live.ids[first], camera.normalise(old)),
+        (live.time_ns, live.ids[last], camera.normalise(uv)),
+    )
 
 
 def displaced_by_features(live: LiveTracks, grey: Image) -> NDArray[np.float32] | None:
@@ -178,8 +204,10 @@ def next_live_tracks(
         np.concatenate([live.ids[alive], live.next_id + np.arange(n, dtype=np.int64)]),
         np.concatenate([followed.uv[alive], fresh]),
         np.concatenate([(followed.uv - live.uv)[alive], np.zeros((n, 2), np.float32)]),
+        live.time_ns,
         np.concatenate([followed.speed[alive], speed_where(followed, fresh)]),
         time_ns,
+        np.concatenate([~live.flow[alive].any(axis=1), np.zeros(n, bool)]),
         origin_ns,
         np.concatenate([origin_uv[alive], fresh]),
         tuple(item for item in images if item[0] in used),
