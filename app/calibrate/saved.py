@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from ispom.calibration.result import Clock
-from ispom.errors import InputError
-from ispom.io.calibrations.files import rig_files
+from ispom.errors import InputError, printable
+from ispom.io.calibrations.files import placed_of, rig_files
+from ispom.io.camera import LINE_DELAY
 from ispom.io.rig import rig_text
 from ispom.types import Rig
 
@@ -25,7 +27,24 @@ def require_writable(path: Path, form: Format) -> None:
 
 
 def save(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:
-    """Writes the file, or the files of a folder where the format has one for each camera."""
+    """Writes the file, or the files of a folder where the format has one for each camera; says on standard error what
+    the format cannot hold."""
+    _write(rig, clock, about, path, form)
+    lost = left_out(rig, form)
+    if lost is not None:
+        sys.stderr.write(printable(lost) + "\n")
+
+
+def left_out(rig: Rig, form: Format) -> str | None:
+    """A sentence about the rolling shutters, of which formats of other programs say nothing; None where all is said."""
+    rolling = [each.name for each in placed_of(rig) if each.camera.line_delay_s]
+    if not rolling or form in ("rig", "camera"):
+        return None
+    which = " and ".join(rolling)
+    return f"--format {form} has no place for a rolling shutter: {LINE_DELAY} of {which} is left out; rig.yaml keeps it"
+
+
+def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:
     comment = f"# {SIGNATURE}: {about}"
     if clock is not None:
         comment += f"\n# {clock_words(clock)}"

@@ -1,0 +1,39 @@
+"""What a calibration says that the file of another program cannot hold is said where it is written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ispom_app.cli import main
+
+from ispom.io.rig import read_rig, rig_text
+from ispom.simulation.cameras import Optics, simulated_rig
+
+
+@pytest.mark.parametrize(
+    ("form", "out"), [("kalibr", "c.yaml"), ("euroc", "c"), ("opencv", "c.yml"), ("ros", "c"), ("colmap", "c.txt")]
+)
+def test_a_line_delay_that_is_left_out_is_told(
+    form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rolling = simulated_rig(1.0, Optics(rolling_ns=20_000_000))
+    for name, rig in (("rolling", replace(rolling, video=None)), ("still", replace(simulated_rig(), video=None))):
+        (tmp_path / f"{name}.yaml").write_text(rig_text(rig))
+    convert = ["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--format", form, "--out", str(tmp_path / out)]
+    assert main(convert) == 0
+    told = capsys.readouterr().err
+    assert told.startswith(
+        f"--format {form} has no place for a rolling shutter: line_delay_s of left and right is left"
+    )
+    assert main([str(tmp_path / "still.yaml") if word.endswith("rolling.yaml") else word for word in convert]) == 0
+    assert not capsys.readouterr().err
+
+
+def test_rig_yaml_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rolling = simulated_rig(1.0, Optics(rolling_ns=20_000_000))
+    (tmp_path / "rolling.yaml").write_text(rig_text(rolling))
+    assert main(["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--out", str(tmp_path / "rig.yaml")]) == 0
+    assert not capsys.readouterr().err
+    assert read_rig(tmp_path / "rig.yaml").camera("left") == rolling.camera("left")
