@@ -14,7 +14,6 @@ from ..options import SourceOptions
 from . import break_points, flicker, integration, moves, selecting
 from . import commands as do
 from .bookmarks.desk import BookmarkDesk
-from .bookmarks.notes import notes_of, put
 from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -23,8 +22,7 @@ from .learning.desk import LessonDesk
 from .player import Player
 from .plotting import plotted
 from .recording.desk import RecordingDesk
-from .recording.listing import list_recordings
-from .recording.repairs import Repairs
+from .recording.shelf import Shelf
 from .sources.known import Known
 from .sources.opening import SourceOpener, stored_at
 from .sources.recent import RecentSources
@@ -38,8 +36,6 @@ log = logging.getLogger(__name__)
 IDLE_S = 0.5
 RECORDING_S = 0.05
 """How often recordings and viewers are looked at while nothing else happens: without, and with a recording."""
-CLOSE_S = 1.0
-"""For a recording to be closed at the end."""
 
 
 class Controller:
@@ -63,8 +59,8 @@ class Controller:
         lessons: Library,
     ) -> None:
         """`first` is opened at the start; `methods` None means the usual ones of each source."""
-        self._store, self._player, self._recordings, self._viewers = store, player, recordings, viewers
-        self._repairs, self._known = Repairs(recordings.folder), Known(recordings.folder)
+        self._store, self._player, self._viewers = store, player, viewers
+        self._shelf, self._known = Shelf(store, recordings), Known(recordings.folder)
         self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
         self._sweeps = SweepDesk(store, recordings.folder)
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
@@ -76,7 +72,7 @@ class Controller:
 
     def begin(self) -> None:
         try:
-            self._list_recordings()
+            self._shelf.show()
         finally:
             self._open(self._first.source, self._first.options)
         if self._autoplay:
@@ -168,13 +164,13 @@ class Controller:
             case do.RemoveBookmark(exposure):
                 self._bookmarks.remove(exposure)
             case do.Record(name):
-                self._record(name)
+                self._shelf.record(name, player.run)
             case do.StopRecording():
-                self._stop_recording()
+                self._shelf.stop(player.run)
             case do.PutNote(name, note):
-                self._note(name, note)
+                self._shelf.put_note(name, note)
             case do.RepairRecordings():
-                self._repairs.start()
+                self._shelf.repair()
             case do.Hide(names):
                 store.set(hidden=names)
             case do.Select(what):
@@ -199,14 +195,14 @@ class Controller:
             self._viewers.look_at(self._store.state.index)
             self._viewers.check()
             self._compiling.watch()
-            self._watch_recordings()
+            self._shelf.watch()
             if self._sweeps.watch():
-                self._list_recordings()
+                self._shelf.show()
 
     def patience_s(self) -> float:
         if self._branches.comparing or self._lessons.busy:
             return 0.0
-        busy = self._recordings.busy or self._repairs.busy or self._sweeps.busy
+        busy = self._shelf.busy or self._sweeps.busy
         return self._player.patience_s(RECORDING_S if busy else IDLE_S)
 
     def failed(self, fault: Exception) -> None:
@@ -220,8 +216,8 @@ class Controller:
         if self._player.run is not None:
             self._player.run.stop()
         self._sweeps.close()
-        self._stop_recording()
-        self._recordings.close(CLOSE_S)
+        self._shelf.stop(self._player.run)
+        self._shelf.close()
 
     def _pause(self, reason: str) -> None:
         self._store.emit(changed(playing=False, target=None, activity=None), NoticeAdded(reason))
@@ -299,7 +295,7 @@ class Controller:
 
     def _begin(self, run: CurrentRun) -> None:
         """The run that is on the screen from now on; one that is over is shown at its end."""
-        self._stop_recording()
+        self._shelf.stop(self._player.run)
         playback, self._player.run = run.playback, run
         if not run.done:
             self._compiling.begin(playback)
@@ -323,7 +319,7 @@ class Controller:
 
     def _show(self, run: CurrentRun, resumed: Resumed) -> None:
         """Another branch, from now on."""
-        self._stop_recording()
+        self._shelf.stop(self._player.run)
         self._player.run = run
         self._compiling.begin(run.playback)
         self._view(run)
@@ -332,42 +328,6 @@ class Controller:
     def _view(self, run: CurrentRun) -> None:
         """In the viewers from now on; one that was read, as it was recorded."""
         self._viewers.open(run.opened, run.history, run.stored.recording if run.stored is not None else None)
-
-    def _record(self, name: str) -> None:
-        if self._player.run is None:
-            raise InputError("there is nothing to record yet: open a source first")
-        if self._player.run.stored is not None:
-            raise InputError("a run that is over is not recorded: fork it, and record the branch")
-        self._recordings.start(name, self._player.run)
-        self._store.set(recording=self._recordings.info())
-
-    def _stop_recording(self) -> None:
-        """The file is closed when all of the run so far is written, which may take a while."""
-        run = self._player.run
-        if self._recordings.recording and run is not None:
-            self._recordings.stop(run.finish() if run.history else None, self._store.state.bookmarks)
-
-    def _watch_recordings(self) -> None:
-        """Shows how a recording goes, and what became of it."""
-        ended = self._recordings.ended()
-        self._store.set(recording=self._recordings.info())
-        for writer in ended:
-            if writer.failure:
-                self._store.emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
-        problems = self._repairs.ended()
-        for problem in problems or ():
-            self._store.emit(NoticeAdded(problem))
-        if ended or problems is not None:
-            self._list_recordings()
-
-    def _note(self, name: str, note: str) -> None:
-        if name not in [kept.name for kept in self._store.state.recordings]:
-            raise InputError(f"there is no run or recording {name[:60]!r} in the list: choose one of it")
-        put(notes_of(self._recordings.folder / name), note=note)
-        self._list_recordings()
-
-    def _list_recordings(self) -> None:
-        self._store.set(recordings=list_recordings(self._recordings.folder), unfinished=self._repairs.found())
 
 
 def _internal(fault: Exception) -> str:

@@ -22,10 +22,11 @@ from . import commands as do
 from .branching.branches import Beside
 from .branching.desk import BranchDesk
 from .compiling import Compiling
-from .controller import CLOSE_S, Controller
+from .controller import Controller
 from .current_run import CurrentRun
 from .player import Player
 from .recording.desk import RecordingDesk
+from .recording.shelf import CLOSE_S
 from .sources.folders import Folders
 from .sources.opening import SourceOpener
 from .sources.recent import RecentSources

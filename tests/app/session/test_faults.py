@@ -169,7 +169,7 @@ def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
     def fault(_: Path) -> None:
         raise PermissionError("the folder is not yours")
 
-    monkeypatch.setattr("ispom_app.session.controller.list_recordings", fault)
+    monkeypatch.setattr("ispom_app.session.recording.shelf.list_recordings", fault)
     paused.post(do.Record("r"))
     wait_for(lambda: paused.state.recording is not None, "recording")
     paused.post(do.StopRecording())
