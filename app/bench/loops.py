@@ -58,6 +58,8 @@ class Driven:
     """Times that a loop was told."""
     error_m: float
     """At the end, with loops."""
+    restarts: int = 0
+    """Segments after the first one: without loops nothing joins them, and no covariance tells how they lie."""
     plain_error_m: float | None = None
     """The same without."""
     plain_nees: float | None = None
@@ -130,7 +132,8 @@ def _judged(flight: Flight, times: list[int], returns: bool, run: Run, plain: Ru
     truth = flight.truth(times, "rig" if metric else "left")
     off = _off(run.found, truth, metric)
     closed = sum(d.key == LOOP_SHIFT.key for step in run.steps for d in step.decisions)
-    done = Driven(run.method, flight.seed, returns, truth.length, closed, float(off[-1]))
+    restarts = sum(step.restarted for step in run.steps)
+    done = Driven(run.method, flight.seed, returns, truth.length, closed, float(off[-1]), restarts)
     if plain is None:
         return done
     without = _off(plain.found, truth, metric)
@@ -161,7 +164,12 @@ def print_loops(console: Console, found: list[Driven]) -> None:
     for f in found:
         more = (f.plain_error_m, f.plain_nees, f.spread)
         name = "sim:town" if f.returns else "equal houses"
-        cells = (f"{f.way_m:.0f}", str(f.closed), *("-" if v is None else f"{v:.2f}" for v in (f.error_m, *more)))
+        cells = (
+            f"{f.way_m:.0f}",
+            str(f.restarts),
+            str(f.closed),
+            *("-" if v is None else f"{v:.2f}" for v in (f.error_m, *more)),
+        )
         table.add_row(name, str(f.seed), *cells)
     console.print(table)
     back, others = [f for f in found if f.returns], [f for f in found if not f.returns]
@@ -178,15 +186,16 @@ def print_loops(console: Console, found: list[Driven]) -> None:
 
 
 def _drift(back: list[Driven]) -> str:
-    """In words, without loops."""
+    """In words, without loops, of those in one segment."""
+    back = [f for f in back if not f.restarts]
     shares = [100 * f.plain_error_m / f.way_m for f in back if f.plain_error_m is not None]
     nees = [f.plain_nees for f in back if f.plain_nees is not None]
     if not shares or not nees:
         return "without loops not measured"
     low, high = band(3, len(nees))
     return (
-        f"without {np.median(shares):.3f} %, worst {max(shares):.3f} %; its covariance: NEES {np.mean(nees):.2f}, "
-        f"{low:.2f} to {high:.2f} where it is right"
+        f"without, where tracking never broke ({len(back)}), {np.median(shares):.3f} %, worst {max(shares):.3f} %; "
+        f"its covariance: NEES {np.mean(nees):.2f}, {low:.2f} to {high:.2f} where it is right"
     )
 
 

@@ -76,7 +76,7 @@ def test_the_bench_tells_of_both_methods(
         if task["seed"] == 1:
             return {"error": "it broke"}
         more = (2.0, 5.0, math.nan) if task["returns"] else ()
-        return [asdict(Driven(m, task["seed"], task["returns"], 541.0, 1, 0.3, *more)) for m in task["methods"]]
+        return [asdict(Driven(m, task["seed"], task["returns"], 541.0, 1, 0.3, 0, *more)) for m in task["methods"]]
 
     monkeypatch.setattr(command, "_child", child)
     assert main(["bench", "--loops", "--seeds", "2", "--json", str(tmp_path / "l.json")]) == 0

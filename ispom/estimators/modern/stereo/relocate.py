@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +19,7 @@ from ispom.frontends import sift
 from ispom.frontends.patches import align, warps_of
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.solvers.multiview.resection import refine_pose, resect
+from ispom.solvers.multiview.resection import Resection, refine_pose, resect, resect_optimised
 
 MIN_DISPARITY_PX = 1.0
 """Of points intersected anew to find the pose by descriptors: with less their depth is known to no better than half."""
@@ -25,6 +27,8 @@ MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 FEWEST = 8
 """Points that agree with a pose, from which the others that it tells where to look for are looked for."""
+AROUND = (8, 4, 2)
+"""Largest errors of a track within which the others are looked for, one after the other."""
 ENOUGH = 2
 """With so many times the least number of points no further key frame is compared."""
 MIN_CORRELATION = 0.7
@@ -69,23 +73,46 @@ def recognised(setup: Setup, state: ModernStereoState, new: NewPair) -> tuple[Mo
 def _compared(
     setup: Setup, state: ModernStereoState, place: Place, new: NewPair, now: sift.Features
 ) -> Recognised | None:
-    """The pose by resection from what both images show, and the points that agree with it; None for too few."""
+    """The pose by resection from what both images show, and the points that agree with it; None for too few points.
+
+    Resection is tried in two ways, as either may end where only points that lie close together agree: the right one
+    lets more points be found where it puts them.
+    """
     assert place.features is not None
     points, descriptors, xyz = _intersected(setup, state, place, place.features)
-    then = replace(place.features, uv=points.uv, descriptors=descriptors)
+    then, best = replace(place.features, uv=points.uv, descriptors=descriptors), None
     pairs = sift.match(then, now, MAX_RATIO)
-    found = _agreeing(setup, xyz, now.uv, pairs)
-    if found is None or found[1].sum() < FEWEST:
+    for way in (resect, resect_optimised):
+        found = _agreeing(setup, xyz, now.uv, pairs, way)
+        if found is None or found[1].sum() < FEWEST:
+            continue
+        looked_for = _looked_for(setup, xyz, then, now, found[0])
+        if looked_for is not None and (best is None or looked_for[2].sum() > best[2].sum()):
+            best = looked_for
+    if best is None:
         return None
-    near = found[0].apply(xyz)
-    expected = in_sight(setup.camera, near, setup.camera.project(near))
-    pairs = sift.match_near(then, now, expected, 2 * setup.max_error_px, MIN_ALIKE)
-    found = _agreeing(setup, xyz, now.uv, pairs, found[0])
-    if found is None or not confirmed(found[1], expected, FEWEST):
-        return None
-    pose, (i, j) = found[0], pairs[found[1]].T
+    pose, both, good = best
+    i, j = both[good].T
     points = PairPoints(state.next_id + np.arange(len(i)), points.uv[i], points.disparity_px[i])
     return Recognised(place, points, xyz[i], _aligned(setup, place, points, xyz[i], now.uv[j], pose, new), pose)
+
+
+def _looked_for(
+    setup: Setup, xyz: Array, then: sift.Features, now: sift.Features, pose: Pose
+) -> tuple[Pose, NDArray[np.int64], NDArray[np.bool_]] | None:
+    """left_from_place by all that is found where a pose puts it: pairs (M, 2), and which (M,) agree; None for too few.
+
+    A pose by points that lie close together is off for the others: they are looked for farther around at first.
+    """
+    for around in AROUND:
+        near = pose.apply(xyz)
+        expected = in_sight(setup.camera, near, setup.camera.project(near))
+        pairs = sift.match_near(then, now, expected, around * setup.max_error_px, MIN_ALIKE)
+        found = _agreeing(setup, xyz, now.uv, pairs, partial(refine_pose, camera_from_world=pose))
+        if found is None:
+            return None
+        pose, good = found
+    return (pose, pairs, good) if confirmed(good, expected, FEWEST) else None
 
 
 def _intersected(
@@ -102,11 +129,15 @@ def _intersected(
 
 
 def _agreeing(
-    setup: Setup, xyz: Array, uv: NDArray[np.float32], pairs: NDArray[np.int64], guess: Pose | None = None
+    setup: Setup,
+    xyz: Array,
+    uv: NDArray[np.float32],
+    pairs: NDArray[np.int64],
+    solve: Callable[..., Resection | None],
 ) -> tuple[Pose, NDArray[np.bool_]] | None:
-    """left_from_place by which points and places are pairs (M, 2), from a guess or samples; and which (M,) agree."""
-    xyz, x, limit = xyz[pairs[:, 0]], setup.camera.normalise(uv[pairs[:, 1]].astype(float)), 2 * setup.limit
-    found = resect(xyz, x, limit) if guess is None else refine_pose(xyz, x, guess, limit)
+    """left_from_place by which points and places are pairs (M, 2), and which (M,) agree."""
+    xyz, x = xyz[pairs[:, 0]], setup.camera.normalise(uv[pairs[:, 1]].astype(float))
+    found = solve(xyz, x, threshold=2 * setup.limit)
     if found is None:
         return None
     pose = found.camera_from_world
