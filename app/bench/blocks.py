@@ -21,6 +21,7 @@ import numpy as np
 from ispom.geometry import so3_exp
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_simulated
+from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window import adjustment as window
 
 from .peers import PEERS_UNIT_MS, WINDOW_PEERS
@@ -69,8 +70,10 @@ def bundle_window(noise_px: float = 0.5, focal_px: float = 718.0) -> window.Wind
         cameras,
         owners,
         exact + rng.normal(0, noise_px / focal_px, exact.shape),
-        np.zeros(len(cameras)),
         baseline,
+        np.zeros(PAIR),
+        np.zeros(PAIR),
+        np.zeros((len(cameras), PAIR)),
         fixed=1,
     )
 

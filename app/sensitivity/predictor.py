@@ -21,7 +21,8 @@ from ispom.evaluation.sensitivity.effect import Sensitivity, shift_m
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.evaluation.sensitivity.scene import Adjustment, Scene
 from ispom.methods import method as registered
-from ispom.solvers.window.prior import LENS, PAIR
+from ispom.solvers.right_camera import PAIR
+from ispom.solvers.window.prior import LENS
 from ispom.types import Trajectory
 
 from .ran import Ran
@@ -121,9 +122,7 @@ def adjustment_of(config: Any, scene: Scene) -> Adjustment:
     """What a method of these settings corrects in its own cameras, and over how many key frames."""
     match config:
         case ModernStereoConfig():
-            px = 1 / scene.rig.camera("left").fx
-            offset, bend = config.offset_sigma_px * px, config.bend_sigma_px * px
-            sigmas = config.self_calibration * np.array([offset, config.lag_sigma_s, bend, bend])
+            sigmas = config.right_sigma(scene.rig.camera("left").fx)
             return Adjustment(tuple(sigmas.tolist()), config.loss_px, config.window)
         case ModernMonocularConfig():
             sigmas = config.self_calibration * LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA])

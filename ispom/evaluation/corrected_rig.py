@@ -10,6 +10,24 @@ from scipy.optimize import least_squares
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
+from ispom.solvers.right_camera import (
+    AHEAD,
+    DOWN,
+    FOCAL,
+    K1,
+    K2,
+    LAG,
+    OFFSET_X,
+    OFFSET_Y,
+    P1,
+    P2,
+    PITCH,
+    Q1,
+    Q2,
+    ROLL,
+    TERMS,
+    YAW,
+)  # fmt: skip
 from ispom.types import Camera, Rig
 
 SIGNIFICANT = 2.0
@@ -94,23 +112,43 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
 
 
 def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]:
-    """The right camera turned and shifted so that it sees right x at x + a + b x^2: a yaw of b, and a - b beyond it."""
-    f, (offset, lag, square, fourth) = rig.camera("right").fx, pair
-    sigma = np.sqrt(np.diag(covariance))
-    turned = _significant(pair[[0, 2]], covariance[np.ix_([0, 2], [0, 2])])
-    beside_turn = np.sqrt(max(covariance[0, 0] + covariance[2, 2] - 2 * covariance[0, 2], 0.0))
+    """The right camera as it was found to be (right_camera.TERMS), but for its lag."""
+    f, sigma, turns = rig.camera("right").fx, np.sqrt(np.diag(covariance)), [PITCH, YAW, ROLL]
+    good = _significant(pair[:LAG], covariance[:LAG, :LAG])
     told = [
-        Finding("right camera yaw", float(np.degrees(square)), float(np.degrees(sigma[2])), "deg", turned),
-        Finding("right principal point x", float(f * (offset - square)), float(f * beside_turn), "px", turned),
-        Finding("right bend x^4", float(f * fourth), float(f * sigma[3]), "px at 45 deg", False),
-        Finding("right shutter late", float(1e3 * lag), float(1e3 * sigma[1]), "ms", False),
+        Finding(f"right camera {TERMS[i]}", float(np.degrees(pair[i])), float(np.degrees(sigma[i])), "deg", good)
+        for i in turns
     ]
-    if not turned:
+    # What a turn does in the middle of the image is part of the offset there.
+    for name, offset, turn, sign in (("x", OFFSET_X, YAW, 1.0), ("y", OFFSET_Y, PITCH, -1.0)):
+        both = np.zeros(len(pair))
+        both[[offset, turn]] = f, sign * f
+        spread = float(np.sqrt(both @ covariance @ both))
+        told.append(Finding(f"right principal point {name}", float(both @ pair), spread, "px", good))
+    told.append(Finding("right focal length", float(100 * pair[FOCAL]), float(100 * sigma[FOCAL]), "%", good))
+    told += [Finding(f"right {TERMS[i]}", float(pair[i]), float(sigma[i]), "", good) for i in (K1, K2, P1, P2)]
+    told += [Finding(f"right {TERMS[i]}", float(pair[i]), float(sigma[i]), "", False) for i in (Q1, Q2)]
+    told += [
+        Finding(f"baseline {TERMS[i]}", float(np.degrees(pair[i])), float(np.degrees(sigma[i])), "deg", good)
+        for i in (DOWN, AHEAD)
+    ]
+    told.append(Finding("right shutter late", float(1e3 * pair[LAG]), float(1e3 * sigma[LAG]), "ms", False))
+    if not good:
         return rig, told
-    # Turned about y by b, the camera sees x + b (1 + x^2) to first order.
-    turn = Pose.from_rotvec(np.array([0.0, -square, 0.0]), np.zeros(3))
-    right = replace(rig.camera("right"), cx=rig.camera("right").cx + float(f * (offset - square)))
-    return replace(rig, right=right, rig_from_right=rig.rig_from_right @ turn), told
+    camera, lens = rig.camera("right"), pair[[K1, K2, P1, P2]]
+    given = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
+    right = replace(
+        camera,
+        fx=float(camera.fx * (1 + pair[FOCAL])),
+        fy=float(camera.fy * (1 + pair[FOCAL])),
+        cx=camera.cx + float(f * (pair[OFFSET_X] + pair[YAW])),
+        cy=camera.cy + float(f * (pair[OFFSET_Y] - pair[PITCH])),
+        distortion=(*(float(k) for k in given[:4] + lens), *given[4:]),
+    )
+    moved = np.array([0.0, pair[DOWN], pair[AHEAD]]) * rig.baseline_m
+    turn = Pose.from_rotvec(pair[turns], np.zeros(3))
+    placed = Pose(translation=rig.rig_from_right.rotation @ moved) @ rig.rig_from_right @ turn
+    return replace(rig, right=right, rig_from_right=placed), told
 
 
 def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Finding]]:

@@ -154,10 +154,43 @@ def inverse(s):
 
 
 @part
+def inverse_by_pivots(s):
+    """The same of a positive definite matrix, zero where it is none: by L D L', so that far points keep their digits."""
+    a, b, c = s[0], s[1], s[2]
+    if a <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    p, q = b / a, c / a
+    second, mixed = s[3] - p * b, s[4] - q * b
+    if second <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    r = mixed / second
+    third = s[5] - q * c - r * mixed
+    if third <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    first, second, third, u = 1.0 / a, 1.0 / second, 1.0 / third, p * r - q
+    return (
+        first + p * p * second + u * u * third,
+        -p * second - u * r * third,
+        u * third,
+        second + r * r * third,
+        -r * third,
+        third,
+    )
+
+
+@part
 def damped(s, damping):
     """A point's block, six numbers, for its inverse."""
     # A share of the block: anything fixed, however little, would hold what is far where it was first thought. Without
     # it a point that ran away across its anchor leaves a reduced Hessian that rounding makes indefinite.
     a, b, c = s[0], s[3], s[5]
     least = 1e-10 * (a + b + c)
+    return a + damping * a + least, s[1], s[2], b + damping * b + least, s[4], c + damping * c + least
+
+
+@part
+def damped_of_pair(s, damping):
+    """The same of a point that a pair sees, whose depth is known a little at once: what else holds it is next to none."""
+    a, b, c = s[0], s[3], s[5]
+    least = 1e-14 * (a + b + c)
     return a + damping * a + least, s[1], s[2], b + damping * b + least, s[4], c + damping * c + least

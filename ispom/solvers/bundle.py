@@ -51,7 +51,6 @@ def adjust(
             camera_index[order],
             point_index[order],
             np.column_stack([x[order], np.full(len(x), np.nan)]),
-            np.zeros(len(x)),
             fixed=fixed,
         ),
         scale,

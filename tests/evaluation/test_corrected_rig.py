@@ -9,6 +9,7 @@ from ispom.errors import InputError
 from ispom.evaluation.corrected_rig import corrected
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
+from ispom.solvers.right_camera import PAIR, TERMS, by_column, by_row
 
 RIG = simulated_rig()
 SURE = 1e-12
@@ -24,15 +25,19 @@ def test_the_corrected_lens_sees_what_the_correction_says() -> None:
     assert found.any_applied and found.rig.left == RIG.left
 
 
-@pytest.mark.parametrize(("offset", "square"), [(0.002, 0.0), (0.001, 0.001), (-0.001, 0.003)])
-def test_the_corrected_right_camera_sees_x_as_the_correction_says(offset: float, square: float) -> None:
-    pair, covariance = np.array([offset, 0.0, square, 0.0]), SURE * np.eye(4)
+@pytest.mark.parametrize("term", [name for name in TERMS if name not in ("q1", "q2", "lag")])
+def test_the_corrected_right_camera_sees_what_the_correction_says(term: str) -> None:
+    pair, covariance = np.zeros(PAIR), SURE * np.eye(PAIR)
+    pair[TERMS.index(term)] = 0.001
     found = corrected(RIG, {"pair": pair, "pair_covariance": covariance}).rig
-    far = 1e6 * RAYS
-    in_right = (found.rig_from_right.inverse() @ RIG.rig_from_right).apply(far)
-    seen = RIG.camera("right").normalise(found.camera("right").project(in_right))[:, 0]
-    x = RAYS[:, 0]
-    np.testing.assert_allclose(seen, x + offset + square * x**2, atol=2e-5)
+    near = RAYS * np.random.default_rng(1).uniform(4, 50, (len(RAYS), 1))
+    ideal = RIG.camera("right").normalise(RIG.camera("right").project(near))
+    in_right = (found.rig_from_right.inverse() @ RIG.rig_from_right).apply(near)
+    seen = RIG.camera("right").normalise(found.camera("right").project(in_right))
+    disparity, still = RIG.baseline_m / near[:, 2], np.zeros((len(near), 2))
+    wanted = np.column_stack([by_column(ideal, disparity) @ pair, by_row(ideal, disparity, still) @ pair])
+    np.testing.assert_allclose(seen - ideal, wanted, atol=4e-6)
+    assert np.abs(wanted).max() > 3e-5
 
 
 def test_the_video_camera_is_turned_and_moved_as_it_was_found_to_be() -> None:
@@ -61,4 +66,4 @@ def test_what_is_held_is_not_told() -> None:
 
 def test_a_run_without_corrections_is_refused_in_one_sentence() -> None:
     with pytest.raises(InputError, match="no method corrected"):
-        corrected(replace(RIG, video=None), {"pair": np.zeros(4)})
+        corrected(replace(RIG, video=None), {"pair": np.zeros(PAIR)})

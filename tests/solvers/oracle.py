@@ -6,6 +6,7 @@ Nothing here comes from the solvers under test but the data they are given.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,7 @@ def adjusted(window: Window, scale: float) -> tuple[Window, float]:
 
     x, cost = least(residuals, poses + points + extras)
     rotations, translations, xyz, extra = at(x)
-    return Window(rotations, translations, xyz, window.cameras, window.owners, window.seen, window.rates,
-                  window.baseline, extra, window.extra_sigma, window.prior, window.fixed), cost  # fmt: skip
+    return replace(window, rotations=rotations, translations=translations, points=xyz, extra=extra), cost
 
 
 def image_errors(q: Array, window: Window, extra: Array) -> Array:
@@ -63,7 +63,7 @@ def image_errors(q: Array, window: Window, extra: Array) -> Array:
         stretch = 1 + extra[0] + extra[1] * (x**2 + y**2)
         return np.column_stack([x * stretch - window.seen[:, 0], y * stretch - window.seen[:, 1], 0 * x])
     right = (q[:, 0] - window.baseline) / q[:, 2]
-    wrong = extra[0] + window.rates * (1 + right**2) * extra[1] + extra[2] * right**2 + extra[3] * right**4
+    wrong = window.factors @ extra
     third = np.where(np.isnan(window.seen[:, 2]), 0.0, right + wrong - np.nan_to_num(window.seen[:, 2]))
     return np.column_stack([x - window.seen[:, 0], y - window.seen[:, 1], third])
 

@@ -68,8 +68,8 @@ def test_the_step_is_the_gauss_newton_step_of_the_full_system() -> None:
     order = np.argsort(point, kind="stable")
     camera, point, x = camera[order], point[order], x[order]
     rotations, translations = np.stack([c.rotation for c in CAMERAS]), np.stack([c.translation for c in CAMERAS])
-    seen3, none = np.column_stack([x, np.full(len(x), np.nan)]), np.zeros(len(x))
-    whole = window.Window(rotations, translations, xyz, camera, point, seen3, none, fixed=2)
+    seen3 = np.column_stack([x, np.full(len(x), np.nan)])
+    whole = window.Window(rotations, translations, xyz, camera, point, seen3, fixed=2)
     pose_step, point_step, _ = window._step(whole, 1.0, 0.0)
 
     def residual(parameters: np.ndarray) -> np.ndarray:

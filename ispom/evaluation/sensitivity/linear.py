@@ -98,7 +98,7 @@ def solve(scene: Scene, values: Values, adjustment: Adjustment, errors: Array, s
     side = (root * sides).reshape(-1, sides.shape[2])
     reduced = jacobian.T @ jacobian - mixed @ inverse @ mixed.T + _prior(scene, values, adjustment)
     right = jacobian.T @ side - mixed @ (inverse @ (of_points.T @ side))
-    right[6 * count :] += (_information(adjustment) * values.extra)[:, None]
+    right[6 * count :] += (_information(scene, values, adjustment) @ values.extra)[:, None]
     step = -splu(sparse.csc_array(reduced)).solve(right)
     shift = -(inverse @ (of_points.T @ side + mixed.T @ step))
     cut, p = 6 * count, sides.shape[2]
@@ -119,13 +119,15 @@ def _prior(scene: Scene, values: Values, adjustment: Adjustment) -> sparse.csr_a
         way = away / max(float((away**2).sum()), 1e-12)
         row = np.concatenate([way, np.cross(places[far], way)])
         held[6 * far : 6 * far + 6, 6 * far : 6 * far + 6] += HELD * np.outer(row, row)
-    return sparse.csr_array(sparse.block_diag([joined + held, sparse.diags_array(_information(adjustment))]))
+    return sparse.csr_array(sparse.block_diag([joined + held, _information(scene, values, adjustment)]))
 
 
-def _information(adjustment: Adjustment) -> Array:
-    """(E,) of the corrections before any data; 1 for those that are held."""
-    sigmas = np.array(adjustment.sigmas)
-    return np.where(sigmas > 0, sigmas, 1.0) ** -2.0
+def _information(scene: Scene, values: Values, adjustment: Adjustment) -> Array:
+    """(E, E) of the corrections by what was known before any data, and by a pair's rows; 1 for those that are held."""
+    sigmas, per = np.array(adjustment.sigmas), scene.rig.camera(scene.camera).fx / adjustment.loss_px
+    rows = per**2 * scene.row_information(values.rotations, values.translations, values.xyz_in_world)
+    free = sigmas > 0
+    return np.diag(np.where(free, sigmas, 1.0) ** -2.0) + rows * np.outer(free, free)
 
 
 def _blocks(values: Array, column: NDArray[np.int64], count: int) -> sparse.csr_array:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ispom.evaluation.sensitivity.perturbation import Perturbation
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 from ispom.io.maps import SceneMap
-from ispom.solvers.late_shutter import drift
-from ispom.solvers.window.prior import PAIR
+from ispom.solvers.right_camera import by_column, by_row, drift
+from ispom.solvers.window.prior import LENS
 from ispom.types import Frame, Rig
 
 MIN_DEPTH = 1e-6
@@ -27,7 +26,7 @@ class Adjustment:
     sigmas: tuple[float, ...]
     """What it corrects in its camera or pair, standard deviations before any data; 0 for what it does not.
 
-    As Window.extra: of one camera (f, k), of a pair (a, lag, b, c), whose late right shutter sees turns alone.
+    As Window.extra: of one camera (f, k), of a pair as right_camera.TERMS.
     """
     loss_px: float = 1.0
     """Scale of the loss, in the units of which `sigmas` are."""
@@ -58,8 +57,8 @@ class Scene:
     """(N, 2) [px]."""
     right_px: Array
     """(N,) column in the right image, where the points are taken to be seen there; NaN for one camera."""
-    turning: Array
-    """(N,) how fast the camera's turning moves the right x of each point [1/s]; 0 for one camera."""
+    late: Array
+    """(N, 2) how fast each point moves in the right image [1/s]; 0 for one camera."""
 
     @staticmethod
     def of(found: SceneMap, rig: Rig) -> Scene:
@@ -80,13 +79,11 @@ class Scene:
         right = np.full(len(z), np.nan)
         if camera == "left" and rig.has_stereo:
             right = uv[:, 0] - rig.camera("left").fx * rig.baseline_m / z
-        turning = np.zeros(len(z))
+        late = np.zeros((len(z), 2))
         if camera == "left" and rig.has_stereo:
             near = np.einsum("nij,nj->ni", rotations[view], xyz[used][point]) + translations[view]
-            rates = np.column_stack([np.zeros((len(keys), 3)), _turn_rates(keys.times_ns, rotations)])[view]
-            x = near[:, 0] / z - rig.baseline_m / z
-            turning = (1 + x**2) * drift(near, rates, 0.0, rig.baseline_m)
-        return Scene(rig, camera, keys.times_ns, rotations, translations, xyz[used], view, point, uv, right, turning)
+            late = drift(near, _rates(keys.times_ns, rotations, translations)[view], 0.0, rig.baseline_m)
+        return Scene(rig, camera, keys.times_ns, rotations, translations, xyz[used], view, point, uv, right, late)
 
     def until(self, count: int) -> tuple[Scene, NDArray[np.bool_]]:
         """The first `count` key frames with what they saw, and which observations (N,) that is."""
@@ -96,7 +93,7 @@ class Scene:
         used, point = np.unique(self.point[keep], return_inverse=True)
         part = Scene(
             self.rig, self.camera, self.times_ns[:count], self.rotations[:count], self.translations[:count],
-            self.xyz_in_world[used], self.view[keep], point, self.uv[keep], self.right_px[keep], self.turning[keep],
+            self.xyz_in_world[used], self.view[keep], point, self.uv[keep], self.right_px[keep], self.late[keep],
         )  # fmt: skip
         return part, keep
 
@@ -123,7 +120,7 @@ class Scene:
         x = xy[:, 0] - rig.baseline_m / z
         camera = rig.camera("left")
         seen_right = (self.right_px - camera.cx) / camera.fx
-        offset = extra @ np.stack([np.ones(len(z)), self.turning, x**2, x**4])
+        offset = by_column(*self._right(in_camera), self.late) @ extra
         return np.nan_to_num(np.column_stack([xy - seen, x + offset - seen_right]), nan=GROSS)
 
     def by_point(self, in_camera: Array) -> Array:
@@ -143,15 +140,32 @@ class Scene:
         xy = in_camera[:, :2] / in_camera[:, 2:]
         if not self.is_pair:
             return np.stack([xy, xy * (xy**2).sum(1, keepdims=True)], axis=2)
-        x = xy[:, 0] - self.rig.baseline_m / in_camera[:, 2]
-        out = np.zeros((len(x), 3, PAIR))
-        out[:, 2] = np.column_stack([np.ones_like(x), self.turning, x**2, x**4])
+        columns = by_column(*self._right(in_camera), self.late)
+        out = np.zeros((len(columns), 3, columns.shape[1]))
+        out[:, 2] = columns
         return out
 
+    def row_information(self, rotations: Array, translations: Array, xyz_in_world: Array) -> Array:
+        """(E, E) what rows of a pair say of its corrections, by observations of unit deviation; 0 for one camera."""
+        if not self.is_pair:
+            return np.zeros((LENS, LENS))
+        rows = by_row(*self._right(self.in_camera(rotations, translations, xyz_in_world)), self.late)
+        return rows.T @ rows
 
-def _turn_rates(times_ns: NDArray[np.int64], rotations: Array) -> Array:
-    """(K, 3) change of camera_from_world [rad/s], from the key frame before to the one after."""
-    before, after = np.arange(len(times_ns)) - 1, np.arange(len(times_ns)) + 1
-    before, after = before.clip(0), after.clip(max=len(times_ns) - 1)
-    turns = Rotation.from_matrix(rotations[after] @ np.swapaxes(rotations[before], 1, 2)).as_rotvec()
-    return turns / np.maximum((times_ns[after] - times_ns[before]) * 1e-9, 1e-9)[:, None]
+    def _right(self, in_camera: Array) -> tuple[Array, Array]:
+        """Places (N, 2) in the right image, normalised, and disparities (N,)."""
+        disparity = self.rig.baseline_m / np.maximum(in_camera[:, 2], MIN_DEPTH)
+        right = in_camera[:, :2] / np.maximum(in_camera[:, 2:], MIN_DEPTH)
+        right[:, 0] -= disparity
+        return right, disparity
+
+
+def _rates(times_ns: NDArray[np.int64], rotations: Array, translations: Array) -> Array:
+    """(K, 6) change of camera_from_world (rho [m/s], phi [rad/s]; left), from the key frame before to the one after."""
+    last = len(times_ns) - 1
+    out = np.zeros((last + 1, 6))
+    for k in range(last + 1):
+        before, after = max(k - 1, 0), min(k + 1, last)
+        moved = Pose(rotations[after], translations[after]) @ Pose(rotations[before], translations[before]).inverse()
+        out[k] = moved.log() / max((times_ns[after] - times_ns[before]) * 1e-9, 1e-9)
+    return out

@@ -17,7 +17,7 @@ from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
 from ispom.solvers.window.kernels import Eliminated, Reduced, point_steps, reduce_points
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
-from ispom.solvers.window.prior import PAIR, POSE, Prior
+from ispom.solvers.window.prior import LENS, POSE, Prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +36,15 @@ class Window:
     """(K,) point of each observation."""
     seen: Array
     """(K, 3) x, y in the (left) camera, x in the right one; NaN where there is none."""
-    rates: Array
-    """(K,) what a second of the right shutter's lag adds to the right x, over 1 + x^2 (see late_shutter.drift)."""
     baseline: float = 0.0
     """Of the pair; 0 for one camera."""
-    extra: Array = field(default_factory=lambda: np.zeros(PAIR))
+    extra: Array = field(default_factory=lambda: np.zeros(LENS))
     """(E,) of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2).
-    Of a pair: offset a [rad] of the right x, lag of the right shutter [s], and the offset's growth b, c [rad] towards
-    the image's sides, seen = x + a + b x^2 + c x^4: a wrong yaw or principal point, and what lenses leave there."""
-    extra_sigma: Array = field(default_factory=lambda: np.zeros(PAIR))
+    Of a pair: what is wrong with its right camera, which adds `factors` @ `extra` to the right x."""
+    extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
     """(E,) standard deviations before any data; 0 keeps the value as it is."""
+    factors: Array = field(default_factory=lambda: np.zeros((0, LENS)))
+    """(K, E) of a pair (see right_camera.by_column); empty for one camera."""
     prior: Prior | None = None
     fixed: int = 0
     """The first poses are held."""
@@ -53,11 +52,6 @@ class Window:
     def __post_init__(self) -> None:
         # Stacked transposes are laid out otherwise, and for those all that is compiled would be compiled once more.
         object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
-
-
-def offset_at(x: Array, extra: Array) -> Array:
-    """(N,) what a pair's `extra` adds to right x (N,), but for the lag."""
-    return extra[0] + extra[2] * x**2 + extra[3] * x**4
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +107,7 @@ def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prio
         cameras=window.cameras[gone],
         owners=number[window.owners[gone]],
         seen=window.seen[gone],
-        rates=window.rates[gone],
+        factors=window.factors[gone] if window.baseline else window.factors,
     )
     equations = Equations.of(part, scale)
     h, g, a = equations.symmetric, -equations.right, slice(0, POSE)
@@ -196,9 +190,13 @@ def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, A
 
 
 def _observed(window: Window) -> Observed:
+    seen = window.seen
+    if window.baseline:
+        seen = seen.copy()
+        seen[:, 2] -= window.factors @ window.extra
     return Observed(
-        window.rotations, window.translations, window.points, window.cameras, window.owners, window.seen,
-        window.rates, window.baseline, window.extra,
+        window.rotations, window.translations, window.points, window.cameras, window.owners, seen,
+        window.factors, window.baseline, window.extra,
     )  # fmt: skip
 
 

@@ -18,8 +18,10 @@ from ispom.numerics.vectors import (
     congruent,
     cross,
     damped,
+    damped_of_pair,
     dot,
     inverse,
+    inverse_by_pivots,
     matrix,
     minus,
     plus,
@@ -82,7 +84,10 @@ def reduce_points(scale, damping, reduced, eliminated, observed):
 def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
     """Point m, whose observations start at `begin`; where they end."""
     end, block, gradient = _linearise(m, begin, per, reduced, eliminated, terms, observed)
-    inverted = inverse(damped(block, damping))
+    if observed.baseline == 0.0:
+        inverted = inverse(damped(block, damping))
+    else:
+        inverted = inverse_by_pivots(damped_of_pair(block, damping))
     store6(eliminated.inverses, m, inverted)
     store(eliminated.gradients, m, gradient)
     _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated)
@@ -109,9 +114,8 @@ def _linearise(m, begin, per, reduced, eliminated, terms, observed):
     while k < len(observed.owners) and observed.owners[k] == m:
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
-            seen, rate = vector(observed.seen, k), observed.rates[k]
-            hessian, by_q, mixed, second, first = linearised(q, seen, rate, baseline, wrong, per)
-            fill_factors(terms, n, FACTORS, q, rate, baseline)
+            hessian, by_q, mixed, second, first = linearised(q, vector(observed.seen, k), baseline, wrong, per)
+            fill_factors(terms, n, FACTORS, q, observed, k)
             with_point, own = congruent(rotation, hessian)
             block, gradient = plus6(block, own), plus(gradient, times_transposed(rotation, by_q))
             _store_mixed(eliminated.mixed, k, q, with_point)

@@ -19,7 +19,7 @@ GROSS = 1e6
 
 
 class Observed(NamedTuple):
-    """The arrays of a window.Window of the same names."""
+    """The arrays of a window.Window of the same names; the right x without what is wrong with the pair."""
 
     rotations: Array
     translations: Array
@@ -27,7 +27,7 @@ class Observed(NamedTuple):
     cameras: NDArray[np.int64]
     owners: NDArray[np.int64]
     seen: Array
-    rates: Array
+    factors: Array
     baseline: float
     extra: Array
 
@@ -46,7 +46,7 @@ def _squared_error(observed, k, wrong):
     q = in_camera(observed, k)
     if q[2] <= MIN_DEPTH:
         return np.inf
-    _, _, _, ex, ey, er = residual(q, vector(observed.seen, k), observed.rates[k], observed.baseline, wrong)
+    _, _, _, ex, ey, er = residual(q, vector(observed.seen, k), observed.baseline, wrong)
     return ex * ex + ey * ey + er * er
 
 
@@ -71,12 +71,12 @@ def robust_cost(squares, scale):
 
 @part
 def correction(extra):
-    """What is wrong with the camera or the pair, always four numbers (see window.Window.extra)."""
-    return extra[0], extra[1], extra[2] if len(extra) > 2 else 0.0, extra[3] if len(extra) > 2 else 0.0
+    """What is wrong with a single camera (see window.Window.extra)."""
+    return extra[0], extra[1]
 
 
 @part
-def residual(q, seen, rate, baseline, extra):
+def residual(q, seen, baseline, extra):
     """Image x, y, right x of a point q before its camera, and their errors; without a right place its error is 0."""
     iz = 1.0 / q[2]
     x, y, right, er = q[0] * iz, q[1] * iz, 0.0, 0.0
@@ -86,54 +86,46 @@ def residual(q, seen, rate, baseline, extra):
         ex, ey = ex + stretch * x, ey + stretch * y
     elif seen[2] == seen[2]:
         right = x - baseline * iz
-        square = right * right
-        er = right + extra[0] + extra[1] * rate * (1.0 + square) + (extra[2] + extra[3] * square) * square - seen[2]
+        er = right - seen[2]
     return x, y, right, ex, ey, er
 
 
 @part
-def by_image(x, y, right, seen_right, rate, baseline, extra):
+def by_image(x, y, seen_right, baseline, extra):
     """Derivatives of the errors: xx, xy, yy of those by x and y, rr of the right one by the right x.
 
-    And x, y, right of all three by the first correction.
+    And x, y, right of all three by the first correction; of a pair by whatever moves the right x by one.
     """
     if baseline == 0.0:
         stretch, bend = 1.0 + extra[0] + extra[1] * (x * x + y * y), 2.0 * extra[1]
         return stretch + bend * x * x, bend * x * y, stretch + bend * y * y, 0.0, x, y, 0.0
     if seen_right == seen_right:
-        return (
-            1.0,
-            0.0,
-            1.0,
-            1.0 + 2.0 * right * (extra[1] * rate + extra[2] + 2.0 * extra[3] * right * right),
-            0.0,
-            0.0,
-            1.0,
-        )
+        # One, but no constant: with one, the products for a single camera are contracted otherwise, in the last digit.
+        return 1.0, 0.0, 1.0, baseline / baseline, 0.0, 0.0, 1.0
     return 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
 
 
 @part
-def fill_factors(out, n, first, q, rate, baseline):
-    """Into row n of `out`, column `first` on (E): the errors' derivative by each correction over that by the first."""
-    iz = 1.0 / q[2]
-    x, y = q[0] * iz, q[1] * iz
-    right = x - baseline * iz
-    square = x * x + y * y if baseline == 0.0 else right * right
-    out[n, first], out[n, first + 1] = 1.0, square if baseline == 0.0 else rate * (1.0 + square)
-    if out.shape[1] > first + 2:
-        out[n, first + 2], out[n, first + 3] = square, square * square
+def fill_factors(out, n, first, q, observed, k):
+    """Into row n of `out`, column `first` on (E): the errors' derivative by each correction over that of `by_image`."""
+    if observed.baseline == 0.0:
+        iz = 1.0 / q[2]
+        x, y = q[0] * iz, q[1] * iz
+        out[n, first], out[n, first + 1] = 1.0, x * x + y * y
+    else:
+        for e in range(observed.factors.shape[1]):
+            out[n, first + e] = observed.factors[k, e]
 
 
 @part
-def linearised(q, seen, rate, baseline, extra, per):
+def linearised(q, seen, baseline, extra, per):
     """With Cauchy's weight at errors in scales (`per`: 1 / scale^2), and all of it weighted:
 
     second derivatives (6) by q, gradient (3) by q, derivatives by q and the first correction (3), by the first
     correction twice, gradient by the first correction.
     """
-    x, y, right, ex, ey, er = residual(q, seen, rate, baseline, extra)
-    xx, xy, yy, rr, ux, uy, ur = by_image(x, y, right, seen[2], rate, baseline, extra)
+    x, y, right, ex, ey, er = residual(q, seen, baseline, extra)
+    xx, xy, yy, rr, ux, uy, ur = by_image(x, y, seen[2], baseline, extra)
     weight, iz = per / (1.0 + (ex * ex + ey * ey + er * er) * per), 1.0 / q[2]
     wz = weight * iz
     hessian = hessian_by_point(x, y, right, wz * iz, xx * xx + xy * xy, xy * (xx + yy), xy * xy + yy * yy, rr * rr)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,13 +11,13 @@ from ispom.numerics.lie import logs
 
 POSE = 6
 """Unknowns of a pose: left twist (rho, phi) of camera_from_world."""
-LENS, PAIR = 2, 4
-"""Unknowns E of what is wrong with one camera, and with a pair: see window.Window.extra."""
+LENS = 2
+"""Unknowns of what is wrong with one camera: see window.Window.extra."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What marginalised poses and points say of those still there: cost 1/2 d' H d + g' d, d their change since."""
+    """What marginalised poses and points say of those still there: cost 1/2 d' H d + g' d + c, d their change since."""
 
     rotations: Array
     """(P, 3, 3) camera_from_world of the first P poses of the window, when linearised."""
@@ -29,6 +29,8 @@ class Prior:
     """(6 P + E, 6 P + E)."""
     gradient: Array
     """(6 P + E,)."""
+    constant: float = 0.0
+    """c, what the evidence that was added costs where d is 0."""
 
     def shifted(self, rotations: Array, translations: Array, extra: Array) -> Array:
         """d (6 P + E,) of the values now against those of the linearisation."""
@@ -37,9 +39,39 @@ class Prior:
         rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
         return np.concatenate([np.hstack([rho, logs(turn)]).ravel(), extra - self.extra])
 
+    def with_evidence(self, design: Array, seen: Array) -> Prior:
+        """With what else the corrections show in: `design` (N, E) times them is `seen` (N,), in deviations."""
+        hessian, gradient, e = self.hessian.copy(), self.gradient.copy(), len(self.extra)
+        error = design @ self.extra - seen
+        hessian[-e:, -e:] += design.T @ design
+        gradient[-e:] += design.T @ error
+        return replace(self, hessian=hessian, gradient=gradient, constant=self.constant + 0.5 * float(error @ error))
+
+    def aged(self, kept: float, sigma: Array) -> Prior:
+        """Of the corrections a while later: `kept` of each is left, and as much has come that its deviation returns to
+        `sigma` (E,) if nothing is seen (a Gauss-Markov process); 0 holds one.
+        """
+        poses = len(self.hessian) - len(sigma)
+        now = np.flatnonzero(sigma > 0) + poses
+        if not 0 <= kept < 1 or not len(now):
+            return self
+        came = 1 / ((1 - kept**2) * sigma[now - poses] ** 2)
+        # now = kept * then + what came; the values then are eliminated
+        gone = (1 - kept) * self.extra[now - poses]
+        then, hessian, gradient = self.hessian[now], self.hessian.copy(), self.gradient.copy()
+        mixed, own = then.copy(), then[:, now] + np.diag(kept**2 * came)
+        mixed[:, now] = -kept * np.diag(came)
+        hessian[now], hessian[:, now] = 0.0, 0.0
+        hessian[now, now] = came
+        gradient[now] = came * gone
+        gain = np.linalg.solve(own, mixed).T
+        hessian = hessian - gain @ mixed
+        gradient = gradient - gain @ (self.gradient[now] - kept * came * gone)
+        return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient)
+
     def cost(self, shift: Array) -> float:
         """Of a change `shift` (6 P + E,)."""
-        return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift)
+        return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift) + self.constant
 
 
 def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:

@@ -5,19 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.sensitivity.effect import Sensitivity, shift_m
 from ispom.evaluation.sensitivity.linear import Values
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.evaluation.sensitivity.scene import Adjustment, Scene
 from ispom.geometry import Array
+from ispom.solvers import right_camera
+from ispom.solvers.right_camera import by_column, by_row
 from ispom.solvers.window.adjustment import Window, adjust
 from ispom.types import Trajectory
 from tests.evaluation.sensitivity.scenes import rig, scene_map
 
 WHOLE = 100
 """A window that holds every key frame."""
-PAIR = Adjustment((0.0,) * 4, 0.3, WHOLE)
-SELF_CALIBRATED = Adjustment((0.5 / 460, 0.0, 1 / 460, 1 / 460), 0.3, WHOLE)
+PAIR = Adjustment((0.0,) * right_camera.PAIR, 0.3, WHOLE)
+SELF_CALIBRATED = Adjustment(tuple(ModernStereoConfig(lag_sigma_s=1e-5).right_sigma(460.0).tolist()), 0.3, WHOLE)
 LENS = Adjustment((0.0, 0.0), 0.5, WHOLE)
 
 
@@ -27,15 +30,20 @@ def adjusted(scene: Scene, values: Values, wrong: Perturbation, adjustment: Adju
     order = np.lexsort((scene.view, scene.point))
     camera = told.camera(scene.camera)
     seen = np.column_stack([camera.normalise(scene.uv), (scene.right_px - camera.cx) / camera.fx])[order]
-    sigmas = np.array(adjustment.sigmas)
+    sigmas, late = np.array(adjustment.sigmas), np.zeros((len(order), 2))
+    right, disparity = seen[:, [2, 1]], seen[:, 0] - seen[:, 2]
+    factors = by_column(right, disparity, late) if scene.is_pair else np.zeros((0, len(sigmas)))
     window = Window(
         values.rotations, values.translations, values.xyz_in_world, scene.view[order], scene.point[order], seen,
-        np.zeros(len(order)), told.baseline_m if scene.is_pair else 0.0, np.zeros(len(sigmas)), sigmas, fixed=1,
+        told.baseline_m if scene.is_pair else 0.0, np.zeros(len(sigmas)), sigmas, factors, fixed=1,
     )  # fmt: skip
     if sigmas.any():
         from ispom.solvers.window.prior import anchored
 
         prior = anchored(values.rotations[0], values.translations[0], sigmas)
+        if scene.is_pair:  # rows as they should be
+            rows = (camera.fx / adjustment.loss_px) * by_row(right, disparity, late)
+            prior = prior.with_evidence(rows * (sigmas > 0), np.zeros(len(rows)))
         window = replace(window, prior=prior, fixed=0)
     found = adjust(window, adjustment.loss_px / camera.fx, iterations=60, tolerance=1e-10).window
     rotations = np.swapaxes(found.rotations, 1, 2)

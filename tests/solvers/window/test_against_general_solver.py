@@ -17,6 +17,7 @@ from tests.solvers import oracle
 FOCAL, BASELINE, POSES, POINTS = 700.0, 0.5, 3, 12
 SCALE = 0.5 / FOCAL
 PAIR_SIGMA = np.array([1 / FOCAL, 0.01, 4 / FOCAL, 4 / FOCAL])
+"""Of four corrections, whatever they are: see `factors`."""
 TRUTH = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, -1.1]))
 GUESS = Pose.exp(np.array([0.02, -0.01, 0.05, 0.002, 0.003, -0.002])) @ TRUTH
 
@@ -28,11 +29,13 @@ def drive(noise_px: float, baseline: float = BASELINE, extra: Array | None = Non
     translations = np.stack([0.02 * i, 0.01 * i, -1.2 * i], axis=1)
     points = rng.uniform([-8, -4, 10], [8, 4, 30], (POINTS, 3))
     cameras, owners = np.tile(np.arange(POSES), POINTS), np.repeat(np.arange(POINTS), POSES)
-    rates = np.linspace(0, 0.3, POSES)[cameras]
     none = np.zeros(4 if baseline else 2)
-    window = Window(rotations, translations, points, cameras, owners, np.zeros((len(cameras), 3)), rates, baseline,
-                    none, np.zeros(len(none)), fixed=1 if baseline else 2)  # fmt: skip
     q = np.einsum("kij,kj->ki", rotations[cameras], points[owners]) + translations[cameras]
+    right, rates = (q[:, 0] - baseline) / q[:, 2], np.linspace(0, 0.3, POSES)[cameras]
+    factors = np.column_stack([np.ones(len(q)), rates * (1 + right**2), right**2, right**4])
+    window = Window(rotations, translations, points, cameras, owners, np.zeros((len(cameras), 3)), baseline,
+                    none, np.zeros(len(none)), factors if baseline else np.zeros((0, 2)),
+                    fixed=1 if baseline else 2)  # fmt: skip
     seen = oracle.image_errors(q, window, none)
     if extra is not None:  # the corrections are what is seen, against what an ideal camera would see
         wrong = oracle.image_errors(q, window, extra)
@@ -93,8 +96,8 @@ def test_a_pair_with_the_prior_of_what_has_left() -> None:
     gone = np.arange(POINTS) < 5
     prior, kept = marginalise(whole, gone, SCALE), ~gone[whole.owners] & (whole.cameras > 0)
     window = Window(start.rotations[1:], start.translations[1:], start.points[5:], whole.cameras[kept] - 1,
-                    whole.owners[kept] - 5, whole.seen[kept], whole.rates[kept], BASELINE, np.zeros(4),
-                    np.zeros(4), prior)  # fmt: skip
+                    whole.owners[kept] - 5, whole.seen[kept], BASELINE, np.zeros(4), np.zeros(4),
+                    whole.factors[kept], prior)  # fmt: skip
     assert_same_minimum(window)
 
 

@@ -31,12 +31,13 @@ def truth(extra: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0), noise_px: float = 0.0
     p = np.einsum("kij,kj->ki", rotations[cameras], points[owners]) + translations[cameras]
     right = (p[:, 0] - BASELINE) / p[:, 2]
     rates = np.linspace(0, 0.3, POSES)[cameras]
-    right = right + extra[0] + (1 + right**2) * extra[1] * rates + extra[2] * right**2 + extra[3] * right**4
+    factors = np.column_stack([np.ones(len(p)), (1 + right**2) * rates, right**2, right**4])
+    right = right + factors @ extra
     seen = np.column_stack([p[:, :2] / p[:, 2:], right if stereo else np.full(len(p), np.nan)])
     seen += noise_px / FOCAL * rng.standard_normal(seen.shape)
     prior = anchored(rotations[0], translations[0], SIGMA)
     return Window(
-        rotations, translations, points, cameras, owners, seen, rates, BASELINE, np.zeros(4), SIGMA, prior
+        rotations, translations, points, cameras, owners, seen, BASELINE, np.zeros(4), SIGMA, factors, prior
     )  # fmt: skip
 
 
@@ -108,7 +109,7 @@ def test_a_prior_stands_for_the_pose_and_points_that_have_left() -> None:
         cameras=whole.cameras[kept] - 1,
         owners=(np.cumsum(~gone) - 1)[whole.owners[kept]],
         seen=whole.seen[kept],
-        rates=whole.rates[kept],
+        factors=whole.factors[kept],
         prior=prior,
     )
     # at the optimum it is the optimum still, with the same spread

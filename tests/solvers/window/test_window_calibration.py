@@ -31,7 +31,6 @@ def window() -> tuple[Window, np.ndarray]:
         np.tile(np.arange(views), count),
         np.repeat(np.arange(count), views),
         np.column_stack([seen.reshape(-1, 2), np.full(count * views, np.nan)]),
-        np.zeros(count * views),
         extra=np.zeros(2),
         extra_sigma=sigma,
         prior=anchored(guess[0].rotation, guess[0].translation, sigma),

@@ -21,7 +21,7 @@ def window() -> Window:
     seen = np.dstack([x, right + OFFSET_PX / F]) + rng.normal(0, 0.05 / F, (200, 4, 3))
     guess = np.dstack([seen[:, 0, 0], seen[:, 0, 1], np.ones(200)])[0]
     guess *= (BASELINE / np.maximum(seen[:, 0, 0] - seen[:, 0, 2], 1 / 2000))[:, None]
-    sigma = np.array([0.5 / F, 0.005, 1e-6, 1e-6])
+    sigma = np.array([0.5 / F])
     return Window(
         np.tile(np.eye(3), (4, 1, 1)),
         np.column_stack([0 * ahead, 0 * ahead, -1.05 * ahead]),
@@ -29,10 +29,10 @@ def window() -> Window:
         np.tile(np.arange(4), 200),
         np.repeat(np.arange(200), 4),
         seen.reshape(-1, 3),
-        np.zeros(800),
         BASELINE,
-        extra=np.zeros(4),
+        extra=np.zeros(1),
         extra_sigma=sigma,
+        factors=np.ones((800, 1)),
         prior=anchored(np.eye(3), np.zeros(3), sigma),
     )
 

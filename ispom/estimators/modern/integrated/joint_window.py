@@ -10,8 +10,9 @@ from scipy.spatial import KDTree
 from ispom.estimators.modern.integrated.view import Reference, Table, View
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
+from ispom.solvers.right_camera import PAIR
 from ispom.solvers.spline.problem import RigModel
-from ispom.solvers.window.prior import LENS, PAIR
+from ispom.solvers.window.prior import LENS
 
 LEAST_INVERSE_DEPTH = 1e-4
 """[1/m] A smaller one, from a disparity with its errors, is none: 10 km are beyond what any rig measures."""
@@ -38,7 +39,7 @@ class JointWindow:
     rig_estimates: tuple[RigModel, ...] = ()
     """The rig with its information after each of the last adjustments."""
     pair_errors: Array = field(default_factory=lambda: np.zeros(PAIR))
-    """What stereo found to be wrong with the pair (see window.Window.extra)."""
+    """What stereo found to be wrong with the pair (see right_camera.TERMS)."""
     lens_correction: Array = field(default_factory=lambda: np.zeros(LENS))
     """What monocular found to be wrong with the video camera (see window.Window.extra)."""
     truncated: bool = False

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.late_shutter import drift
+from ispom.solvers.right_camera import LAG, by_column, drift
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.problem import AnchoredPoints, RigModel
-from ispom.solvers.window.adjustment import offset_at
 
 LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""
@@ -60,13 +59,13 @@ class View:
         return replace(self, attached=(*self.attached, *attached))
 
     def rectified(self, extra: Array, baseline_m: float) -> Array:
-        """(N,) disparities without the errors of the pair, `extra` (4,) of window.Window."""
-        right, lag = self.seen[:, 0] - self.disparity, extra[1]
-        parallel = self.disparity + offset_at(right, extra)
+        """(N,) disparities without the errors of the pair, `extra` (E,) of right_camera.TERMS."""
+        right = np.column_stack([self.seen[:, 0] - self.disparity, self.seen[:, 1]])
+        parallel = self.disparity + by_column(right, self.disparity) @ extra
         depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
         near = np.column_stack([self.seen, np.ones(len(self.seen))]) * depth[:, None]
-        late = drift(near, np.broadcast_to(self.rate, (len(near), 6)), lag, baseline_m)
-        return parallel + (1 + right**2) * lag * late
+        late = drift(near, np.broadcast_to(self.rate, (len(near), 6)), extra[LAG], baseline_m)
+        return parallel + extra[LAG] * late[:, 0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,6 @@ def bundle_problem(state: Map) -> BundleProblem:
             seen.cameras[kept],
             slot[seen.owners[kept]],
             np.column_stack([seen.seen[kept], np.full(int(kept.sum()), np.nan)]),
-            np.zeros(int(kept.sum())),
             extra=state.extra,
             extra_sigma=state.extra_sigma,
             prior=state.prior,

@@ -86,16 +86,6 @@ OUTLIERS = Check(
     "<=",
     passes="Of {threshold} observations {value} are too far from their points, and are dropped.",
 )
-OFFSET = Check(
-    "disparity_offset",
-    "disparity offset",
-    "finding",
-    CALIBRATED,
-    ">",
-    "px",
-    passes="The right image is off by {value} px in the middle: significant, as 2 sigma are {threshold}.",
-    fails="The right image is off by {value} px in the middle: not significant, as 2 sigma are {threshold}.",
-)
 BEND = Check(
     "disparity_bend",
     "disparity offset at 27 degrees against the middle",
@@ -103,19 +93,54 @@ BEND = Check(
     CALIBRATED,
     ">",
     "px",
-    passes="27 degrees to the side it is off by {value} px more: significant, as 2 sigma are {threshold}.",
-    fails="27 degrees to the side it is off by {value} px more: not significant, as 2 sigma are {threshold}.",
+    passes="27 degrees to the sides it is off by {value} px more: significant, as 2 sigma are {threshold}.",
+    fails="27 degrees to the sides it is off by {value} px more: not significant, as 2 sigma are {threshold}.",
 )
-SHUTTER_LAG = Check(
-    "shutter_lag",
-    "right shutter late by",
+OBSERVABLE = Check(
+    "right_observable",
+    "corrections of the right camera that the data show",
     "finding",
     CALIBRATED,
-    ">",
-    "ms",
-    passes="The right shutter is {value} ms late: significant, as 2 sigma are {threshold}.",
-    fails="The right shutter is {value} ms late: not significant, as 2 sigma are {threshold}.",
+    passes="The data show all {threshold} corrections of the right camera.",
+    fails="Of {threshold} corrections of the right camera the data show {value}; the others stay about as uncertain as "
+    "they were.",
 )
+
+
+def _correction(key: str, name: str, unit: str, sentence: str) -> Check:
+    """Of one term; `sentence` says what is wrong, with {value}."""
+    passes, fails = (
+        f"{sentence}: {word}, as 2 sigma are {{threshold}}." for word in ("significant", "not significant")
+    )
+    return Check(key, name, "finding", CALIBRATED, ">", unit, passes, fails)
+
+
+CORRECTIONS = (
+    _correction("disparity_offset", "disparity offset", "px", "The right image is off by {value} px in the middle"),
+    _correction("row_offset", "row offset", "px", "The right image is {value} px lower in the middle"),
+    _correction("right_pitch", "right camera turned about x by", "deg", "The right camera is turned up by {value} deg"),
+    _correction(
+        "right_yaw", "right camera turned about y by", "deg", "The right camera is turned right by {value} deg"
+    ),
+    _correction(
+        "right_roll", "right camera turned about z by", "deg", "The right camera is turned clockwise by {value} deg"
+    ),
+    _correction("right_focal", "right focal length longer by", "%", "The right focal length is {value} % longer"),
+    _correction("right_radial", "right radial distortion k1", "", "The right lens has k1 off by {value}"),
+    _correction("right_radial_growth", "right radial distortion k2", "", "The right lens has k2 off by {value}"),
+    _correction("right_decentring_y", "right decentring p1", "", "The right lens has p1 off by {value}"),
+    _correction("right_decentring_x", "right decentring p2", "", "The right lens has p2 off by {value}"),
+    _correction(
+        "right_decentring_y_growth", "growth of the right decentring p1", "", "The right p1 grows by {value} with r^2"
+    ),
+    _correction(
+        "right_decentring_x_growth", "growth of the right decentring p2", "", "The right p2 grows by {value} with r^2"
+    ),
+    _correction("baseline_down", "right camera lower by", "deg", "The right camera sits {value} deg lower"),
+    _correction("baseline_ahead", "right camera ahead by", "deg", "The right camera sits {value} deg ahead"),
+    _correction("shutter_lag", "right shutter late by", "ms", "The right shutter is {value} ms late"),
+)
+"""Of right_camera.TERMS, in that order."""
 
 CHECKS = by_key(
     GUIDED_POINTS,
@@ -130,8 +155,8 @@ CHECKS = by_key(
     ITERATIONS,
     OUTLIERS,
     WINDOW,
-    OFFSET,
+    *CORRECTIONS,
     BEND,
-    SHUTTER_LAG,
+    OBSERVABLE,
     *LOOP_CHECKS,
 )

@@ -15,7 +15,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
 from ispom.geometry import Array, Pose
-from ispom.solvers.window.prior import PAIR
+from ispom.solvers.right_camera import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
 
 MOST_SHOWN_PX = 1e4
@@ -89,7 +89,7 @@ def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
 
 def _calibration(setup: Setup, after: ModernStereoState) -> dict[str, Array]:
     """What was found to be wrong with the pair."""
-    found = {"pair": after.map.extra, "pair_rate": after.map.rate_for_lag(after.last.rate)}
+    found = {"pair": after.map.extra, "pair_rate": after.last.rate}
     if setup.self_calibration and after.map.covariance is not None:
         found["pair_covariance"] = after.map.covariance[-PAIR:, -PAIR:]
     return found

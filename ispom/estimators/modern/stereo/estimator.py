@@ -20,7 +20,7 @@ from ispom.estimators.modern.stereo.track import sight
 from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
-from ispom.solvers.window.prior import PAIR
+from ispom.solvers.right_camera import PAIR
 from ispom.stopwatch import Stopwatch
 from ispom.types import Exposure, Rig, Status, Step, StereoPair, Trajectory
 
@@ -40,14 +40,22 @@ class ModernStereoConfig:
     loops: bool = False
     """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
     self_calibration: bool = True
-    """Estimate what is wrong with the rectification: an offset of the disparity, how it grows towards the image's
-    sides, and a late right shutter."""
+    """Estimate what is wrong with the right camera: how it is turned, its focal length, principal point, distortion,
+    and a late shutter. The settings that follow are standard deviations before any data."""
     offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.5
-    """How far off the disparities may be in the middle of the image, before any data."""
-    bend_sigma_px: Annotated[float, Range(0.01, 10)] = 1.0
-    """How much farther off they may be at 45 degrees to its side, as a square and as a fourth power of x/z."""
+    """Of how far off disparities and rows are in the middle of the image."""
+    turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.5
+    """Of how the right camera is turned about each of its axes."""
+    focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
+    """Of its focal length against the left one's, as a share."""
+    radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
+    """Of its radial distortion k1."""
+    decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.005
+    """Of its decentring distortion p1 and p2."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
-    """How late the right shutter may be, before any data."""
+    """Of how late its shutter is."""
+    settling_s: Annotated[float, Range(1, 1e6)] = 3600.0
+    """After so long the right camera may have changed by as much as was unknown before any data."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
     """Scale of the Cauchy loss, and the error that covariances take a track to have: errors along it are alike."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
@@ -62,6 +70,22 @@ class ModernStereoConfig:
     """Pairs that may fail against the last located one before the next starts afresh from where the motion led."""
     iterations: Annotated[int, Range(1, 30)] = 4
     """Of the adjustment, at each key frame."""
+
+    def right_sigma(self, focal_px: float) -> Array:
+        """(E,) of what may be wrong with the right camera, in the order of right_camera.TERMS; 0 holds it."""
+        if not self.self_calibration:
+            return np.zeros(PAIR)
+        offset, turn = self.offset_sigma_px / focal_px, np.radians(self.turn_sigma_deg)
+        lens = (
+            self.focal_sigma,
+            self.radial_sigma,
+            self.radial_sigma,
+            self.decentring_sigma,
+            self.decentring_sigma,
+            self.decentring_sigma,
+            self.decentring_sigma,
+        )
+        return np.array([offset, offset, turn, turn, turn, *lens, turn, turn, self.lag_sigma_s])
 
     def build(self, rig: Rig) -> ModernStereo:
         return ModernStereo(rig, self)
@@ -143,7 +167,8 @@ class ModernStereo:
             self.rig.rig_from_left,
             c.loss_px,
             c.max_error_px,
-            self._extra_sigma,
+            c.right_sigma(self._size.tracked.fx),
+            c.settling_s,
             c.max_tracks,
             c.window,
             c.min_parallax_px,
@@ -157,11 +182,3 @@ class ModernStereo:
     @property
     def _left_from_rig(self) -> Pose:
         return self.rig.rig_from_left.inverse()
-
-    @property
-    def _extra_sigma(self) -> Array:
-        """(4,) see window.Window.extra; 0 holds them."""
-        if not self.config.self_calibration:
-            return np.zeros(PAIR)
-        c, f = self.config, self._size.tracked.fx
-        return np.array([c.offset_sigma_px / f, c.lag_sigma_s, c.bend_sigma_px / f, c.bend_sigma_px / f])

@@ -8,21 +8,18 @@ import numpy as np
 
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.stereo import checks
+from ispom.estimators.modern.stereo.corrections import corrections
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
-from ispom.estimators.modern.stereo.pair_calibration import intersected
+from ispom.estimators.modern.stereo.pair_calibration import intersected, with_rows
 from ispom.estimators.modern.stereo.rates import with_rates
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, with_rows, without_oldest
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, without_oldest
 from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.solvers.window.prior import PAIR
-from ispom.types import Check, Decision
-
-SIDE = 0.5
-"""x/z of the place towards the image's sides, 27 degrees, at which the bend of the disparity offset is reported."""
+from ispom.types import Decision
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +83,9 @@ def extended(
     predicted = None
     if not world.keys and state.last.left is not None:
         predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)
-    world = _with_row_errors(setup, with_key(world, key, setup.extra_sigma, predicted), state, now, sighting)
+    world = _with_row_errors(
+        setup, with_key(world, key, setup.extra_sigma, setup.settling_s, predicted), state, now, sighting
+    )
     world = with_rates(world, setup.baseline_m, setup.loss, setup.limit)
     world, settled, decisions = _adjusted(setup, world, state.settled)
     newest = world.keys[-1]
@@ -99,13 +98,13 @@ def extended(
 def _with_row_errors(
     setup: Setup, world: StereoMap, state: ModernStereoState, now: Current, sighting: Sighting
 ) -> StereoMap:
-    """With what the rows of this pair say about a late right shutter."""
+    """With what the rows of this pair say about the right camera."""
     located = sighting.located
-    if not setup.self_calibration or located is None or not now.rate.any():
+    if located is None:
         return world
     took = sighting.took_part[located.inliers]
     xyz = now.pose.apply(state.map.xyz[sighting.place[took]])
-    return with_rows(world, world.rows.with_pair(xyz, sighting.lower[located.inliers], now.rate, setup.loss))
+    return with_rows(setup, world, xyz, sighting.lower[located.inliers], now.rate)
 
 
 def _adjusted(
@@ -131,24 +130,4 @@ def _adjusted(
     f = setup.camera.fx
     error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
     usual = 2 * setup.loss_px
-    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), *went, *_calibration(setup, world))
-
-
-def _calibration(setup: Setup, world: StereoMap) -> tuple[Decision, ...]:
-    """What was found to be wrong with the pair's calibration."""
-    if not setup.self_calibration or world.covariance is None:
-        return ()
-    f, (offset, lag, square, fourth) = setup.camera.fx, world.extra
-    covariance, bend = world.covariance[-PAIR:, -PAIR:], np.array([SIDE**2, SIDE**4])
-    bent = float(bend @ (square, fourth))
-    return (
-        _corrected(checks.OFFSET, f * offset, f**2 * covariance[0, 0]),
-        _corrected(checks.BEND, f * bent, f**2 * float(bend @ covariance[2:, 2:] @ bend)),
-        _corrected(checks.SHUTTER_LAG, 1e3 * lag, 1e6 * covariance[1, 1]),
-    )
-
-
-def _corrected(check: Check, value: float, variance: float) -> Decision:
-    """A correction of the pair's calibration beside two standard deviations of it."""
-    twice = 2 * float(np.sqrt(max(variance, 0.0)))
-    return check.of(value, twice, passed=bool(abs(value) > twice))
+    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), *went, *corrections(setup, world))

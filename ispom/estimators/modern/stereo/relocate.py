@@ -168,7 +168,7 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
         known = np.zeros((6, 6)) if place.covariance is None else place.covariance
         seen, rate = nothing.seen_by(setup.camera), np.zeros(6) if place.rate is None else place.rate
         key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, rate, setup.shutter)
-        world = with_key(emptied(world), key, setup.extra_sigma, known)
+        world = with_key(emptied(world), key, setup.extra_sigma, setup.settling_s, known)
     world = world.with_points(points.ids, place.camera_from_world.inverse().apply(found.xyz))
     last = replace(state.last, points=PairPoints.joined(state.last.points, points))
     next_id = state.next_id + len(points)

@@ -20,7 +20,9 @@ class Setup:
     loss_px: float
     max_error_px: float
     extra_sigma: Array
-    """(4,) see window.Window.extra; 0 holds them."""
+    """(E,) of what may be wrong with the right camera (see right_camera.TERMS); 0 holds it."""
+    settling_s: float
+    """See window.with_key."""
     max_tracks: int
     window: int
     min_parallax_px: float

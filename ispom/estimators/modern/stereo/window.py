@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.late_shutter import RowFit, drift
+from ispom.solvers.right_camera import LAG, PAIR, by_column, drift
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance, marginalise
-from ispom.solvers.window.prior import PAIR, POSE, Prior, anchored
+from ispom.solvers.window.prior import POSE, Prior, anchored
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
 HELD_SIGMA = 1e-6
 """[m, rad] With it a window's first pose is held after a loss, as `prior.anchored` does at the beginning."""
-LEAST_LAG_S = 0.001
-"""A smaller lag [s] is not believed: an unlike focal length or a bent image looks the same in the rows and columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +59,10 @@ class StereoMap:
     xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(M, 3) in the world [m]."""
     extra: Array = field(default_factory=lambda: np.zeros(PAIR))
-    """What is wrong with the pair (see window.Window.extra)."""
+    """(E,) what is wrong with the right camera (see right_camera.TERMS)."""
     prior: Prior | None = None
-    rows: RowFit = RowFit()
-    """What the rows say about the right shutter."""
-    late: bool = False
-    """They show that it is late: then its place is not that of the pair either. Else only turns count."""
     covariance: Array | None = None
-    """(6 C + 4, 6 C + 4) of the key frames' left twists and the extras, relative to the start; None before a second
+    """(6 C + E, 6 C + E) of the key frames' left twists and the extras, relative to the start; None before a second
     key frame."""
     start: Start | None = None
     """None where the first key frame is the world."""
@@ -76,10 +70,6 @@ class StereoMap:
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
         return places(self.ids, ids)
-
-    def rate_for_lag(self, rate: Array) -> Array:
-        """(6,) of left_from_world's change (rho, phi; left) [1/s], that a late right shutter is held to see."""
-        return rate if self.late else np.concatenate([np.zeros(3), rate[3:]])
 
     def with_points(self, ids: NDArray[np.int64], xyz: Array) -> StereoMap:
         """With new points; ids not in the map yet."""
@@ -93,8 +83,13 @@ class StereoMap:
         return replace(self, ids=self.ids[needed], xyz=self.xyz[needed])
 
 
-def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, predicted: Array | None = None) -> StereoMap:
-    """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6) in it."""
+def with_key(
+    state: StereoMap, key: KeyFrame, extra_sigma: Array, settling_s: float, predicted: Array | None = None
+) -> StereoMap:
+    """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6) in it.
+
+    Since the last one the right camera may have changed: within `settling_s` as much as was open before any data.
+    """
     keys, prior, covariance, start = state.keys, state.prior, state.covariance, state.start
     if not keys:
         prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
@@ -106,22 +101,24 @@ def with_key(state: StereoMap, key: KeyFrame, extra_sigma: Array, predicted: Arr
             if state.covariance is not None:
                 covariance[POSE:, POSE:] = state.covariance[-PAIR:, -PAIR:]
             prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(covariance))
-    elif len(keys) == 1:
-        # Nothing was before the first one: it moved as the second does.
-        keys = (replace(keys[0], rate=key.rate),)
+    else:
+        assert prior is not None
+        prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
+        if len(keys) == 1:
+            # Nothing was before the first one: it moved as the second does.
+            keys = (replace(keys[0], rate=key.rate),)
     return replace(state, keys=(*keys, key), prior=prior, covariance=covariance, start=start)
 
 
 def emptied(state: StereoMap) -> StereoMap:
     """Without key frames and points; what was found out about the pair stays."""
     covariance = None if state.covariance is None else state.covariance[-PAIR:, -PAIR:]
-    return StereoMap(extra=state.extra, rows=state.rows, late=state.late, covariance=covariance)
+    return StereoMap(extra=state.extra, covariance=covariance)
 
 
-def with_rows(state: StereoMap, rows: RowFit) -> StereoMap:
-    """The map that knows what the rows say now."""
-    information, lag = rows.lag
-    return replace(state, rows=rows, late=abs(lag) > LEAST_LAG_S + 2 * information**-0.5)
+def known_of_pair(state: StereoMap, extra_sigma: Array) -> Array:
+    """(E, E) covariance of `extra`."""
+    return np.diag(extra_sigma**2) if state.covariance is None else state.covariance[-PAIR:, -PAIR:]
 
 
 def adjusted(
@@ -183,18 +180,18 @@ def _packed(
     translations = np.stack([k.left_from_world.translation for k in state.keys])
     seen_from = camera[good]
     near = np.einsum("kij,kj->ki", rotations[seen_from], state.xyz[point[good]]) + translations[seen_from]
-    rates = np.stack([state.rate_for_lag(k.rate) for k in state.keys])[seen_from]
+    rates, seen = np.stack([k.rate for k in state.keys])[seen_from], seen[good]
     window = Window(
         rotations,
         translations,
         state.xyz[used],
         seen_from,
         owners.astype(np.int64),
-        np.ascontiguousarray(seen[good]),
-        drift(near, rates, state.extra[1], baseline),
+        np.ascontiguousarray(seen),
         baseline,
         state.extra,
         extra_sigma,
+        by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], drift(near, rates, state.extra[LAG], baseline)),
         state.prior,
     )
     return window, used, origin[good]

@@ -1,0 +1,56 @@
+"""What was found to be wrong with the right camera, as decisions, and what of it the data do not show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.estimators.modern.stereo import checks
+from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.geometry import Array
+from ispom.solvers.right_camera import PAIR, TERMS, by_column
+from ispom.types import Check, Decision
+
+SIDE = 0.5
+"""x/z of the place towards the image's sides, 27 degrees, at which the bend of the disparity offset is reported."""
+OPEN = 0.7
+"""A correction is not observable while its deviation is more than this share of that before any data: of what is known
+of it, the data are then the lesser part."""
+
+
+def corrections(setup: Setup, world: StereoMap) -> tuple[Decision, ...]:
+    """Empty where nothing is estimated."""
+    if not setup.self_calibration or world.covariance is None:
+        return ()
+    covariance = world.covariance[-PAIR:, -PAIR:]
+    sigma, before = np.sqrt(np.diag(covariance)), setup.extra_sigma
+    made = [
+        _correction(check, *(factor * v for v in (world.extra[i], sigma[i], before[i])))
+        for i, (check, factor) in enumerate(zip(checks.CORRECTIONS, _factors(setup.camera.fx), strict=True))
+        if before[i] > 0
+    ]
+    free = before > 0
+    hidden = free & (sigma > OPEN * before)
+    which = ", ".join(TERMS[i] for i in np.flatnonzero(hidden))
+    told = f"not observable so far: {which}" if which else ""
+    return (*made, _bend(setup, world, covariance), checks.OBSERVABLE.of((free & ~hidden).sum(), free.sum(), told))
+
+
+def _factors(fx: float) -> Array:
+    """(E,) from the units of right_camera.TERMS to those of the checks."""
+    degree, one = float(np.degrees(1.0)), 1.0
+    return np.array([fx, fx, degree, degree, degree, 100.0, *[one] * 6, degree, degree, 1e3])
+
+
+def _correction(check: Check, value: float, sigma: float, before: float) -> Decision:
+    """A correction beside two standard deviations of it."""
+    spread = f"sigma {sigma:.2g}, before any data {before:.2g} {check.unit}".rstrip()
+    return check.of(value, 2 * sigma, spread, passed=bool(abs(value) > 2 * sigma))
+
+
+def _bend(setup: Setup, world: StereoMap, covariance: Array) -> Decision:
+    """What all corrections do to the disparities on both sides, against the middle."""
+    sides = np.array([[SIDE, 0.0], [-SIDE, 0.0], [0.0, 0.0]])
+    bend = setup.camera.fx * np.array([0.5, 0.5, -1.0]) @ by_column(sides, np.zeros(3))
+    value, twice = float(bend @ world.extra), 2 * float(np.sqrt(bend @ covariance @ bend))
+    return checks.BEND.of(value, twice, passed=bool(abs(value) > twice))

@@ -1,0 +1,57 @@
+"""The prior of a window: what else shows the corrections, and how they change with time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispom.geometry import Array
+from ispom.solvers.window.prior import POSE, Prior, anchored
+
+SIGMA = np.array([0.5, 2.0, 0.0])
+
+
+def prior() -> Prior:
+    """Of one pose and two corrections that are known together, and a third that is held."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(12, POSE + 2))
+    hessian = np.eye(POSE + 3)
+    hessian[:-1, :-1] = root.T @ root + np.diag([0.0] * POSE + [4.0, 0.25])
+    gradient = np.append(rng.normal(size=POSE + 2), 0.0)
+    return Prior(np.eye(3)[None], np.zeros((1, 3)), np.array([0.3, -1.0, 0.0]), hessian, gradient)
+
+
+def mean(of: Prior) -> Array:
+    """(6 + E,) of the pose's twist, and of the corrections."""
+    return np.append(np.zeros(POSE), of.extra) - np.linalg.solve(of.hessian, of.gradient)
+
+
+def test_corrections_change_with_time_as_a_gauss_markov_process() -> None:
+    before, kept = prior(), 0.8
+    after = before.aged(kept, SIGMA)
+    step = np.diag([*[1.0] * POSE, kept, kept, 1.0])
+    came = np.diag([*[0.0] * POSE, *((1 - kept**2) * SIGMA**2)])
+    np.testing.assert_allclose(mean(after), step @ mean(before), atol=1e-9)
+    wanted = step @ np.linalg.inv(before.hessian) @ step + came
+    np.testing.assert_allclose(np.linalg.inv(after.hessian), wanted, atol=1e-9)
+
+
+def test_what_is_never_seen_keeps_its_deviation_however_long() -> None:
+    found = anchored(np.eye(3), np.zeros(3), SIGMA)
+    for _ in range(1000):
+        found = found.aged(0.99, SIGMA)
+    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(found.hessian))[POSE:-1]), SIGMA[:-1], rtol=1e-9)
+
+
+def test_in_no_time_nothing_changes() -> None:
+    assert prior().aged(1.0, SIGMA).hessian is not None
+    np.testing.assert_array_equal(prior().aged(1.0, SIGMA).hessian, prior().hessian)
+
+
+def test_evidence_is_a_least_squares_problem_more() -> None:
+    rng, before = np.random.default_rng(1), prior()
+    design, seen = rng.normal(size=(5, 3)), rng.normal(size=5)
+    after = before.with_evidence(design, seen)
+    for _ in range(3):
+        shift = rng.normal(size=POSE + 3)
+        error = design @ (before.extra + shift[POSE:]) - seen
+        np.testing.assert_allclose(after.cost(shift), before.cost(shift) + 0.5 * error @ error)

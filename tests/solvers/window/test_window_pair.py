@@ -1,0 +1,81 @@
+"""What is wrong with the right camera of a pair, found in a window from columns and rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.geometry import Array, so3_exp
+from ispom.solvers.right_camera import PAIR, TERMS, by_column, by_row, drift, row_evidence
+from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance
+from ispom.solvers.window.prior import anchored
+from tests.solvers.pairs import BASELINE, SIGMA, F, seen
+
+POSES, POINTS, SCALE = 6, 300, 0.17 / F
+BEND = np.array([0.4, 0.0, -14.0, 0.3, -0.4, 0.2])
+"""The motion: ahead, in a bend, swaying."""
+
+
+def found(extra: Array, noise_px: float, motion: Array = BEND, nearest: float = 6.0, seed: int = 0) -> Adjusted:
+    """A tenth of a second between poses; all points are seen by all of them."""
+    rng, k = np.random.default_rng(seed), np.arange(POSES)
+    turn = so3_exp(0.1 * k[:, None] * motion[3:] * np.where(k % 2, 1.0, -0.5)[:, None])
+    shift = 0.1 * k[:, None] * motion[:3]
+    depth = 1 / rng.uniform(0.1 / nearest, 1 / nearest, POINTS) + 0.1 * POSES * abs(motion[2])
+    xyz = np.column_stack([rng.uniform(-0.35, 0.35, POINTS), rng.uniform(-0.2, 0.2, POINTS), np.ones(POINTS)])
+    xyz *= depth[:, None]
+    camera, owner = np.tile(k, POINTS), np.repeat(np.arange(POINTS), POSES)
+    q = np.einsum("kij,kj->ki", turn[camera], xyz[owner]) + shift[camera]
+    rates = motion * np.linspace(0.5, 1.5, POSES)[camera][:, None]
+    right = np.concatenate([seen(q[n : n + 1], extra, rates[n]) for n in range(len(q))])
+    right = right + noise_px / F * rng.standard_normal(right.shape)
+    left = q[:, :2] / q[:, 2:] + noise_px / F * rng.standard_normal((len(q), 2))
+    prior, disparity = anchored(turn[0], shift[0], SIGMA), left[:, 0] - right[:, 0]
+    late = drift(q, rates, 0.0, BASELINE)
+    for c in k:
+        own = camera == c
+        rows = by_row(right[own], disparity[own], late[own]), right[own, 1] - left[own, 1]
+        prior = prior.with_evidence(*row_evidence(*rows, np.zeros(PAIR), np.diag(SIGMA**2), SCALE))
+    off = so3_exp(np.vstack([np.zeros(3), rng.normal(0, 0.002, (POSES - 1, 3))]))
+    window = Window(
+        off @ turn, shift, xyz * rng.normal(1, 0.01, (POINTS, 1)), camera, owner, np.column_stack([left, right[:, 0]]),
+        BASELINE, np.zeros(PAIR), SIGMA, by_column(right, disparity, late), prior,
+    )  # fmt: skip
+    return adjust(window, SCALE, 60, 1e-14)
+
+
+@pytest.mark.parametrize("term", range(PAIR), ids=TERMS)
+def test_each_error_is_found_exactly(term: int) -> None:
+    """To 2 % of it: what is left is of second order."""
+    extra = np.zeros(PAIR)
+    extra[term] = 0.2 * SIGMA[term]
+    window = found(extra, 0.0).window
+    np.testing.assert_allclose(window.extra / SIGMA, extra / SIGMA, atol=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_noise_errors_are_as_large_as_the_covariance_says(seed: int) -> None:
+    extra = 0.1 * np.random.default_rng(seed).normal(0, SIGMA)
+    window = found(extra, 0.15, seed=seed).window
+    spread = covariance(window, SCALE)[-PAIR:, -PAIR:]
+    error = window.extra - extra
+    assert np.sqrt(error @ np.linalg.solve(spread, error) / PAIR) < 2
+    assert (np.sqrt(np.diag(spread)) < 0.7 * SIGMA).sum() > 10
+
+
+@pytest.mark.parametrize(
+    ("motion", "nearest", "hidden"),
+    [
+        (np.zeros(6), 1000.0, ("offset_x", "down", "ahead", "lag")),
+        (np.array([0, 0, -14.0, 0, 0, 0]), 1e5, ("down", "ahead")),
+        (np.zeros(6), 6.0, ("offset_x", "lag")),
+    ],
+    ids=["far and still", "ahead and far", "still"],
+)
+def test_what_the_data_do_not_show_stays_as_uncertain_as_it_was(
+    motion: Array, nearest: float, hidden: tuple[str, ...]
+) -> None:
+    window = found(np.zeros(PAIR), 0.0, motion, nearest).window
+    spread = np.sqrt(np.diag(covariance(window, SCALE)))[-PAIR:] / SIGMA
+    told = dict(zip(TERMS, spread, strict=True))
+    assert min(told[name] for name in hidden) > 0.9, told
