@@ -155,7 +155,7 @@ def inverse(s):
 
 @part
 def inverse_by_pivots(s):
-    """The same of a positive definite matrix, zero where it is none: by L D L', so that far points keep their digits."""
+    """The same of a positive definite matrix, zero where it is none: by L D L', where far points keep digits."""
     a, b, c = s[0], s[1], s[2]
     if a <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -190,7 +190,7 @@ def damped(s, damping):
 
 @part
 def damped_of_pair(s, damping):
-    """The same of a point that a pair sees, whose depth is known a little at once: what else holds it is next to none."""
+    """The same of a point that a pair sees: its depth is known a little at once, so next to nothing else holds it."""
     a, b, c = s[0], s[3], s[5]
     least = 1e-14 * (a + b + c)
     return a + damping * a + least, s[1], s[2], b + damping * b + least, s[4], c + damping * c + least

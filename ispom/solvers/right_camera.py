@@ -12,7 +12,7 @@ import numpy as np
 
 from ispom.geometry import Array
 
-TERMS = (
+TERMS: tuple[str, ...] = (
     "offset_x", "offset_y", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "down", "ahead",
     "lag",
 )  # fmt: skip

@@ -16,7 +16,8 @@ def window() -> tuple[Window, np.ndarray]:
     rng = np.random.default_rng(3)
     xyz = rng.uniform((-6, -3, 4), (6, 3, 14), (150, 3))
     poses = [
-        Pose.from_rotvec(np.array([0.02 * i, -0.09 * i, 0.03 * i]), [0.3 * i, 0.05 * i, 0.1 * i]) for i in range(8)
+        Pose.from_rotvec(np.array([0.02 * i, -0.09 * i, 0.03 * i]), np.array([0.3 * i, 0.05 * i, 0.1 * i]))
+        for i in range(8)
     ]
     p = np.stack([q.apply(xyz) for q in poses], axis=1)
     x = p[..., :2] / p[..., 2:]
