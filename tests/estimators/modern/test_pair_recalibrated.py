@@ -20,7 +20,7 @@ from tests.calibration.corners import seen_by, views_of
 
 LEFT = Camera(828, 266, 526.7, 528.0, 414.7, 131.2, (-0.33, 0.13, 0.0011, -0.0006, -0.025))
 RIGHT = Camera(828, 266, 523.0, 524.0, 409.2, 136.2, (-0.325, 0.124, -0.0008, 0.0009, -0.022))
-BASELINE_M, STEP_M, PAIRS = 0.54, 2.4, 40
+BASELINE_M, STEP_M, PAIRS, VIEWS = 0.54, 2.4, 40, 25
 SCALE = 3.0
 """Of the town: its streets are as wide as a motorway's surroundings."""
 LEFT_FROM_RIGHT = Pose.from_rotvec(np.radians([0.6, -0.9, 0.4]), BASELINE_M * np.array([1.0, 0.004, -0.006]))
@@ -47,9 +47,9 @@ def images() -> list[tuple[Image, Image]]:
 
 
 def rectified(seed: int) -> Rectification:
-    """By the calibration from a dozen views of a board, whose corners are found to 0.2 px."""
+    """By the calibration from views of a board, whose corners are found to 0.2 px."""
     board, rng = parse_target("aprilgrid:6x6:0.12:0.3"), np.random.default_rng(seed)
-    poses, right_from_left = board_poses(LEFT, board.size_m, 12, seed), LEFT_FROM_RIGHT.inverse()
+    poses, right_from_left = board_poses(LEFT, board.size_m, VIEWS, seed), LEFT_FROM_RIGHT.inverse()
     left, right = seen_by(board, LEFT, poses, rng), seen_by(board, RIGHT, [right_from_left @ p for p in poses], rng)
     rig = calibrate(board, (views_of("left", LEFT, left), views_of("right", RIGHT, right)), "radtan").rig
     return Rectification.of(rig.camera("left"), rig.camera("right"), rig.rig_from_right.inverse() @ rig.rig_from_left)
@@ -72,13 +72,13 @@ def error_percent(rectification: Rectification, self_calibration: bool) -> tuple
 
 @pytest.mark.slow
 def test_a_pair_calibrated_from_a_board_is_put_right_on_the_way() -> None:
-    """The scale that boards leave in both cameras alike stays: some 0.2 %."""
+    """What boards leave in both cameras alike stays: the distance of all, by some tenths of a percent."""
     errors = []
-    for seed in range(3):
+    for seed in range(5):
         rectification = rectified(seed)
         with_it, steps = error_percent(rectification, True)
         errors.append((abs(with_it), abs(error_percent(rectification, False)[0])))
         told = [d for step in steps for d in step.decisions if d.key == "right_observable"]
         assert told[-1].value >= 10
     own, without = np.array(errors).T
-    assert np.median(own) < 0.5 and own.max() < 1.0 and own.mean() < 0.5 * without.mean(), errors
+    assert np.median(own) < 0.5 and own.max() < 1.0 and own.mean() < 0.4 * without.mean(), errors

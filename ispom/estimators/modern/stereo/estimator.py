@@ -44,13 +44,13 @@ class ModernStereoConfig:
     and a late shutter. The settings that follow are standard deviations before any data."""
     offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.5
     """Of how far off disparities and rows are in the middle of the image."""
-    turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.5
+    turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.15
     """Of how the right camera is turned about each of its axes."""
     focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
     """Of its focal length against the left one's, as a share."""
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
     """Of its radial distortion k1."""
-    decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.005
+    decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.002
     """Of its decentring distortion p1 and p2."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """Of how late its shutter is."""
