@@ -103,9 +103,10 @@ class Step:
     calibration: Mapping[str, Array] = field(default_factory=dict)
     """What was found to be wrong with the calibration so far, by name: `pair` (E,) as
     solvers.right_camera.TERMS, `pair_rate` (6,) the motion that its late right shutter sees
-    (left_from_world's change: rho [m/s], phi [rad/s]; left), `lens` (2,) as the `extra` of a solvers.window.adjustment.Window, `rig` (7,) how
-    the video camera is turned about its own axes [rad], moved along the rig's [m], and how late its clock is [s]. Each
-    but the motion with NAME_covariance where that is known; 0 in it for what is held."""
+    (left_from_world's change: rho [m/s], phi [rad/s]; left), `lens` (2,) as the `extra` of a
+    solvers.window.adjustment.Window of one camera, `rig` (7,) how the video camera is turned about its own axes [rad],
+    moved along the rig's [m], and how late its clock is [s]. Each but the motion with NAME_covariance where that is
+    known; 0 in it for what is held."""
     segments: tuple[SegmentFit, ...] = ()
     """The segments that an integration fitted in this step, and how."""
     spline: SplineFit | None = None
