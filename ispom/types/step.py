@@ -106,7 +106,8 @@ class Step:
     (left_from_world's change: rho [m/s], phi [rad/s]; left), `lens` (2,) as the `extra` of a
     solvers.window.adjustment.Window of one camera, `rig` (7,) how the video camera is turned about its own axes [rad],
     moved along the rig's [m], and how late its clock is [s]. Each but the motion with NAME_covariance where that is
-    known; 0 in it for what is held."""
+    known; 0 in it for what is held. Beside these `noise` (2,): how far off a track is, and what covariances take it
+    for; on the plane z = 1."""
     segments: tuple[SegmentFit, ...] = ()
     """The segments that an integration fitted in this step, and how."""
     spline: SplineFit | None = None

@@ -26,8 +26,19 @@ def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) ->
     way = reference.newest if view.smoothed is not None else _resected_covariance(setup.noise, window, view)
     if base is None or way is None:
         return None
+    factor = _variance_factor(setup.noise, state.track_sigmas)
+    if not setup.follow_stereo:
+        base = factor * base
     carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
-    return carry @ base @ carry.T + way
+    return carry @ base @ carry.T + factor * way
+
+
+def _variance_factor(noise: Noise, sigmas: tuple[float | None, float | None]) -> float:
+    """What covariances of the joint window are to be multiplied by: `noise` weighs one camera against the other, but
+    tracks are as far off as the methods that followed them found (None where they did not say). Of both cameras the one
+    that is the farther off counts for the whole."""
+    given = zip(sigmas, (noise.video, noise.stereo), strict=True)
+    return max(((sigma / setting) ** 2 for sigma, setting in given if sigma is not None), default=1.0)
 
 
 def _resected_covariance(noise: Noise, window: JointWindow, view: View) -> Array | None:

@@ -19,5 +19,7 @@ class ModernIntegratedState:
     """The stereo estimator's poses in the window."""
     metric_covariance: Array | None = None
     """(6, 6) of the newest of them."""
+    track_sigmas: tuple[float | None, float | None] = (None, None)
+    """What the methods asked take errors of tracks for, of the video and of pairs, where they say so; normalised."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""

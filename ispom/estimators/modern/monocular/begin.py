@@ -46,7 +46,9 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
         alone = start.joined and not found.start.joined
         return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1, restarted=alone)
     problem = bundle_problem(found.map)
-    uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma)
+    uncertainty = MapUncertainty.of(
+        problem.window, problem.ids, setup.sigma, float(np.sqrt(found.map.noise.variance(setup.noise)))
+    )
     return replace(
         outcome,
         status=Status.TRACKING,

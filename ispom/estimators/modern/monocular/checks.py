@@ -5,6 +5,7 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, BUNDLE_COST, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
+from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
 LOCATED, FIRST_MAP = "Frame located?", "First map?"
@@ -233,5 +234,6 @@ CHECKS = by_key(
     UNIT_POINTS,
     UNIT_FACTOR,
     UNIT_SPREAD,
+    NOISE,
     *LOOP_CHECKS,
 )

@@ -78,6 +78,7 @@ def _places(places: Places, outcome: Outcome, new: NewImage) -> Places:
 
 
 def as_step(
+    setup: Setup,
     before: ModernMonocularState,
     after: ModernMonocularState,
     outcome: Outcome,
@@ -108,15 +109,15 @@ def as_step(
         outcome.decisions,
         restarted=outcome.restarted,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
-        calibration=_calibration(after),
+        calibration=_calibration(setup, after),
     )
 
 
-def _calibration(after: ModernMonocularState) -> dict[str, Array]:
+def _calibration(setup: Setup, after: ModernMonocularState) -> dict[str, Array]:
     """What was found to be wrong with the lens."""
     if after.map is None:
         return {}
-    found = {"lens": after.map.extra}
+    found = {"lens": after.map.extra, "noise": after.map.noise.as_calibration(setup.noise)}
     if after.uncertainty is not None and after.uncertainty.extra.any():
         found["lens_covariance"] = after.uncertainty.extra @ after.uncertainty.extra.T
     return found

@@ -41,13 +41,13 @@ class MapUncertainty:
     """The same against the step before; `scale_sigma` where there is none."""
 
     @staticmethod
-    def of(window: Window, ids: NDArray[np.int64], sigma: float) -> MapUncertainty:
-        """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised units."""
+    def of(window: Window, ids: NDArray[np.int64], sigma: float, noise: float) -> MapUncertainty:
+        """Of a window with points `ids` (M,); `sigma`: width of the loss, `noise`: error of a track; normalised."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
         used = young[window.owners]
         k, owners, seen = window.cameras[used], (np.cumsum(young) - 1)[window.owners[used]], window.seen[used, :2]
-        all_poses = covariance(window, sigma) / LOSS**2
+        all_poses, factor = covariance(window, sigma) * (noise / sigma) ** 2, (noise / sigma) ** 2
         values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         turns, points = window.rotations[k], window.points[young]
@@ -69,15 +69,15 @@ class MapUncertainty:
         last = slice(POSE * (c - 1), POSE * c)
         return MapUncertainty(
             ids[young],
-            conditional / LOSS**2,
+            conditional * factor,
             sensitivity.reshape(mixed.shape),
             root[-LENS:],
             all_poses[last, last],
             *_of_steps(window, all_poses),
         )
 
-    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: PoseFit, sigma: float) -> Array:
-        """(6, 6) covariance of a pose located by points (N,), at (N, 3); twist on the right.
+    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: PoseFit, noise: float) -> Array:
+        """(6, 6) covariance of a pose located by points (N,), at (N, 3), with errors `noise`; twist on the right.
 
         That of the last key frame, which it is no less, where none of the points was seen there.
         """
@@ -93,7 +93,7 @@ class MapUncertainty:
         shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.sensitivity[place].reshape(3 * n, -1)
         shared += np.tensordot(by_pose, by_extra, ((0, 1), (0, 1))) @ self.extra
         alone = (gain @ self.conditional[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
-        return own * (sigma / LOSS) ** 2 + own @ (alone + shared @ shared.T) @ own
+        return own * noise**2 + own @ (alone + shared @ shared.T) @ own
 
 
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:

@@ -46,7 +46,8 @@ class ModernMonocularConfig:
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Points seen under a smaller angle get no place in the map yet."""
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
-    """Deviation of a tracked place after some key frames; what is off by several of it is dropped."""
+    """Deviation of a tracked place after some key frames, by which the loss is set, and what is far off dropped;
+    covariances take it for that until residuals say more (`noise`)."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
     """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
     relocalise: bool = True
@@ -92,7 +93,7 @@ class ModernMonocular:
         fresh = corners_for(setup, outcome, new.grey)
         after = next_state(setup, state, outcome, new, fresh)
         watch.lap("new points")
-        step = as_step(state, after, outcome, exposure, fresh, watch.seconds)
+        step = as_step(setup, state, after, outcome, exposure, fresh, watch.seconds)
         if self.config.loops:
             after, step = with_loops(setup, before, after, outcome, new, step)
             watch.lap("loops")
@@ -107,6 +108,7 @@ class ModernMonocular:
         c = self.config
         return Setup(
             self._size.tracked,
+            c.noise_px,
             LOSS * c.noise_px,
             LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * c.self_calibration,
             c.max_tracks,

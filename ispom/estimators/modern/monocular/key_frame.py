@@ -65,7 +65,7 @@ class Extended:
 
 def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     """New points where the parallax suffices, and windowed bundle adjustment."""
-    known, sigma = world.points.ids, setup.sigma
+    known, sigma, f = world.points.ids, setup.sigma, setup.camera.fx
     world = replace(world, keys=(*world.keys, frame))
     open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
     new = intersected(world, open_ids, sigma)
@@ -73,6 +73,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     good = wide & (new.depth > 0) & (new.worst < INLIER * sigma)
     points = world.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
     world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
+    world = replace(world, noise=world.noise.after(bundle, sigma))
     moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * sigma)
     outliers = np.setdiff1d(before.ids, world.points.ids)
     dropped = np.concatenate([open_ids[moving], outliers])
@@ -82,8 +83,9 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
         cost,
         *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
         checks.OUTLIERS.of(len(outliers), len(before.ids)),
+        checks.NOISE.of(f * world.noise.sigma(setup.noise), setup.noise_px, *world.noise.told(f)),
     )
-    uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma)
+    uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma, float(np.sqrt(world.noise.variance(setup.noise))))
     scale, drift = _scale(world, known, sigma, uncertainty)
     return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(world)))
 

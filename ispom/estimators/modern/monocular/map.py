@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular.setup import INLIER
+from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
@@ -39,6 +40,8 @@ class Map:
     """Correction of the camera, see lens.py; the key frames' coordinates are without it."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
     """Its deviations before any data; 0 where it is held."""
+    noise: TrackNoise = TrackNoise()
+    """What the windows' residuals said of the tracks."""
 
     @property
     def poses(self) -> tuple[Pose, ...]:

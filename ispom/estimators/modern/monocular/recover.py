@@ -72,7 +72,8 @@ def _new_start(
     coasting = None if held is not None else partial(coasted, state.recent)
     covariance = coasted_covariance(state.covariance, state.recent[-1][1].inverse() @ base)
     joined = held is not None
-    start = Start((frame,), base, speed_of(world), world.points, setup.extra_sigma, covariance, coasting, joined)
+    parts = speed_of(world), world.points, setup.extra_sigma, covariance, coasting, joined, world.noise
+    start = Start((frame,), base, *parts)
     decisions = (*because[:-1], replace(because[-1], consequence="lost; a new map from the last pose"))
     settled = tuple(world.trajectory())
     return Outcome(followed, Status.LOST, held, start=start, decisions=decisions, settled=settled, restarted=not joined)

@@ -111,4 +111,4 @@ def _from_places(world: Map, found: Recognised) -> Map:
     keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
     known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
     prior = anchored_prior(poses, world.extra_sigma, LOSS**2 * known, 0.0)
-    return Map(keys, ScenePoints(), prior, extra=world.extra, extra_sigma=world.extra_sigma)
+    return Map(keys, ScenePoints(), prior, extra=world.extra, extra_sigma=world.extra_sigma, noise=world.noise)

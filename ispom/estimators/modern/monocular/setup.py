@@ -25,6 +25,8 @@ class Setup:
     """See ModernMonocularConfig for what the settings mean."""
 
     camera: Camera
+    noise_px: float
+    """Error of a track before any data [px]."""
     loss_px: float
     """Width of the robust loss [px]."""
     extra_sigma: Array
@@ -38,6 +40,11 @@ class Setup:
     max_view_angle_deg: float
     max_interval_s: float
     relocalise: bool
+
+    @property
+    def noise(self) -> float:
+        """Error of a track before any data, normalised."""
+        return self.noise_px / self.camera.fx
 
     @property
     def sigma(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.setup import TURN_LOSS
+from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.rotation import dominant_rotation
@@ -42,6 +43,8 @@ class Start:
     joined: bool = True
     """Whether what was seen tells at least how the reference is turned against the frames before; where it does not,
     what begins there is a segment of its own."""
+    noise: TrackNoise = TrackNoise()
+    """Of the tracks before a loss."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks first seen in the reference, while that is the only frame."""

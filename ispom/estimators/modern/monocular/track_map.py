@@ -68,7 +68,9 @@ def track_map(
     )
     # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
     if again is None and not any(test.passed for test in tests):
-        covariance = state.uncertainty.of_pose(found.ids, found.xyz, found.motion, setup.sigma)
+        covariance = state.uncertainty.of_pose(
+            found.ids, found.xyz, found.motion, float(np.sqrt(world.noise.variance(setup.noise)))
+        )
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)

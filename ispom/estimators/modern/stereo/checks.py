@@ -5,6 +5,7 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
+from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
 LOCATED, CALIBRATED = "Pair located?", "Is the calibration right?"
@@ -158,5 +159,6 @@ CHECKS = by_key(
     *CORRECTIONS,
     BEND,
     OBSERVABLE,
+    NOISE,
     *LOOP_CHECKS,
 )

@@ -13,7 +13,7 @@ from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
-from ispom.estimators.modern.stereo.window import newest_covariance
+from ispom.estimators.modern.stereo.window import newest_covariance, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
@@ -23,7 +23,12 @@ MOST_SHOWN_PX = 1e4
 
 
 def next_state(
-    before: ModernStereoState, state: ModernStereoState, now: Current, sighting: Sighting, is_key: bool
+    setup: Setup,
+    before: ModernStereoState,
+    state: ModernStereoState,
+    now: Current,
+    sighting: Sighting,
+    is_key: bool,
 ) -> ModernStereoState:
     """`before` is as the pair was followed from, `state` has the map as it left it."""
     newest, last, new, first = state.map.keys[-1], before.last, now.new, before.last.left is None
@@ -36,27 +41,28 @@ def next_state(
         now.pose,
         Pose() if first else now.pose @ last.left_from_world.inverse(),
         0.0 if first else (new.time_ns - last.time_ns) * 1e-9,
-        _covariance(state, now.pose, sighting, is_key),
+        _covariance(setup, state, now.pose, sighting, is_key),
     )
     relative = (new.time_ns, newest.time_ns, now.pose @ newest.left_from_world.inverse())
-    places = _with_place(state, now) if is_key else state.places
+    places = _with_place(setup, state, now) if is_key else state.places
     return replace(state, last=following, lost_pairs=0, poses=state.poses.appended(relative), places=places)
 
 
-def _with_place(state: ModernStereoState, now: Current) -> Places:
+def _with_place(setup: Setup, state: ModernStereoState, now: Current) -> Places:
     """With what this key frame saw, and the others' poses as they are now."""
     here = (now.new.left, now.new.right)
-    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map), now.rate)
+    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map, setup.loss), now.rate)
     return state.places.revised({k.time_ns: k.left_from_world for k in state.map.keys}).with_place(place)
 
 
-def _covariance(state: ModernStereoState, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:
+def _covariance(setup: Setup, state: ModernStereoState, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:
     """(6, 6) of left_from_world's left twist: the newest key frame's, and the way from there."""
-    of_key = newest_covariance(state.map)
+    of_key = newest_covariance(state.map, setup.loss)
     if of_key is None or is_key or sighting.located is None:
         return of_key
     way = (pose @ state.map.keys[-1].left_from_world.inverse()).adjoint
-    return way @ of_key @ way.T + np.linalg.inv(sighting.located.information)
+    own = variance_factor(state.map, setup.loss) * np.linalg.inv(sighting.located.information)
+    return way @ of_key @ way.T + own
 
 
 def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
@@ -90,6 +96,7 @@ def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
 def _calibration(setup: Setup, after: ModernStereoState) -> dict[str, Array]:
     """What was found to be wrong with the pair."""
     found = {"pair": after.map.extra, "pair_rate": after.last.rate}
+    found["noise"] = after.map.noise.as_calibration(setup.loss)
     if setup.self_calibration and after.map.covariance is not None:
         found["pair_covariance"] = after.map.covariance[-PAIR:, -PAIR:]
     return found

@@ -57,7 +57,7 @@ class ModernStereoConfig:
     settling_s: Annotated[float, Range(1, 1e6)] = 3600.0
     """After so long the right camera may have changed by as much as was unknown before any data."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
-    """Scale of the Cauchy loss, and the error that covariances take a track to have: errors along it are alike."""
+    """Scale of the Cauchy loss, and the error that covariances take a track for until residuals say more."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Larger reprojection errors end a track."""
     min_parallax_px: Annotated[float, Range(0.5, 100)] = 20.0
@@ -136,7 +136,7 @@ class ModernStereo:
         tests = key_frame_tests(setup, before.map, now.points)
         decisions += tests
         if before.map.keys and not any(test.passed for test in tests):
-            after = next_state(before, before, now, sighting, is_key=False)
+            after = next_state(setup, before, before, now, sighting, is_key=False)
             return Outcome(after, status, sighting, decisions, before)
         fresh = new_points(setup, before, now)
         count = len(now.points) + len(fresh[0])
@@ -149,7 +149,7 @@ class ModernStereo:
         watch.lap("new points")
         grown, now, adjustment = extended(setup, before, now, fresh, sighting)
         watch.lap("adjust")
-        after = next_state(before, grown, now, sighting, is_key=True)
+        after = next_state(setup, before, grown, now, sighting, is_key=True)
         restarted = bool(state.map.keys) and not before.map.keys
         decisions += adjustment
         return Outcome(after, status, sighting, decisions, before, len(fresh[0]), key_frame=True, restarted=restarted)

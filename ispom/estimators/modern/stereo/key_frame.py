@@ -130,4 +130,5 @@ def _adjusted(
     f = setup.camera.fx
     error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
     usual = 2 * setup.loss_px
-    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), *went, *corrections(setup, world))
+    told = checks.NOISE.of(f * world.noise.sigma(setup.loss), setup.loss_px, *world.noise.told(f))
+    return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), told, *went, *corrections(setup, world))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
@@ -66,6 +67,8 @@ class StereoMap:
     key frame."""
     start: Start | None = None
     """None where the first key frame is the world."""
+    noise: TrackNoise = TrackNoise()
+    """What the windows' residuals said of the tracks."""
 
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
@@ -113,7 +116,7 @@ def with_key(
 def emptied(state: StereoMap) -> StereoMap:
     """Without key frames and points; what was found out about the pair stays."""
     covariance = None if state.covariance is None else state.covariance[-PAIR:, -PAIR:]
-    return StereoMap(extra=state.extra, covariance=covariance)
+    return StereoMap(extra=state.extra, covariance=covariance, noise=state.noise)
 
 
 def known_of_pair(state: StereoMap, extra_sigma: Array) -> Array:
@@ -142,7 +145,8 @@ def adjusted(
     xyz = state.xyz.copy()
     xyz[used] = window.points
     known = covariance(window, scale)
-    return replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=known), result
+    noise = state.noise.after(result, scale)
+    return replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=known, noise=noise), result
 
 
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
@@ -197,12 +201,18 @@ def _packed(
     return window, used, origin[good]
 
 
-def newest_covariance(state: StereoMap) -> Array | None:
-    """(6, 6) of the newest key frame's left twist, in the world; None before the first adjustment."""
+def variance_factor(state: StereoMap, scale: float) -> float:
+    """What covariances of a window adjusted with a loss of this scale are to be multiplied by: they are of tracks
+    that are off by the scale."""
+    return state.noise.variance(scale) / scale**2
+
+
+def newest_covariance(state: StereoMap, scale: float) -> Array | None:
+    """(6, 6) of the newest key frame's left twist in the world, at a loss's `scale`; None before an adjustment."""
     if state.covariance is None or not state.keys:
         return None
     o = POSE * (len(state.keys) - 1)
-    own = state.covariance[o : o + POSE, o : o + POSE]
+    own = state.covariance[o : o + POSE, o : o + POSE] * variance_factor(state, scale)
     if state.start is None:
         return own
     way = (state.keys[-1].left_from_world @ state.start.left_from_world.inverse()).adjoint
