@@ -52,7 +52,8 @@ class TrackedSize:
         if self.tracked is self.full:
             return step
         tracks = {name: self._enlarged(some) for name, some in step.tracks.items()}
-        return replace(step, tracks=tracks, residuals_px=step.residuals_px * float(self.factors[0]))
+        other = {name: self._enlarged(some) for name, some in step.other_motion.items()}
+        return replace(step, tracks=tracks, other_motion=other, residuals_px=step.residuals_px * float(self.factors[0]))
 
     def _enlarged(self, tracks: Tracks) -> Tracks:
         along = self.factors[0]

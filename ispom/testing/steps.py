@@ -64,6 +64,9 @@ def _check_values(trial: Trial, step: Step, place: str) -> None:
     for name, tracks in step.tracks.items():
         wrong = _wrong_tracks(tracks, _camera(trial.rig, name))
         require(wrong is None, f"has tracks in the camera {name} {wrong}")
+    for name, tracks in step.other_motion.items():
+        wrong = _wrong_tracks(tracks, _camera(trial.rig, name))
+        require(wrong is None, f"has tracks of another motion in the camera {name} {wrong}")
     wrong = _wrong_landmarks(step.landmarks)
     require(wrong is None, f"has landmarks {wrong}")
     names = [(decision.key, decision.about) for decision in step.decisions]

@@ -112,3 +112,6 @@ class Step:
     """The segments that an integration fitted in this step, and how."""
     spline: SplineFit | None = None
     """The spline that an integration adjusted in this step."""
+    other_motion: Mapping[str, Tracks] = field(default_factory=dict)
+    """By camera name, tracks that ended as no images of still points, and that one other rigid motion explains, where
+    they are in this exposure; none of a camera where it is not told of one (check `second_motion`)."""

@@ -84,7 +84,7 @@ def size_bytes(record: ExposureRecord) -> int:
     """About what the record takes in memory."""
     total = 2000
     for step in with_parts(record.steps):
-        points = [len(tracks) * 33 for tracks in step.tracks.values()]
+        points = [len(tracks) * 33 for tracks in (*step.tracks.values(), *step.other_motion.values())]
         total += sum(points) + 35 * len(step.landmarks) + 8 * len(step.residuals_px) + 104 * len(step.revised)
         total += 3000 + 400 * len(step.decisions)
         total += sum(1000 + 104 * len(segment.video) for segment in step.segments)

@@ -19,10 +19,11 @@ class RelativePose:
     """(N,) consistent with the essential matrix and in front of both cameras."""
 
 
-def relative_pose(x1: Array, x2: Array, threshold: float) -> RelativePose | None:
+def relative_pose(x1: Array, x2: Array, threshold: float, most_samples: int = 2000) -> RelativePose | None:
     """From normalised coordinates (N, 2) in two views: five-point essential matrix in RANSAC, cheirality, refinement.
 
-    `threshold` is the inlier distance from the epipolar line in normalised units (pixels / focal length).
+    `threshold` is the inlier distance from the epipolar line in normalised units (pixels / focal length). At most so
+    many samples of five points are tried.
     None with fewer than 8 inliers or where no essential matrix is found. Deterministic.
     Nister 2004 (five-point), Barath et al. 2020 (OpenCV's MAGSAC++, see `inlier_distances`).
     """
@@ -31,7 +32,7 @@ def relative_pose(x1: Array, x2: Array, threshold: float) -> RelativePose | None
     camera = np.diag([1 / threshold, 1 / threshold, 1.0])
     essential, mask = cv2.findEssentialMat(
         inlier_distances(x1, threshold), inlier_distances(x2, threshold), camera,
-        method=cv2.USAC_MAGSAC, prob=0.9999, threshold=1.0, maxIters=2000,
+        method=cv2.USAC_MAGSAC, prob=0.9999, threshold=1.0, maxIters=most_samples,
     )  # fmt: skip
     if essential is None or essential.shape != (3, 3):
         return None

@@ -9,6 +9,7 @@ from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
 LOCATED, FIRST_MAP = "Frame located?", "First map?"
+MOVING = "Does anything else move?"
 UNIT, CALIBRATED = "Unit kept?", "Is the calibration right?"
 
 STAGES = {
@@ -16,6 +17,7 @@ STAGES = {
     "start": "No map yet: collects frames since the first until two of them give one.",
     "locate": "Finds the pose from the map's points, and compares each track with the image it was first seen in.",
     "key frame": "Adds the frame to the map with new points, adjusts the window, and drops what disagrees.",
+    "other motion": "Follows on what ended as no still point, and tells where one other motion explains it.",
     "new points": "Looks for corners where tracks are missing, at key frames, and keeps what the next frame needs.",
     "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
 }
@@ -174,7 +176,7 @@ SECOND_MOTION = Check(
     "second_motion",
     "share of points that another motion explains",
     "warning",
-    FIRST_MAP,
+    MOVING,
     "<",
     passes="One motion: no other one explains {threshold:.0%} of the points, or more ({value:.0%}).",
     fails="Two rigid motions: another one explains {value:.0%} of the points; what moves may be taken for the scene.",

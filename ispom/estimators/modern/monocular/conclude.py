@@ -14,7 +14,7 @@ from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.buckets import detect_spread
 from ispom.geometry import Array
-from ispom.types import Image, Landmarks, Step, TrackStatus, Trajectory, VideoFrame, colours_at
+from ispom.types import Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame, colours_at
 
 CORNER_DISTANCE = 0.011
 """Least distance of a new corner from other points, in image widths: 7 px at 640, half a tracking window."""
@@ -63,6 +63,7 @@ def next_state(
         state.covariance if outcome.covariance is None else outcome.covariance,
         state.settled.extended(outcome.settled),
         _places(state.places, outcome, new),
+        disagreeing=outcome.disagreeing,
     )
 
 
@@ -110,7 +111,13 @@ def as_step(
         restarted=outcome.restarted,
         scale_sigma=None if adjusted is None else adjusted.scale_sigma,
         calibration=_calibration(setup, after),
+        other_motion=_told(outcome),
     )
+
+
+def _told(outcome: Outcome) -> dict[str, Tracks]:
+    """The tracks of another motion, where there is one."""
+    return {"video": outcome.other_motion} if outcome.other_motion is not None and len(outcome.other_motion) else {}
 
 
 def _calibration(setup: Setup, after: ModernMonocularState) -> dict[str, Array]:

@@ -13,6 +13,7 @@ from ispom.estimators.modern.monocular.conclude import as_step, corners_for, nex
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.loop import corrected, with_loops
 from ispom.estimators.modern.monocular.motion_model import coasted
+from ispom.estimators.modern.monocular.other_motion import with_other_motion
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.start import poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
@@ -90,6 +91,8 @@ class ModernMonocular:
             watch.lap("start")
         else:
             state, outcome = track_map(setup, state, state.map, new, watch)
+            outcome = with_other_motion(setup, state, outcome, new)
+            watch.lap("other motion")
         fresh = corners_for(setup, outcome, new.grey)
         after = next_state(setup, state, outcome, new, fresh)
         watch.lap("new points")

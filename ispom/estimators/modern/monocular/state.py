@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.loops.loops import Loops
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.disagreeing import Disagreeing
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.modern.places import Places
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
-from ispom.types import Decision, Image, Status
+from ispom.types import Decision, Image, Status, Tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,8 @@ class ModernMonocularState:
     """Where a lost frame is looked for."""
     loops: Loops = Loops()
     """Where a way came back, and what follows for the poses; all else here is odometry without it."""
+    disagreeing: Disagreeing = Disagreeing()
+    """What the poses of the last images do not explain; it steers nothing."""
 
     def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> ModernMonocularState:
         """With tracks (M,) at other coordinates (M, 2) in the frame of that time, where it is kept."""
@@ -82,3 +85,6 @@ class Outcome:
     missed: int = 0
     compared: NDArray[np.bool_] | None = None
     """(N,) which tracks were found by the patch of their origin; None while there is no map: then origins stay."""
+    disagreeing: Disagreeing = Disagreeing()
+    other_motion: Tracks | None = None
+    """Of these, what one other motion explains; None where that was not looked for."""

@@ -1,0 +1,76 @@
+"""Tracks that ended because nothing that stands still moves like them, followed on by themselves: one other rigid
+motion may explain them, and then the scene may be the other one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.monocular.second_motion import LEAST
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.frontends.exposure import as_bright
+from ispom.frontends.klt import Klt
+from ispom.types import Image, Tracks, TrackStatus
+
+ENOUGH = LEAST // 2
+"""Fewer tracks are not followed on: some always go astray, and following costs as much as for twice as many."""
+LASTING, LONGEST = 2, 20
+"""Images that a track is followed on into before it counts: what went astray is mostly not found forwards and
+backwards; and after which it is given up, where no motion has explained it: contours that slide last long."""
+ALONE = Klt()
+"""Each from where its last motion leads, forwards and backwards: no map says where it should be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Disagreeing:
+    """Tracks that ended as no images of a still point, at most as many as are tracked in all."""
+
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) ascending; those that the tracks had."""
+    uv: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px] in the last image."""
+    flow: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(N, 2) [px] motion into it."""
+    age: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(N,) images since the track ended, or was explained."""
+
+    @property
+    def lasting(self) -> NDArray[np.int64]:
+        """(M,) the ids of those that count."""
+        return self.ids[self.age >= LASTING]
+
+    def followed(self, before: Image, now: Image) -> Disagreeing:
+        """Those found again in the next image; none in one of another size."""
+        if not len(self.ids) or before.shape != now.shape:
+            return Disagreeing()
+        uv, status = ALONE.track(before, as_bright(now, before), self.uv, self.uv + self.flow)
+        kept = (status == TrackStatus.ALIVE) & (self.age < LONGEST)
+        return Disagreeing(self.ids[kept], uv[kept], (uv - self.uv)[kept], self.age[kept] + 1)
+
+    def joined(self, live: LiveTracks, followed: Followed, most: int) -> Disagreeing:
+        """With the tracks that end now; none where there are too few, the newest where there are too many."""
+        ended = (followed.status == TrackStatus.EPIPOLAR) | (followed.status == TrackStatus.REPROJECTION)
+        ended &= ~np.isin(live.ids, self.ids)
+        ids = np.concatenate([self.ids, live.ids[ended]])
+        if len(ids) < ENOUGH:
+            return Disagreeing()
+        order = np.argsort(ids)[-most:]
+        uv = np.concatenate([self.uv, followed.uv[ended]])
+        flow = np.concatenate([self.flow, (followed.uv - live.uv)[ended]])
+        age = np.concatenate([self.age, np.zeros(int(ended.sum()), np.int64)])
+        return Disagreeing(ids[order], uv[order], flow[order], age[order])
+
+    def explained(self, ids: NDArray[np.int64]) -> Disagreeing:
+        """Some of them (M,) are followed on for as long again."""
+        return replace(self, age=np.where(np.isin(self.ids, ids), LASTING, self.age))
+
+    def speed(self, live: LiveTracks, time_ns: int) -> NDArray[np.float32]:
+        """(N, 2) [px/s] into the image at that time from the one of `live`."""
+        return self.flow / np.float32((time_ns - live.time_ns) * 1e-9)
+
+    def tracks(self, ids: NDArray[np.int64]) -> Tracks:
+        """Some of them (M,) as a Step shows them."""
+        some = np.isin(self.ids, ids)
+        return Tracks.of(self.ids[some], self.uv[some], uv_prev=(self.uv - self.flow)[some])

@@ -1,0 +1,57 @@
+"""A frame located: does one other rigid motion explain the tracks that its pose does not?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.monocular.localise import moving_tracks
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.second_motion import LEAST, MARKED, rigid, told
+from ispom.estimators.modern.monocular.setup import MOVING, Setup
+from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.rolling import late_px
+from ispom.estimators.tracked_frame import TrackedFrame
+from ispom.types import Decision, TrackStatus
+
+
+def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
+    """The outcome with what disagrees with its pose followed on, and with what that says."""
+    live, world, pose = state.live, outcome.map, outcome.pose
+    if world is None or pose is None or live.grey is None or outcome.residual_px is None:
+        return outcome
+    followed = state.disagreeing.followed(live.grey, new.grey)
+    x = setup.camera.normalise(followed.uv - late_px(setup.camera, followed.uv, followed.speed(live, new.time_ns)))
+    lasting = np.isin(followed.ids, followed.lasting)
+    frame = TrackedFrame(new.time_ns, followed.ids[lasting], x[lasting], pose)
+    agreeing = (outcome.followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
+    test, moving = other_motion(world, frame, int(agreeing.sum()), setup.sigma)
+    return replace(
+        outcome,
+        decisions=outcome.decisions if test is None else (*outcome.decisions, test),
+        disagreeing=followed.explained(moving).joined(live, outcome.followed, setup.max_tracks),
+        other_motion=followed.tracks(moving),
+    )
+
+
+def other_motion(
+    world: Map, frame: TrackedFrame, agreeing: int, sigma: float
+) -> tuple[Decision | None, NDArray[np.int64]]:
+    """Whether one other motion explains tracks that do not agree with a frame's pose, beside so many that do; and the
+    ids (M,) of those it explains, none where it is not told. No Decision where too few move.
+
+    They are compared with the key frame that saw most of them; what stands still after all takes no part.
+    """
+    none = np.zeros(0, np.int64)
+    if len(frame.ids) < LEAST:
+        return None, none
+    key = max(reversed(world.keys), key=frame.common)
+    ids = moving_tracks(key, frame, frame.ids, MOVING * sigma)
+    count = agreeing + len(ids)
+    if len(ids) < max(LEAST, MARKED * count):
+        return None, none
+    explained = rigid(key.at(ids), frame.at(ids), sigma)
+    test = told(explained, count)
+    return test, none if test.passed else ids[explained]

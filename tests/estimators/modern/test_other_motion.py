@@ -1,0 +1,161 @@
+"""While a camera is followed, what moves by itself as one rigid thing is told, with its tracks."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.monocular.disagreeing import ENOUGH, LASTING, LONGEST, Disagreeing
+from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.other_motion import other_motion
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
+from ispom.geometry import Pose
+from ispom.types import Camera, Decision, Image, Rig, Status, Step, TrackStatus, VideoFrame
+
+SIGMA = 7e-4
+CAMERA = Pose.from_rotvec(np.array([0.0, 0.02, 0.0]), np.array([0.3, 0.0, 0.1]))
+"""world_from_camera of the frame; the key frame is the world."""
+THING = Pose.from_rotvec(np.array([0.05, -0.08, 0.1]), np.array([-0.2, 0.5, 0.1]))
+"""What becomes of its points in the world meanwhile."""
+SCENE, MOVED = 200, 60
+
+
+def seen(noise: float, astray: int = 0) -> tuple[Map, TrackedFrame]:
+    """The map, and the tracks that disagree in the frame, of which the last few went astray."""
+    rng = np.random.default_rng(3)
+    scene = rng.uniform((-2, -1.5, 4), (2, 1.5, 9), (SCENE, 3))
+    thing = rng.uniform((-0.6, -0.6, 3), (0.6, 0.6, 4), (MOVED, 3))
+    before, after = np.concatenate([scene, thing]), np.concatenate([scene, THING.apply(thing)])
+    x1, x2 = (p[:, :2] / p[:, 2:] for p in (before, CAMERA.inverse().apply(after)))
+    x1, x2 = (x + rng.normal(0, 1, x.shape) * noise for x in (x1, x2))
+    x2[SCENE + MOVED - astray :] += rng.uniform(-0.05, 0.05, (astray, 2))
+    ids = np.arange(SCENE + MOVED)
+    key = TrackedFrame(0, ids, x1, Pose())
+    return Map((key,), ScenePoints(), None), TrackedFrame(1, ids[SCENE:], x2[SCENE:], CAMERA)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3 * SIGMA])
+def test_a_thing_that_moves_by_itself_is_told_with_its_tracks(noise: float) -> None:
+    world, frame = seen(noise)
+    test, ids = other_motion(world, frame, SCENE, SIGMA)
+    assert test is not None and not test.passed
+    np.testing.assert_allclose(test.value, len(ids) / (SCENE + MOVED))
+    assert set(ids) <= set(frame.ids) and len(ids) >= (1.0 if noise == 0 else 0.9) * MOVED
+
+
+def test_tracks_gone_astray_are_not_among_them() -> None:
+    world, frame = seen(0.3 * SIGMA, astray=15)
+    test, ids = other_motion(world, frame, SCENE, SIGMA)
+    assert test is not None and not test.passed
+    assert np.isin(np.arange(SCENE, SCENE + MOVED - 15), ids).mean() > 0.9
+    assert np.isin(np.arange(SCENE + MOVED - 15, SCENE + MOVED), ids).sum() <= 4
+
+
+def test_nothing_is_told_of_tracks_that_all_went_astray() -> None:
+    world, frame = seen(0.3 * SIGMA, astray=MOVED)
+    test, ids = other_motion(world, frame, SCENE, SIGMA)
+    assert test is not None and test.passed and test.value == 0.0 and not len(ids)
+
+
+def test_what_stands_still_after_all_is_not_even_asked_about() -> None:
+    world, frame = seen(0.3 * SIGMA)
+    rng = np.random.default_rng(4)
+    still = rng.uniform((-1, -1, 3), (1, 1, 6), (MOVED, 3))
+    key = TrackedFrame(0, frame.ids, still[:, :2] / still[:, 2:], Pose())
+    now = CAMERA.inverse().apply(still)
+    frame = TrackedFrame(1, frame.ids, now[:, :2] / now[:, 2:], CAMERA)
+    assert other_motion(Map((key,), ScenePoints(), None), frame, SCENE, SIGMA)[0] is None
+    few = frame.without(frame.ids[15:])
+    assert other_motion(world, few, SCENE, SIGMA)[0] is None, "too few"
+
+
+def texture(seed: int, size: tuple[int, int]) -> Image:
+    noise = np.random.default_rng(seed).integers(0, 256, size, np.uint8)
+    return np.asarray(cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2), None, 20, 235, cv2.NORM_MINMAX), np.uint8)  # type: ignore[call-overload]
+
+
+def ended(uv: np.ndarray, count: int, most: int = 500) -> Disagreeing:
+    """Of tracks at (N, 2) so many end, as disagreeing but for the first, which is lost."""
+    status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
+    status[:count:2], status[1:count:2], status[0] = TrackStatus.EPIPOLAR, TrackStatus.REPROJECTION, TrackStatus.LOST
+    live = LiveTracks(ids=np.arange(len(uv)), uv=uv)
+    return Disagreeing().joined(live, Followed(uv, status, np.zeros_like(uv)), most)
+
+
+def test_what_ends_is_followed_on_and_given_up_where_nothing_explains_it() -> None:
+    wide = texture(0, (240, 400))
+    images = [np.ascontiguousarray(wide[:, 3 * i : 3 * i + 320]) for i in range(LONGEST + 4)]
+    uv = np.random.default_rng(1).uniform((100, 20), (300, 220), (2 * ENOUGH, 2)).astype(np.float32)
+    ids = np.arange(len(uv))
+    kept = ended(uv, len(ids))
+    assert kept.ids.tolist() == ids[1:].tolist(), "not what was lost"
+    assert ended(uv, len(ids), most=5).ids.tolist() == ids[-5:].tolist(), "the newest"
+    assert not len(ended(uv, ENOUGH).ids), "too few to be followed on"
+    for i in range(1, LONGEST + 2):
+        kept = kept.followed(images[i - 1], images[i])
+        if i < LASTING:
+            assert not len(kept.lasting)
+        if i <= 10:
+            np.testing.assert_allclose(kept.uv, uv[kept.ids] - [3.0 * i, 0], atol=0.3)
+            assert len(kept.lasting if i >= LASTING else kept.ids) >= len(ids) - 3
+        if i == 10:
+            kept = kept.explained(kept.ids[:4])
+    assert 3 <= len(kept.ids) <= 4, "only what was explained"
+
+
+FX, SIZE = 300.0, (240, 320)
+
+
+def drawn(camera_from_plane: Pose, of: Image, scale: float, on: Image | None) -> Image:
+    """A textured plane (its z = 0, `scale` metres a pixel of the texture, centred), over an image."""
+    k = np.array([[FX, 0, SIZE[1] / 2], [0, FX, SIZE[0] / 2], [0, 0, 1]])
+    plane = np.column_stack([camera_from_plane.rotation[:, :2], camera_from_plane.translation])
+    size = np.array([of.shape[1], of.shape[0]])
+    metres = np.array([[scale, 0, -scale * size[0] / 2], [0, scale, -scale * size[1] / 2], [0, 0, 1]])
+    shape, way = (SIZE[1], SIZE[0]), k @ plane @ metres
+    image = np.asarray(cv2.warpPerspective(of, way, shape, flags=cv2.INTER_LINEAR), np.uint8)
+    if on is None:
+        return image
+    mask = cv2.warpPerspective(np.full_like(of, 255), way, shape, flags=cv2.INTER_NEAREST) > 0
+    return np.where(mask, image, on).astype(np.uint8)
+
+
+def flown(frames: int, waved: bool) -> list[Step]:
+    """A camera that moves past two walls, and a card before them that moves by itself or hangs still."""
+    rig = Rig(Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2))
+    estimator = ModernMonocular(rig, ModernMonocularConfig(max_tracks=300))
+    walls, card, state, steps = [texture(i, (500, 700)) for i in (1, 2)], texture(3, (120, 120)), estimator.start(), []
+    for i in range(frames):
+        camera_from_world = Pose(np.eye(3), -np.array([0.05 * i - 1, 0.0, 0.0]))
+        image = drawn(camera_from_world @ Pose(np.eye(3), np.array([0.0, 0.0, 7.0])), walls[0], 0.02, None)
+        slanted = Pose.from_rotvec(np.array([0.8, 0.0, 0.0]), np.array([0.0, 2.0, 4.5]))
+        image = drawn(camera_from_world @ slanted, walls[1], 0.01, image)
+        hung = Pose(np.eye(3), np.array([0.0, -0.4, 3.0]))
+        wave = Pose.from_rotvec(
+            np.array([0.0, 0.0, 0.02 * i]), np.array([0.05 * i - 1.0, -0.4 - 0.03 * np.sin(0.5 * i), 3])
+        )
+        image = drawn(camera_from_world @ (wave if waved else hung), card, 0.01, image)
+        state, step = estimator.step(state, VideoFrame(i * 50_000_000, image))
+        steps.append(step)
+    return steps
+
+
+def _told(step: Step) -> Decision | None:
+    return next((d for d in step.decisions if d.key == "second_motion" and not d.passed), None)
+
+
+@pytest.mark.parametrize("waved", [True, False])
+def test_a_card_that_is_waved_before_a_moving_camera_is_told_where_it_is(waved: bool) -> None:
+    steps = [s for s in flown(40, waved) if s.status == Status.TRACKING]
+    told = [s for s in steps if _told(s) is not None]
+    assert len(steps) > 25
+    assert len(told) >= 8 if waved else not told
+    for step in told[2:]:
+        tracks = step.other_motion["video"]
+        assert len(tracks) >= 20
+        off = np.abs(tracks.uv - [SIZE[1] / 2, SIZE[0] / 2 - 40])
+        assert np.mean((off < 85).all(axis=1)) > 0.9
+    assert all(not s.other_motion for s in steps if _told(s) is None)
