@@ -12,6 +12,17 @@ from ispom.types import Camera
 
 
 @dataclass(frozen=True, eq=False)
+class Sight:
+    """What an image showed, rows at their own times."""
+
+    time_ns: int
+    ids: NDArray[np.int64]
+    """(N,) ascending."""
+    uv: NDArray[np.float32]
+    """(N, 2) [px]."""
+
+
+@dataclass(frozen=True, eq=False)
 class Flow:
     """How points moved from one image to the next."""
 
@@ -58,10 +69,10 @@ def late_s(camera: Camera, rows: Array) -> Array:
 
 def moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:
     """Points (N, 3) after times (N,), in a camera of which camera_from_world changes by `rate` (6,) (rho [m/s], phi
-    [rad/s]; left). To second order: an exposure lasts milliseconds.
+    [rad/s]; left), or by the mean rates (N, 6) over these times. To second order: an exposure lasts milliseconds.
 
     `far` (N,) is what a metre of that motion counts for: 1, or of points on the plane z = 1 their inverse depths [1/m].
     """
     s = seconds[:, None]
-    change = rate[:3] * far[:, None] + np.cross(rate[3:], near)
-    return near + s * change + 0.5 * s**2 * np.cross(rate[3:], change)
+    change = rate[..., :3] * far[:, None] + np.cross(rate[..., 3:], near)
+    return near + s * change + 0.5 * s**2 * np.cross(rate[..., 3:], change)

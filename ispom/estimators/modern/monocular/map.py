@@ -54,6 +54,14 @@ class Map:
         others = [(b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in self.relative_frames]
         return [*of_key.items(), *others]
 
+    def since(self, time_ns: int) -> list[tuple[int, Pose]]:
+        """Frames of the window from a time on, in order of time."""
+        of_key = {k.time_ns: p for k, p in zip(self.keys, self.poses, strict=True)}
+        others = [
+            (b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in self.relative_frames if b.time_ns >= time_ns
+        ]
+        return sorted([*((t, p) for t, p in of_key.items() if t >= time_ns), *others], key=lambda item: item[0])
+
     def known(self, ids: NDArray[np.int64]) -> Array:
         """Points (N, 3) of these tracks, NaN where there is none."""
         place = self.points.places(ids)
@@ -65,6 +73,15 @@ class Map:
         key_from_camera = self.poses[-1].inverse() @ world_from_camera
         new = RelativeFrame(time_ns, self.keys[-1].time_ns, key_from_camera)
         return replace(self, relative_frames=(*self.relative_frames, new))
+
+    def moved(self, time_ns: int, world_from_camera: Pose) -> Map:
+        """With another pose of the frame of that time, which is no key frame."""
+        of_key = {k.time_ns: p for k, p in zip(self.keys, self.poses, strict=True)}
+        frames = (
+            replace(b, key_from_camera=of_key[b.key_ns].inverse() @ world_from_camera) if b.time_ns == time_ns else b
+            for b in self.relative_frames
+        )
+        return replace(self, relative_frames=tuple(frames))
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Map:
         """Adds tracks first seen in the last key frame to it."""

@@ -14,6 +14,7 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.modern.places import Places
+from ispom.estimators.modern.rolling import Sight
 from ispom.geometry import Array, Pose
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision, Image, Status, Tracks
@@ -22,6 +23,8 @@ from ispom.types import Decision, Image, Status, Tracks
 @dataclass(frozen=True, eq=False)
 class ModernMonocularState:
     live: LiveTracks = LiveTracks()
+    before: Sight | None = None
+    """The frame before that of `live`; None unless the shutter rolls."""
     start: Start | None = None
     """While there is no map."""
     map: Map | None = None

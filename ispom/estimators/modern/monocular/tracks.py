@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.rolling import Flow, Speeds, late_px
+from ispom.estimators.modern.rolling import Flow, Sight, Speeds, late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
@@ -43,6 +43,11 @@ class LiveTracks:
     origins: tuple[tuple[int, Image], ...] = ()
     """By time, those in use."""
     next_id: int = 0
+
+    @property
+    def sight(self) -> Sight:
+        """What the last image showed of them."""
+        return Sight(self.time_ns, self.ids, self.uv)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,106 @@
+"""A rolling shutter, once there is a map: what rows saw is put where the middle row's would have been by the camera's
+motion, and once more for the last two frames, as the poses after a frame tell its motion ten times better.
+
+The motion at a frame is the derivative of a polynomial through the poses around it. It is not sought in the frame's own
+rows: a motion that is wrong bends the map, and in a bent map it looks right the next time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.localise import Localisation, located_by
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.setup import INLIER, Setup
+from ispom.estimators.modern.monocular.tracks import LiveTracks, scene_points
+from ispom.estimators.modern.rolling import Sight, late_px, late_s, moved
+from ispom.geometry import Array, Pose
+from ispom.solvers import motion_only
+
+AHEAD, AROUND = 4, 5
+"""Poses of the polynomial at the newest frame, where each more makes errors of its own pose larger, and before it."""
+LEAST = 3
+"""Fewer tell no more than the tracks' own motions do."""
+SPAN_S = 0.25
+"""Poses farther from the newest frame say nothing of its motion: a hand shakes at up to 4 Hz."""
+PASSES = 2
+"""Pose and motion of the newest frame follow from each other."""
+LEAST_LATE_S = 1e-4
+"""Rows nearer to the middle one move as this one does, over which the difference is taken."""
+
+
+def motion_at(poses: list[tuple[int, Pose]], time_ns: int) -> Array:
+    """(2, 6) how camera_from_world goes on from one of the times of these poses world_from_camera: by left twists
+    (rho, phi) of the first times s [s] plus the second times s^2, of the polynomial through all of them."""
+    here = next(pose for t, pose in poses if t == time_ns)
+    twists = np.array([(pose.inverse() @ here).log() for _, pose in poses])
+    seconds = np.array([t - time_ns for t, _ in poses]) * 1e-9
+    unit = float(np.abs(seconds).max())
+    powers = np.vander(seconds / unit, increasing=True)
+    return np.linalg.solve(powers, twists)[1:3] / np.array([[unit], [unit**2]])
+
+
+def speeds_by(
+    lens: Lens, uv: NDArray[np.float32], scene: Array, camera_from_world: Pose, motion: Array
+) -> NDArray[np.float32]:
+    """(N, 2) velocities [px/s] with which `late_px` puts points (N, 2) of the scene (N, 3) where the middle row's
+    exposure would have seen them; `motion` as of `motion_at`."""
+    late = late_s(lens.camera, uv[:, 1].astype(float))
+    late = np.where(np.abs(late) < LEAST_LATE_S, LEAST_LATE_S, late)
+    depth = camera_from_world.apply(scene)[:, 2]
+    far = np.where(depth > 1e-6, 1 / np.maximum(depth, 1e-6), 0.0)
+    ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
+    rates = motion[0] + late[:, None] * motion[1]
+    way = uv - lens.project(moved(ray, -late, rates, far))
+    return np.where(np.isfinite(way), way / late[:, None], 0.0).astype(np.float32)
+
+
+def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, found: Localisation) -> Localisation:
+    """A frame located once more, its tracks put to the middle row by its motion; unchanged where too few poses tell
+    that, or the shutter does not roll."""
+    before = world.since(time_ns - round(SPAN_S * 1e9))[1 - AHEAD :]
+    if not setup.camera.line_delay_s or len(before) + 1 < LEAST:
+        return found
+    lens = Lens(setup.camera, world.extra)
+    for _ in range(PASSES):
+        if found.motion is None:
+            break
+        pose = found.motion.camera_from_world
+        motion = motion_at([*before, (time_ns, pose.inverse())], time_ns)
+        uv = found.followed.uv
+        scene = scene_points(lens, uv, world.known(live.ids), pose.inverse())
+        followed = replace(found.followed, speed=speeds_by(lens, uv, scene, pose, motion))
+        again = located_by(setup, live, world, followed, pose.inverse())
+        if not again.agreeing:
+            break
+        found = replace(again, compared=found.compared)
+    return found
+
+
+def with_motions(setup: Setup, world: Map, sights: tuple[Sight, ...], newest: tuple[int, Pose]) -> Map:
+    """The map with the frames of these sights seen, or located, anew by the motion that the `newest` pose helps to
+    tell; unchanged unless the shutter rolls."""
+    poses = [*world.since(newest[0] - round(SPAN_S * 1e9))[1 - AROUND :], newest]
+    if not setup.camera.line_delay_s or len(poses) < LEAST:
+        return world
+    known = dict(poses[:-1])
+    for sight in sights:
+        if sight.time_ns in known:
+            world = _anew(setup, world, sight, known[sight.time_ns], motion_at(poses, sight.time_ns))
+    return world
+
+
+def _anew(setup: Setup, world: Map, sight: Sight, world_from_camera: Pose, motion: Array) -> Map:
+    """A key frame gets other coordinates, for the next adjustment; another frame the pose that they lead to."""
+    lens, xyz = Lens(setup.camera, world.extra), world.known(sight.ids)
+    pose, scene = world_from_camera.inverse(), scene_points(lens, sight.uv, xyz, world_from_camera)
+    uv = sight.uv - late_px(setup.camera, sight.uv, speeds_by(lens, sight.uv, scene, pose, motion))
+    if any(k.time_ns == sight.time_ns for k in world.keys):
+        return world.placed_anew(sight.time_ns, sight.ids, setup.camera.normalise(uv))
+    has, limit = np.isfinite(xyz[:, 0]), INLIER * setup.sigma
+    found = motion_only.fit_pose(xyz[has], lens.normalise(uv[has]), pose, limit / 2, limit)
+    return world if found is None else world.moved(sight.time_ns, found.camera_from_world.inverse())
