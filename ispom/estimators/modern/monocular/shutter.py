@@ -1,8 +1,8 @@
 """A rolling shutter, once there is a map: what rows saw is put where the middle row's would have been by the camera's
 motion, and once more for the last two frames, as the poses after a frame tell its motion ten times better.
 
-The motion at a frame is the derivative of a polynomial through the poses around it. It is not sought in the frame's own
-rows: a motion that is wrong bends the map, and in a bent map it looks right the next time.
+The motion at a frame is that of the polynomial through the poses around it, velocity and acceleration. It is not sought
+in the frame's own rows: a motion that is wrong bends the map, and in a bent map it looks right the next time.
 """
 
 from __future__ import annotations
@@ -62,8 +62,10 @@ def speeds_by(
 def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, found: Localisation) -> Localisation:
     """A frame located once more, its tracks put to the middle row by its motion; unchanged where too few poses tell
     that, or the shutter does not roll."""
+    if not setup.camera.line_delay_s:
+        return found
     before = world.since(time_ns - round(SPAN_S * 1e9))[1 - AHEAD :]
-    if not setup.camera.line_delay_s or len(before) + 1 < LEAST:
+    if len(before) + 1 < LEAST:
         return found
     lens = Lens(setup.camera, world.extra)
     for _ in range(PASSES):
@@ -84,8 +86,10 @@ def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, 
 def with_motions(setup: Setup, world: Map, sights: tuple[Sight, ...], newest: tuple[int, Pose]) -> Map:
     """The map with the frames of these sights seen, or located, anew by the motion that the `newest` pose helps to
     tell; unchanged unless the shutter rolls."""
+    if not setup.camera.line_delay_s:
+        return world
     poses = [*world.since(newest[0] - round(SPAN_S * 1e9))[1 - AROUND :], newest]
-    if not setup.camera.line_delay_s or len(poses) < LEAST:
+    if len(poses) < LEAST:
         return world
     known = dict(poses[:-1])
     for sight in sights:
