@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
@@ -13,7 +12,9 @@ from ispom.estimators.modern.monocular.other_motion import other_motion
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Pose
-from ispom.types import Camera, Decision, Image, Rig, Status, Step, TrackStatus, VideoFrame
+from ispom.types import Camera, Decision, Rig, Status, Step, TrackStatus, VideoFrame
+from tests.estimators.modern import waved_card
+from tests.estimators.modern.waved_card import FX, SIZE, texture
 
 SIGMA = 7e-4
 CAMERA = Pose.from_rotvec(np.array([0.0, 0.02, 0.0]), np.array([0.3, 0.0, 0.1]))
@@ -72,11 +73,6 @@ def test_what_stands_still_after_all_is_not_even_asked_about() -> None:
     assert other_motion(world, few, SCENE, SIGMA)[0] is None, "too few"
 
 
-def texture(seed: int, size: tuple[int, int]) -> Image:
-    noise = np.random.default_rng(seed).integers(0, 256, size, np.uint8)
-    return np.asarray(cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2), None, 20, 235, cv2.NORM_MINMAX), np.uint8)  # type: ignore[call-overload]
-
-
 def ended(uv: np.ndarray, count: int, most: int = 500) -> Disagreeing:
     """Of tracks at (N, 2) so many end, as disagreeing but for the first, which is lost."""
     status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
@@ -106,38 +102,13 @@ def test_what_ends_is_followed_on_and_given_up_where_nothing_explains_it() -> No
     assert 3 <= len(kept.ids) <= 4, "only what was explained"
 
 
-FX, SIZE = 300.0, (240, 320)
-
-
-def drawn(camera_from_plane: Pose, of: Image, scale: float, on: Image | None) -> Image:
-    """A textured plane (its z = 0, `scale` metres a pixel of the texture, centred), over an image."""
-    k = np.array([[FX, 0, SIZE[1] / 2], [0, FX, SIZE[0] / 2], [0, 0, 1]])
-    plane = np.column_stack([camera_from_plane.rotation[:, :2], camera_from_plane.translation])
-    size = np.array([of.shape[1], of.shape[0]])
-    metres = np.array([[scale, 0, -scale * size[0] / 2], [0, scale, -scale * size[1] / 2], [0, 0, 1]])
-    shape, way = (SIZE[1], SIZE[0]), k @ plane @ metres
-    image = np.asarray(cv2.warpPerspective(of, way, shape, flags=cv2.INTER_LINEAR), np.uint8)
-    if on is None:
-        return image
-    mask = cv2.warpPerspective(np.full_like(of, 255), way, shape, flags=cv2.INTER_NEAREST) > 0
-    return np.where(mask, image, on).astype(np.uint8)
-
-
 def flown(frames: int, waved: bool) -> list[Step]:
     """A camera that moves past two walls, and a card before them that moves by itself or hangs still."""
     rig = Rig(Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2))
     estimator = ModernMonocular(rig, ModernMonocularConfig(max_tracks=300))
-    walls, card, state, steps = [texture(i, (500, 700)) for i in (1, 2)], texture(3, (120, 120)), estimator.start(), []
+    state, steps = estimator.start(), []
     for i in range(frames):
-        camera_from_world = Pose(np.eye(3), -np.array([0.05 * i - 1, 0.0, 0.0]))
-        image = drawn(camera_from_world @ Pose(np.eye(3), np.array([0.0, 0.0, 7.0])), walls[0], 0.02, None)
-        slanted = Pose.from_rotvec(np.array([0.8, 0.0, 0.0]), np.array([0.0, 2.0, 4.5]))
-        image = drawn(camera_from_world @ slanted, walls[1], 0.01, image)
-        hung = Pose(np.eye(3), np.array([0.0, -0.4, 3.0]))
-        wave = Pose.from_rotvec(
-            np.array([0.0, 0.0, 0.02 * i]), np.array([0.05 * i - 1.0, -0.4 - 0.03 * np.sin(0.5 * i), 3])
-        )
-        image = drawn(camera_from_world @ (wave if waved else hung), card, 0.01, image)
+        image = waved_card.seen(Pose(np.eye(3), np.array([1 - 0.05 * i, 0.0, 0.0])), i, waved)
         state, step = estimator.step(state, VideoFrame(i * 50_000_000, image))
         steps.append(step)
     return steps

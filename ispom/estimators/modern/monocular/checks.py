@@ -5,11 +5,11 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, BUNDLE_COST, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
+from ispom.estimators.modern.motions import SECOND_MOTION
 from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
 LOCATED, FIRST_MAP = "Frame located?", "First map?"
-MOVING = "Does anything else move?"
 UNIT, CALIBRATED = "Unit kept?", "Is the calibration right?"
 
 STAGES = {
@@ -171,15 +171,6 @@ EXPLAINED_SHARE = Check(
     FIRST_MAP,
     passes="The best motion explains {value:.0%} of the points, {threshold:.0%} are needed.",
     fails="The best motion explains {value:.0%} of the points only, {threshold:.0%} are needed.",
-)
-SECOND_MOTION = Check(
-    "second_motion",
-    "share of points that another motion explains",
-    "warning",
-    MOVING,
-    "<",
-    passes="One motion: no other one explains {threshold:.0%} of the points, or more ({value:.0%}).",
-    fails="Two rigid motions: another one explains {value:.0%} of the points; what moves may be taken for the scene.",
 )
 UNIT_POINTS = Check(
     "unit_points",

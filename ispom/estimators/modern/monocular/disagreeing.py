@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.second_motion import LEAST
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.motions import LEAST
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.types import Image, Tracks, TrackStatus

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.localise import moving_tracks
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.second_motion import LEAST, MARKED, rigid, told
+from ispom.estimators.modern.monocular.second_motion import rigid
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.motions import LEAST, MARKED, told
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.types import Decision, TrackStatus

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
+from ispom.estimators.modern.motions import SECOND_MOTION
 from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
@@ -14,6 +15,7 @@ STAGES = {
     "track": "Follows the points into the left image, then into the right one, and locates the pair by both.",
     "new points": "Key frame: looks for corners between the points and matches them in the right image.",
     "adjust": "Adjusts the window of key frames, their points and the pair's calibration; the oldest becomes a prior.",
+    "other motion": "Tells where one other motion explains points that ended as not standing still.",
     "conclude": "Collects what the next pair starts from, and this report.",
     "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
 }
@@ -149,6 +151,7 @@ CHECKS = by_key(
     DESCRIBED_POINTS,
     DEPTH_POINTS,
     LOST_PAIRS,
+    SECOND_MOTION,
     DISPLACEMENT,
     POINTS_LEFT,
     ADJUSTED_ERROR,

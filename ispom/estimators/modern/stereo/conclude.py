@@ -90,6 +90,7 @@ def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
         decisions=outcome.decisions,
         restarted=outcome.restarted,
         calibration=_calibration(setup, after),
+        other_motion={} if outcome.other_motion is None else {"left": outcome.other_motion},
     )
 
 

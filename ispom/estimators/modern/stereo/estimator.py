@@ -12,6 +12,7 @@ from ispom.estimators.modern.stereo.conclude import as_step, next_state
 from ispom.estimators.modern.stereo.key_frame import Current, extended, key_frame_tests, new_points
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
+from ispom.estimators.modern.stereo.other_motion import other_motion
 from ispom.estimators.modern.stereo.pair import NewPair
 from ispom.estimators.modern.stereo.recover import recover
 from ispom.estimators.modern.stereo.setup import Setup
@@ -113,6 +114,10 @@ class ModernStereo:
         assert isinstance(exposure, StereoPair)
         watch, new = Stopwatch(), NewPair.of(exposure)
         outcome = self._advance(state, new, watch)
+        if (before := outcome.before) is not None:
+            tests, moved = other_motion(self._setup, before.map, before.last.points, outcome.sighting)
+            outcome = replace(outcome, decisions=(*outcome.decisions, *tests), other_motion=moved)
+            watch.lap("other motion")
         after, step = outcome.after, as_step(self._setup, exposure, outcome)
         watch.lap("conclude")
         if self.config.loops:

@@ -11,7 +11,7 @@ from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Pose
 from ispom.persistent_list import PersistentList
-from ispom.types import Decision, Status
+from ispom.types import Decision, Status, Tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,3 +45,5 @@ class Outcome:
     key_frame: bool = False
     restarted: bool = False
     """Its place is the predicted one: no observation joins it to the pairs before."""
+    other_motion: Tracks | None = None
+    """What one other motion explains; None where it is not told of one."""

@@ -1,0 +1,91 @@
+"""What moves by itself before a stereo pair as one rigid thing is told, with its points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
+from ispom.estimators.modern.stereo.other_motion import other_motion
+from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
+from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.geometry import Pose
+from ispom.solvers.motion_only import fit_pose
+from ispom.types import Camera, Decision, Rig, Step, StereoPair, TrackStatus
+from tests.estimators.modern import waved_card
+from tests.estimators.modern.waved_card import FX, SIZE
+
+BASELINE_M = 0.3
+CAMERA = Camera(SIZE[1], SIZE[0], FX, FX, SIZE[1] / 2, SIZE[0] / 2)
+ESTIMATOR = ModernStereo(
+    Rig(left=CAMERA, right=CAMERA, rig_from_right=Pose(np.eye(3), np.array([BASELINE_M, 0.0, 0.0]))),
+    ModernStereoConfig(),
+)
+LEFT = Pose.from_rotvec(np.array([0.0, 0.01, 0.0]), np.array([-0.1, 0.0, -0.05]))
+"""left_from_world."""
+THING = Pose.from_rotvec(np.array([0.02, -0.03, 0.05]), np.array([-0.1, 0.15, 0.05]))
+"""What becomes of its points in the world meanwhile."""
+SCENE, MOVED = 150, 50
+
+
+def told(noise_px: float, thing: Pose, astray: int = 0) -> tuple[tuple[Decision, ...], set[int]]:
+    """What a pair tells of points of which the last move as a thing does, some of them anyhow; and which."""
+    rng, count = np.random.default_rng(0), SCENE + MOVED
+    xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 8), (count, 3))
+    now = LEFT.apply(np.concatenate([xyz[:SCENE], thing.apply(xyz[SCENE:])]))
+    uv = CAMERA.project(now) + noise_px * rng.standard_normal((count, 2))
+    uv[count - astray :] += rng.uniform(-15, 15, (astray, 2))
+    disparity = FX * BASELINE_M / now[:, 2] + noise_px * rng.standard_normal(count)
+    all_points = np.arange(count)
+    points = PairPoints(all_points, uv.astype(np.float32), disparity.astype(np.float32))
+    setup = ESTIMATOR._setup
+    located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.loss, setup.limit, setup.baseline_m)
+    assert located is not None
+    status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
+    lower = np.zeros(count, np.float32)
+    sighting = Sighting(points.uv, points.disparity_px, status, all_points, located, all_points, lower)
+    world = StereoMap(ids=all_points, xyz=xyz)
+    tests, moved = other_motion(setup, world, points, sighting)
+    return tests, set() if moved is None else set(moved.ids.tolist())
+
+
+@pytest.mark.parametrize("noise_px", [0.0, 0.15])
+def test_a_thing_that_moves_by_itself_is_told_with_its_points(noise_px: float) -> None:
+    (test,), ids = told(noise_px, THING)
+    assert not test.passed and ids <= set(range(SCENE, SCENE + MOVED))
+    assert len(ids) >= (1.0 if noise_px == 0 else 0.9) * MOVED
+    np.testing.assert_allclose(test.value, len(ids) / (SCENE + MOVED))
+
+
+def test_points_gone_astray_are_not_among_them() -> None:
+    (test,), ids = told(0.15, THING, astray=15)
+    assert not test.passed and len(ids & set(range(SCENE + MOVED - 15, SCENE + MOVED))) <= 2
+    assert len(ids) >= 0.85 * (MOVED - 15)
+    (test,), ids = told(0.15, THING, astray=MOVED)
+    assert test.passed and not ids, "all of them"
+
+
+def test_of_what_stands_still_nothing_is_asked() -> None:
+    assert told(0.15, Pose()) == ((), set())
+
+
+def flown(pairs: int, waved: bool) -> list[Step]:
+    """A pair that moves past two walls, and a card before them that moves by itself or hangs still."""
+    state, steps = ESTIMATOR.start(), []
+    for i in range(pairs):
+        left, right = (Pose(np.eye(3), np.array([1 - 0.05 * i - b, 0.0, 0.0])) for b in (0, BASELINE_M))
+        pair = StereoPair(i * 100_000_000, waved_card.seen(left, i, waved), waved_card.seen(right, i, waved))
+        state, step = ESTIMATOR.step(state, pair)
+        steps.append(step)
+    return steps
+
+
+@pytest.mark.parametrize("waved", [True, False])
+def test_a_card_that_is_waved_before_a_moving_pair_is_told_where_it_is(waved: bool) -> None:
+    steps = flown(25, waved)
+    told = [s for s in steps if any(d.key == "second_motion" and not d.passed for d in s.decisions)]
+    assert len(told) >= 3 if waved else not told
+    for step in told:
+        tracks = step.other_motion["left"]
+        off = np.abs(tracks.uv - [SIZE[1] / 2, SIZE[0] / 2 - 40])
+        assert len(tracks) >= 20 and np.mean((off < 85).all(axis=1)) > 0.9
