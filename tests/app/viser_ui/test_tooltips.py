@@ -19,7 +19,8 @@ from tests.app.helpers import started, wait_for
 APP = Path(ispom_app.__file__).parent
 CONFIGS = {name: method.config for name, method in registry().items()} | {"source": SourceOptions}
 RATIOS = {"min_share", "knot_frames", "knot_misfit", "loss", "max_depth_baselines", "video_scale"}
-"""Settings that are no whole numbers and have no unit: shares, and multiples of something that their text names."""
+RATIOS |= {"focal_sigma", "radial_sigma", "decentring_sigma"}
+"""Settings that are no whole numbers and have no unit: shares, coefficients, and multiples of what their text names."""
 NO_CONTROLS = {"GuiHtmlHandle", "GuiMarkdownHandle", "GuiProgressBarHandle", "GuiUplotHandle", "GuiImageHandle"}
 
 
