@@ -9,6 +9,7 @@ import numpy as np
 from ispom.estimator import Estimator
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.recognise import FEWEST, depth_confirmed
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import PoseFit
@@ -103,6 +104,44 @@ def test_a_frame_after_a_gap_is_located_in_the_unit_of_before(flight: Sequence, 
     steps, error_m = video(flight, exposures, [*range(36), *range(66, 72)])
     assert {s.status for s in steps[36:]} == {Status.TRACKING} and not any(s.restarted for s in steps)
     assert error_m[36:].max() < 0.05, "of 1.4 m"
+
+
+def test_a_frame_that_keeps_few_of_its_tracks_is_located_by_descriptors_as_well(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    """43 tracks of 245 agree with a pose, all at one side: by them alone it was up to 12 cm off."""
+    steps, error_m = video(flight, exposures, [*range(24), *range(62, 68)])
+    assert {s.status for s in steps[24:]} == {Status.TRACKING} and not any(s.restarted for s in steps)
+    assert error_m[24:].max() < 0.015, "of 1.9 m"
+    assert next(d.value for d in steps[24].decisions if d.key == "described_points") > FEWEST
+
+
+def test_one_thing_that_few_points_show_elsewhere_is_no_place(flight: Sequence, exposures: list[Exposure]) -> None:
+    """A strip of the last image: 27 points agree with a pose that nothing foretold."""
+    frames = [e for e in exposures if isinstance(e, VideoFrame)]
+    height, width = frames[0].image.shape[:2]
+    rows, columns = slice(height // 4, height * 5 // 12), np.arange(width // 12, width * 7 // 12)
+    elsewhere = frames[66].image[::-1].copy()
+    elsewhere[rows, columns + width // 3] = frames[35].image[rows, columns]
+    estimator = ModernMonocularConfig(max_tracks=100).build(flight.rig)
+    state = estimator.start()
+    for frame in frames[:36]:
+        state, step = estimator.step(state, frame)
+        assert not step.restarted
+    _, step = estimator.step(state, replace(frames[36], image=elsewhere))
+    assert step.status is Status.LOST
+
+
+def test_a_depth_counts_that_two_views_besides_speak_for() -> None:
+    """Of a point on an epipolar line and one at infinity, from a camera, a view 1 m and a view 1 cm beside it."""
+    xyz = np.array([[0.5, 0.2, 10.0], [300.0, 100.0, 1e5]])
+    seen, hidden = np.ones(2, bool), np.zeros(2, bool)
+    wide, wider, near = (Pose.from_rotvec(np.array([0, 0.1, 0.02]), np.array([x, 0, 0])) for x in (1.0, 2.0, 0.01))
+    least = 0.008
+    assert depth_confirmed(xyz, Pose(), [(wide, seen), (wider, seen)], least).tolist() == [True, True]
+    assert depth_confirmed(xyz, Pose(), [(wide, seen), (near, seen)], least).tolist() == [False, True]
+    assert depth_confirmed(xyz, Pose(), [(wide, seen), (wider, hidden), (near, seen)], least).tolist() == [False, True]
+    assert depth_confirmed(xyz, Pose(), [(wide, seen), (wider, seen), (near, seen)], least).tolist() == [True, True]
 
 
 def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(

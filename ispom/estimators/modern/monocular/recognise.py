@@ -16,6 +16,7 @@ from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose, skew
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
+from ispom.solvers.multiview.rotation import rotate
 
 FEATURE_ERROR = 2.0
 """Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
@@ -102,8 +103,35 @@ def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, no
         return None
     kept, xyz, uv = pairs[good, 0], xyz[good], uv[good]
     seen = [_agreeing(setup, extra, p, at[kept], xyz, INLIER * sigma) for p, at in zip(places, seen, strict=True)]
+    views = [(p.camera_from_world, np.isfinite(at[:, 0])) for p, at in zip(places, seen, strict=True)]
+    views = [*views[:-1], (found.camera_from_world, np.ones(len(xyz), bool))]
+    sure = depth_confirmed(xyz, place.camera_from_world, views, INLIER * sigma)
+    if sure.sum() < FEWEST:
+        return None
+    if 2 * sure.sum() < len(sure):
+        # The lesser part of them cannot take over the map; the greater part did.
+        xyz, uv, seen = xyz[sure], uv[sure], [at[sure] for at in seen]
     uv = _aligned(setup, extra, place, seen[-1], xyz, uv, found.camera_from_world, new)
     return Recognised(tuple(zip(places, seen, strict=True)), xyz, uv, found.camera_from_world.inverse())
+
+
+def depth_confirmed(
+    xyz: Array, camera_from_world: Pose, others: list[tuple[Pose, NDArray[np.bool_]]], least: float
+) -> NDArray[np.bool_]:
+    """Which (N,) of the points (N, 3) that a camera sees have depths that two of the other views speak for.
+
+    `others`: camera_from_world, and which of the points (N,) agree with it. Whatever lies on an epipolar line gives
+    some depth, and from near the first camera any depth agrees. So besides the view that gave it another one must see
+    the point farther from where an infinitely far one would be than it may be off: `least`, normalised. What no view
+    sees displaced by as much is where an infinitely far one would be, whatever its depth.
+    """
+    near, shifts = camera_from_world.apply(xyz), list[Array]()
+    for pose, agree in others:
+        there, far = pose.apply(xyz), rotate(pose.rotation @ camera_from_world.rotation.T, near[:, :2] / near[:, 2:])
+        shift = np.linalg.norm(there[:, :2] / there[:, 2:] - far, axis=1)
+        shifts.append(np.where(agree, shift, 0.0))
+    largest = np.sort(np.stack(shifts), axis=0)[::-1]
+    return (largest[1] > least) | (largest[0] <= least)
 
 
 def _plausible(place: Place, xyz: Array, found: Resection) -> NDArray[np.bool_]:

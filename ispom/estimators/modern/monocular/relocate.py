@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.first_map import anchored_prior
-from ispom.estimators.modern.monocular.localise import Localisation, located_by, set_right
+from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import Recognised, recognised
 from ispom.estimators.modern.monocular.setup import Setup
@@ -34,15 +34,15 @@ def relocated(
     now = sift.detect_and_describe(new.grey, FEATURES)
     places, found = recognised(setup, state.places, world.extra, new, now, before, state.missed)
     state = replace(state, places=places)
-    joint, grown, again = state, world, None
-    if found is not None:
-        joint, grown, again = _by_points(setup, state, world, new, found)
-    return (joint, grown, again) if again is not None and again.agreeing else (state, world, None)
+    if found is None:
+        return state, world, None
+    joint, grown, again = _by_points(setup, state, world, new, found)
+    return (joint, grown, again) if again.count >= SURE else (state, world, None)
 
 
 def _by_points(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Recognised
-) -> tuple[ModernMonocularState, Map, Localisation | None]:
+) -> tuple[ModernMonocularState, Map, Localisation]:
     """By the tracks there are, where the pose puts them, and by what both images show besides."""
     tracked, compared = _tracks_at(setup, state, world, new, found.world_from_camera)
     joint, grown = joined(setup, state, world, found)
@@ -53,8 +53,7 @@ def _by_points(
         np.concatenate([tracked.speed, np.zeros((count, 2), np.float32)]),
     )
     again = located_by(setup, joint.live, grown, followed, found.world_from_camera)
-    again = replace(again, compared=np.concatenate([compared, np.zeros(count, bool)]))
-    return (joint, grown, again) if again.agreeing else (state, world, None)
+    return joint, grown, replace(again, compared=np.concatenate([compared, np.zeros(count, bool)]))
 
 
 def _tracks_at(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
-from ispom.estimators.modern.monocular.localise import MIN_LOCATED, Localisation, localise, moving_tracks
+from ispom.estimators.modern.monocular.localise import MIN_LOCATED, SURE, Localisation, localise, moving_tracks
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
 from ispom.estimators.modern.monocular.recognise import FEWEST
@@ -26,9 +26,9 @@ from ispom.types import Decision, Status, TrackStatus
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
 
-SURE, SURE_SHARE = 2 * MIN_LOCATED, 0.3
-"""Points, and share of those tracked, that agree with a pose: fewer of both may lie on one thing that moves, or be what
-agrees by chance after a jump, and descriptors are compared."""
+MOST = 0.5
+"""Of the points tracked: where fewer agree with a pose the camera has jumped. They may lie on one thing that moves, or
+at one side of the image, and are compared with what descriptors show."""
 
 
 def track_map(
@@ -41,7 +41,7 @@ def track_map(
     found = localise(setup, state.live, world, new)
     decisions, again = tuple[Decision, ...](), None
     known = int(np.isfinite(world.known(state.live.ids)[:, 0]).sum())
-    if not found.agreeing or found.count < min(SURE, SURE_SHARE * known):
+    if not found.agreeing or found.count < MOST * known:
         tracked = len(state.live.ids)
         other, grown, again = relocated(setup, state, world, new)
         if again is not None and again.count <= found.count:
@@ -53,7 +53,7 @@ def track_map(
     if again is None and found.agreeing:
         found, world = _by_motion(setup, state, world, new, found)
     watch.lap("locate")
-    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED, passed=found.agreeing)
+    located = checks.POSE_POINTS.of(found.count, MIN_LOCATED if again is None else SURE, passed=found.agreeing)
     decisions = (*decisions, located)
     if found.motion is None or not found.agreeing:
         return state, recover(setup, state, new, found.followed, decisions)
