@@ -35,6 +35,8 @@ class Disagreeing:
     """(N, 2) [px] motion into it."""
     age: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) images since the track ended, or was explained."""
+    rest: int = 0
+    """Images to come in which no motion is sought."""
 
     @property
     def lasting(self) -> NDArray[np.int64]:
@@ -47,7 +49,8 @@ class Disagreeing:
             return Disagreeing()
         uv, status = ALONE.track(before, as_bright(now, before), self.uv, self.uv + self.flow)
         kept = (status == TrackStatus.ALIVE) & (self.age < LONGEST)
-        return Disagreeing(self.ids[kept], uv[kept], (uv - self.uv)[kept], self.age[kept] + 1)
+        rest = max(self.rest - 1, 0)
+        return Disagreeing(self.ids[kept], uv[kept], (uv - self.uv)[kept], self.age[kept] + 1, rest)
 
     def joined(self, live: LiveTracks, followed: Followed, most: int) -> Disagreeing:
         """With the tracks that end now; none where there are too few, the newest where there are too many."""
@@ -60,7 +63,7 @@ class Disagreeing:
         uv = np.concatenate([self.uv, followed.uv[ended]])
         flow = np.concatenate([self.flow, (followed.uv - live.uv)[ended]])
         age = np.concatenate([self.age, np.zeros(int(ended.sum()), np.int64)])
-        return Disagreeing(ids[order], uv[order], flow[order], age[order])
+        return Disagreeing(ids[order], uv[order], flow[order], age[order], self.rest)
 
     def explained(self, ids: NDArray[np.int64]) -> Disagreeing:
         """Some of them (M,) are followed on for as long again."""

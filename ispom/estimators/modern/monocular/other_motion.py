@@ -17,6 +17,10 @@ from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.types import Decision, TrackStatus
 
+PAUSE = 5
+"""Images from a test in vain to the next: contours that slide along would be tested at each of them."""
+NONE = np.zeros(0, np.int64)
+
 
 def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
     """The outcome with what disagrees with its pose followed on, and with what that says."""
@@ -28,7 +32,11 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
     lasting = np.isin(followed.ids, followed.lasting)
     frame = TrackedFrame(new.time_ns, followed.ids[lasting], x[lasting], pose)
     agreeing = (outcome.followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
-    test, moving = other_motion(world, frame, int(agreeing.sum()), setup.sigma)
+    test, moving = None, NONE
+    if not followed.rest:
+        test, moving = other_motion(world, frame, int(agreeing.sum()), setup.sigma)
+    if test is not None and test.passed:
+        followed = replace(followed, rest=PAUSE)
     return replace(
         outcome,
         decisions=outcome.decisions if test is None else (*outcome.decisions, test),
@@ -45,14 +53,13 @@ def other_motion(
 
     They are compared with the key frame that saw most of them; what stands still after all takes no part.
     """
-    none = np.zeros(0, np.int64)
     if len(frame.ids) < LEAST:
-        return None, none
+        return None, NONE
     key = max(reversed(world.keys), key=frame.common)
     ids = moving_tracks(key, frame, frame.ids, MOVING * sigma)
     count = agreeing + len(ids)
     if len(ids) < max(LEAST, MARKED * count):
-        return None, none
+        return None, NONE
     explained = rigid(key.at(ids), frame.at(ids), sigma)
     test = told(explained, count)
-    return test, none if test.passed else ids[explained]
+    return test, NONE if test.passed else ids[explained]
