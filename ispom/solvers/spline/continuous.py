@@ -42,9 +42,11 @@ class PointUncertainty:
     """(K, 3, 3) covariances of e: those of the points where spline and rig are given."""
     parameters: Array
     """(n, n) covariance of z."""
+    shared: Array
+    """(K, 3, S) how they follow errors that the observations share, such as of the lens: spline and rig with them."""
 
     def select(self, index: NDArray) -> PointUncertainty:
-        return PointUncertainty(self.sensitivity[index], self.conditional[index], self.parameters)
+        return PointUncertainty(self.sensitivity[index], self.conditional[index], self.parameters, self.shared[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,40 @@ class Solution:
         full[np.ix_(free, free)] = covariance_of(hessian[np.ix_(free, free)])
         return full
 
+    def as_noisy_as(self, variances: Array, parameters: Array) -> Array:
+        """(n, n) `parameters` where errors of the points (M,) have so many times the variance that they are weighed by.
+
+        The sandwich H^-1 M H^-1 (Huber 1981, section 7.6): what each point says counts as it did in the adjustment, and
+        is as far off as it is. What is believed beforehand is as sure as it says.
+        """
+        p, spline, n = self.problem, self.problem.spline, len(parameters)
+        noisy, _, _ = self._weighed(variances, self.problem.observations.seen)
+        believed = np.zeros((n, n))
+        add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, believed, np.zeros(n))
+        believed[-RIG:, -RIG:] += p.rig_prior.information
+        return parameters + parameters @ (noisy - (self.hessian - believed)) @ parameters
+
+    def follows(self, moved: Array, parameters: Array) -> tuple[Array, Array]:
+        """How knots and rig (n, S), and points (M, 3, S), follow what moves all observations by (O, 3, S)."""
+        o, ones = self.problem.observations, np.ones(len(self.problem.points))
+        knots, steps, points = _knots(self.problem, self.sampled), list[Array](), list[Array]()
+        _, before, at = self._weighed(ones, o.seen)
+        for i in range(moved.shape[2]):
+            _, right, pulled = self._weighed(ones, o.seen + moved[:, :, i])
+            steps.append(parameters @ (right - before))
+            pulled = pulled._replace(sides=pulled.sides - at.sides)
+            points.append(point_steps(steps[-1], knots, o.exposure, o.owner, pulled))
+        return np.stack(steps, axis=1), np.stack(points, axis=2)
+
+    def _weighed(self, variances: Array, seen: Array) -> tuple[Array, Array, Eliminated]:
+        """Normal equations of the observations alone, at the weights that the loss has left them, times (M,)."""
+        p, o = self.problem, self.problem.observations
+        root = np.sqrt(variances[o.owner] / (1 + (self.errors / p.loss) ** 2))
+        observations = replace(o, seen=seen, inverse_sigma=o.inverse_sigma * root[:, None])
+        depth = p.depth_prior * np.column_stack([np.ones(len(variances)), variances])
+        observed = _observed(replace(p, observations=observations), self.sampled)
+        return reduce(_knots(p, self.sampled), observed, depth, np.inf, 0.0, bool(p.rig.free.any()))
+
     def pose_covariance(self, e: int, parameters: Array) -> Array:
         """(6, 6) of the pose at exposure e, a twist (rho, phi) on its right; `parameters` as `parameter_covariance`."""
         s, k = self.sampled, 6 * int(self.sampled.first[e])
@@ -84,7 +120,8 @@ class Solution:
         """Of the chosen points (K,), in their values."""
         o, knots = self.problem.observations, _knots(self.problem, self.sampled)
         sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
-        return PointUncertainty(sensitivity, self.eliminated.inverses[chosen], parameters)
+        none = np.zeros((len(chosen), 3, 0))
+        return PointUncertainty(sensitivity, self.eliminated.inverses[chosen], parameters, none)
 
     def refined_rig(self, parameters: Array) -> RigModel:
         """The rig as estimated, with the information that its covariance leaves."""

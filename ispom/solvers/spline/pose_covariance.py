@@ -21,26 +21,38 @@ def pose_covariance(
     sigma: float,
     loss: float,
     uncertainty: PointUncertainty,
+    variance: float = 1.0,
+    moved: Array | None = None,
+    shared: Array | None = None,
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of a pose found from points (K,) that were taken to be exact.
 
-    Seen at (K, 2), with errors `sigma` and a Cauchy loss of scale `loss` times that (normalised units). What the
-    points' errors do to the pose is followed back to the unknowns of their window, so that it is counted jointly.
+    Seen at (K, 2), weighed by errors `sigma` and a Cauchy loss of scale `loss` times that (normalised units), and off
+    by `variance` times the square of `sigma`. What the points' errors do to the pose is followed back to the unknowns
+    of their window, so that it is counted jointly. Errors with covariance `shared` (S, S) move the observations by
+    `moved` (K, 2, S), and the points by uncertainty.shared.
     """
+    n = uncertainty.sensitivity.shape[2]
+    direct = np.zeros((len(seen), 2, n + uncertainty.shared.shape[2]))
+    if moved is not None:
+        direct[:, :, n:] = moved / sigma
     information, noise, pull = _equations(
         _observed(world_from_rig, rig_from_camera, points, seen, sigma),
         loss,
-        uncertainty.sensitivity,
+        np.concatenate([uncertainty.sensitivity, uncertainty.shared], axis=2),
+        direct,
         uncertainty.conditional,
+        variance,
     )
     inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(6))
-    turn, of_rig = inverse @ pull, np.zeros((6, RIG))
+    turn, of_shared, of_rig = inverse @ pull[:, :n], inverse @ pull[:, n:], np.zeros((6, RIG))
     if of_video:
         # What is found is the camera; where the rig is depends on how the camera sits in it.
         r, t = rig_from_camera.rotation, rig_from_camera.translation
         of_rig[3:, :3], of_rig[:3, :3], of_rig[:3, 3:6] = r, np.cross(t, r.T).T, np.eye(3)
         turn[:, -RIG:] -= of_rig
-    return inverse @ noise @ inverse + turn @ uncertainty.parameters @ turn.T
+    found = inverse @ noise @ inverse + turn @ uncertainty.parameters @ turn.T
+    return found if shared is None else found + of_shared @ shared @ of_shared.T
 
 
 def pose_information(
@@ -48,9 +60,8 @@ def pose_information(
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
     none = np.zeros((len(seen), 3, 3))
-    return _equations(
-        _observed(world_from_rig, rig_from_camera, points, seen, sigma), loss, none[:, :, :0].copy(), none
-    )[0]
+    observed, nothing = _observed(world_from_rig, rig_from_camera, points, seen, sigma), none[:, :, :0].copy()
+    return _equations(observed, loss, nothing, nothing[:, :2].copy(), none, 1.0)[0]
 
 
 def _observed(
@@ -77,10 +88,11 @@ def _observed(
 
 
 @kernel(error_model="numpy")
-def _equations(observed, loss, follow, own):
+def _equations(observed, loss, follow, moved, own, variance):
     """Information (6, 6) of the pose, the noise (6, 6) in its right side, and how that follows the window (6, n).
 
-    Points follow the window by `follow` (K, 3, n), and have covariances `own` (K, 3, 3) beside.
+    Points follow the window by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations; points
+    have covariances `own` (K, 3, 3) beside, observations the `variance`.
     """
     information, noise, pull = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, follow.shape[2]))
     rows, by_pose = empty_rows(), np.empty((6, 2))
@@ -92,17 +104,17 @@ def _equations(observed, loss, follow, own):
                 for i in range(2):
                     by_pose[k, i] = -observed.points[m, 2] * rows.by_rig[i, k]
                     by_pose[3 + k, i] = rows.by_pose[i, k]
-            _add(information, noise, weight, by_pose, rows.by_point, own, m)
-            _pull(pull, weight, by_pose, rows.by_point, follow[m])
+            _add(information, noise, weight, by_pose, rows.by_point, own, m, variance)
+            _pull(pull, weight, by_pose, rows.by_point, follow[m], moved[m])
     return information, noise, pull
 
 
 @part
-def _add(information, noise, weight, by_pose, by_point, own, m):
-    """Adds a point that is seen with unit noise and is itself uncertain by `own` m (3, 3)."""
+def _add(information, noise, weight, by_pose, by_point, own, m, variance):
+    """Adds a point that is seen with such noise and is itself uncertain by `own` m (3, 3)."""
     first, second = vector(by_point, 0), vector(by_point, 1)
     of_first, of_second = times(matrix(own, m), first), times(matrix(own, m), second)
-    xx, xy, yy = 1.0 + dot(first, of_first), dot(first, of_second), 1.0 + dot(second, of_second)
+    xx, xy, yy = variance + dot(first, of_first), dot(first, of_second), variance + dot(second, of_second)
     for k in range(6):
         a, b = weight * by_pose[k, 0], weight * by_pose[k, 1]
         c, d = weight * (a * xx + b * xy), weight * (a * xy + b * yy)
@@ -112,10 +124,14 @@ def _add(information, noise, weight, by_pose, by_point, own, m):
 
 
 @part
-def _pull(out, weight, by_pose, by_point, follow):
-    """Subtracts from out (6, n) what pose and point (3, n) `follow` have to do with each other."""
+def _pull(out, weight, by_pose, by_point, follow, moved):
+    """Subtracts from out (6, n) what pose and point (3, n) `follow` have to do with each other; adds the observation's
+    own (2, n) `moved`."""
     for k in range(6):
+        first, second = weight * by_pose[k, 0], weight * by_pose[k, 1]
+        for i in range(out.shape[1]):
+            out[k, i] += first * moved[0, i] + second * moved[1, i]
         for j in range(3):
-            side = weight * (by_pose[k, 0] * by_point[0, j] + by_pose[k, 1] * by_point[1, j])
+            side = first * by_point[0, j] + second * by_point[1, j]
             for i in range(out.shape[1]):
                 out[k, i] -= side * follow[j, i]

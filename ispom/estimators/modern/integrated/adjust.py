@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated import checks
+from ispom.estimators.modern.integrated.covariance import by_lens, variance_factors
 from ispom.estimators.modern.integrated.joint_problem import HELD, joint_problem
 from ispom.estimators.modern.integrated.joint_report import report, spline_fit
 from ispom.estimators.modern.integrated.joint_window import JointWindow
@@ -20,7 +21,8 @@ from ispom.estimators.modern.integrated.thinning import shortened, thinned
 from ispom.estimators.modern.integrated.view import Reference
 from ispom.geometry import Array, Pose
 from ispom.solvers.spline.continuous import Solution, solve
-from ispom.solvers.spline.problem import PosePrior
+from ispom.solvers.spline.problem import VIDEO, PosePrior
+from ispom.solvers.window.prior import LENS
 from ispom.types import Decision, SplineFit
 
 USUAL_FRAME_S = 0.1
@@ -57,7 +59,7 @@ def adjusted(
     if problem is None:
         return state, (checks.POINTS.of(0, 1),), [], None
     solution = solve(problem, setup.iterations)
-    window = _with_solution(window, solution, used, meeting.time_ns)
+    window = _with_solution(setup, replace(state, window=window), solution, used, meeting.time_ns)
     poses = [pose for view in window.views for pose in view.poses()]
     state, fit = replace(state, window=window), spline_fit(window.views[0].time_ns, problem, solution)
     went = report(window, solution, setup.iterations), (_what_left(setup, before, window),), alignment(setup, state)
@@ -79,8 +81,11 @@ def _shortened(setup: Setup, state: ModernIntegratedState) -> ModernIntegratedSt
     return replace(state, window=window, settled=settled, metric=metric)
 
 
-def _with_solution(window: JointWindow, solution: Solution, used: NDArray[np.int64], reference_ns: int) -> JointWindow:
+def _with_solution(
+    setup: Setup, state: ModernIntegratedState, solution: Solution, used: NDArray[np.int64], reference_ns: int
+) -> JointWindow:
     """All poses, points and what is free of the rig, made better; covariances relative to that exposure."""
+    window = state.window
     sampled, edge = solution.sampled, window.pairs[1]
     exposures = slice(len(window.views))
     poses = [Pose(r, p) for r, p in zip(sampled.rotations[exposures], sampled.positions[exposures], strict=True)]
@@ -98,19 +103,26 @@ def _with_solution(window: JointWindow, solution: Solution, used: NDArray[np.int
     values[used] = solution.problem.points.values
     table = replace(window.table, points=replace(window.table.points, values=values))
     window = replace(window, rig=solution.problem.rig, views=views, table=table)
-    reference, parameters = _reference(window, reference_ns, solution, used)
+    reference, parameters = _reference(setup, replace(state, window=window), reference_ns, solution, used)
     rig_estimates = (*window.rig_estimates, solution.refined_rig(parameters))[-len(window.pairs) :]
     return replace(window, reference=reference, rig_estimates=rig_estimates)
 
 
 def _reference(
-    window: JointWindow, time_ns: int, solution: Solution, used: NDArray[np.int64]
+    setup: Setup, state: ModernIntegratedState, time_ns: int, solution: Solution, used: NDArray[np.int64]
 ) -> tuple[Reference, Array]:
-    """Covariances of the points that may be seen again, and of the newest pose, relative to a pair's pose."""
+    """Covariances of the points that may be seen again, and of the newest pose, relative to a pair's pose; and (n, n)
+    that of knots and rig by the weights alone."""
+    window = state.window
     place = {v.time_ns: i for i, v in enumerate(window.views) if not v.video}
     here = place[time_ns]
     pose = window.views[here].world_from_rig
-    parameters = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
+    weighed = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
+    variances = np.where(window.table.ids[used] % 2 == 0, *variance_factors(setup.noise, state))
+    parameters = solution.as_noisy_as(variances, weighed)
+    by_spline, by_points = _lens_followed(solution, weighed)
+    lens = np.zeros((LENS, LENS)) if state.lens_covariance is None else state.lens_covariance
+    together = parameters + by_spline @ lens @ by_spline.T
     recent = [next((v.ids for v in reversed(window.views) if v.video == video), used[:0]) for video in (True, False)]
     chosen = np.flatnonzero(np.isin(window.table.ids[used], np.concatenate(recent)))
     drift, before = np.zeros((6, 6)), window.reference
@@ -118,7 +130,15 @@ def _reference(
         # The uncertainty of the way from the last such pair, and of that one.
         there = place.get(before.time_ns, 0)
         carry = (pose.inverse() @ window.views[there].world_from_rig).adjoint
-        drift = carry @ (before.drift + solution.pose_covariance(there, parameters)) @ carry.T
+        drift = carry @ (before.drift + solution.pose_covariance(there, together)) @ carry.T
     points = solution.point_uncertainty(chosen, parameters)
-    newest = solution.pose_covariance(len(window.views) - 1, parameters)
-    return Reference(time_ns, pose, window.table.ids[used[chosen]], points, newest, drift), parameters
+    points = replace(points, conditional=points.conditional * variances[chosen, None, None], shared=by_points[chosen])
+    newest = solution.pose_covariance(len(window.views) - 1, together)
+    return Reference(time_ns, pose, window.table.ids[used[chosen]], points, newest, drift), weighed
+
+
+def _lens_followed(solution: Solution, parameters: Array) -> tuple[Array, Array]:
+    """How knots and rig (n, 2), and points (M, 3, 2), follow what is wrong with the correction of the video's lens."""
+    o = solution.problem.observations
+    moved = np.where((o.camera == VIDEO)[:, None, None], by_lens(o.seen[:, :2]), 0.0)
+    return solution.follows(np.concatenate([moved, np.zeros((len(moved), 1, LENS))], axis=1), parameters)

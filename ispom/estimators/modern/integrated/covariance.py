@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import common_pair
@@ -23,37 +22,47 @@ def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) ->
     if reference is None or pair is None or reference.time_ns != pair.time_ns:
         return None
     base = state.metric_covariance if setup.follow_stereo else reference.drift
-    way = reference.newest if view.smoothed is not None else _resected_covariance(setup.noise, window, view)
+    way = reference.newest if view.smoothed is not None else _resected_covariance(setup.noise, state, view)
     if base is None or way is None:
         return None
-    factor = _variance_factor(setup.noise, state.track_sigmas)
-    if not setup.follow_stereo:
-        base = factor * base
     carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
-    return carry @ base @ carry.T + factor * way
+    return carry @ base @ carry.T + way
 
 
-def _variance_factor(noise: Noise, sigmas: tuple[float | None, float | None]) -> float:
-    """What covariances of the joint window are to be multiplied by: `noise` weighs one camera against the other, but
-    tracks are as far off as the methods that followed them found (None where they did not say). Of both cameras the one
-    that is the farther off counts for the whole."""
-    given = zip(sigmas, (noise.video, noise.stereo), strict=True)
-    return max(((sigma / setting) ** 2 for sigma, setting in given if sigma is not None), default=1.0)
+def variance_factors(noise: Noise, state: ModernIntegratedState) -> tuple[float, float]:
+    """What the errors of the video's and of the pairs' tracks have more variance than `noise` says, which weighs one
+    camera against the other: tracks are as far off as the methods that followed them found, if they did."""
+    video, pairs = zip(state.track_sigmas, (noise.video, noise.stereo), strict=True)
+    return _factor(*video), _factor(*pairs)
 
 
-def _resected_covariance(noise: Noise, window: JointWindow, view: View) -> Array | None:
+def _factor(sigma: float | None, setting: float) -> float:
+    return 1.0 if sigma is None else (sigma / setting) ** 2
+
+
+def by_lens(seen: Array) -> Array:
+    """(N, 2, 2) how normalised coordinates (N, 2) change with the correction of the lens, to first order."""
+    return -np.stack([seen, seen * (seen**2).sum(axis=1, keepdims=True)], axis=2)
+
+
+def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View) -> Array | None:
     """(6, 6) of a pose by resection relative to the window's reference; None where its points are new."""
+    window = state.window
     assert window.reference is not None
     _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
     if len(mine) < MIN_POINTS:
         return None
+    seen = window.seen(view)[mine]
     return pose_covariance(
         view.world_from_rig,
         window.rig.rig_from_video if view.video else window.rig.rig_from_left,
         view.video,
         window.table.select(window.table.places(view.ids[mine])).points,
-        window.seen(view)[mine],
+        seen,
         noise.of(view.video),
         noise.loss,
         window.reference.uncertainty.select(its),
+        variance_factors(noise, state)[0 if view.video else 1],
+        by_lens(seen) if view.video else None,
+        state.lens_covariance,
     )

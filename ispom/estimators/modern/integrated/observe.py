@@ -33,7 +33,9 @@ def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedStat
     """With the interval up to this frame, and the lens correction that the monocular method found."""
     lens = part.calibration.get("lens", state.window.lens_correction)
     window, sigmas = replace(state.window, lens_correction=lens), (_track_sigma(part), state.track_sigmas[1])
-    return replace(state, interval=state.interval.after(part.time_ns), window=window, track_sigmas=sigmas)
+    unsure = part.calibration.get("lens_covariance", state.lens_covariance)
+    interval = state.interval.after(part.time_ns)
+    return replace(state, interval=interval, window=window, track_sigmas=sigmas, lens_covariance=unsure)
 
 
 def with_stereo(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:

@@ -21,5 +21,7 @@ class ModernIntegratedState:
     """(6, 6) of the newest of them."""
     track_sigmas: tuple[float | None, float | None] = (None, None)
     """What the methods asked take errors of tracks for, of the video and of pairs, where they say so; normalised."""
+    lens_covariance: Array | None = None
+    """(2, 2) of what the monocular method found to be wrong with the video camera; None where it does not say."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
