@@ -20,6 +20,7 @@ third for the error of the disparity.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,7 +213,7 @@ def _with_tracks(said: TrackNoise, errors: Array, by_point: Array, weight: Array
     makes = [np.tensordot(weight, left @ cause @ left, 1) for cause in _causes(n, rows)]
     flat, expected, found = errors.reshape(m, n * rows), np.zeros((3, 3)), np.zeros(3)
     for i, square in enumerate(_squares(n, rows)):
-        found[i] = np.einsum("m,ma,ab,mb->", weight, flat, square, flat, optimize=True)
+        found[i] = weight @ ((flat @ square) * flat).sum(axis=1)
         expected[i, : len(makes)] = [(square * made).sum() for made in makes]
     return replace(
         said,
@@ -234,6 +235,7 @@ def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
     return np.array([together, float((pull**2).sum())])
 
 
+@lru_cache(maxsize=128)
 def _causes(n: int, rows: int) -> list[Array]:
     """Covariances (n R, n R) of the errors of n views: new in each of them, a walk, and of the disparity."""
     # An error of the left x is one of the right x, too: that is found from the left one.
@@ -243,6 +245,7 @@ def _causes(n: int, rows: int) -> list[Array]:
     return [*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found
 
 
+@lru_cache(maxsize=128)
 def _squares(n: int, rows: int) -> list[Array]:
     """Forms (n R, n R): the sum of the squares of x and y, of their increments, and of the right x."""
     increments = np.diff(np.eye(n), axis=0)
