@@ -209,12 +209,16 @@ def _with_tracks(said: TrackNoise, errors: Array, by_point: Array, weight: Array
     m, n, rows = errors.shape
     basis, size, _ = np.linalg.svd(by_point.reshape(m, n * rows, 3), full_matrices=False)
     basis = basis * (size > 1e-9 * size[:, :1])[:, None, :]
-    left = np.eye(n * rows) - basis @ np.swapaxes(basis, 1, 2)
-    makes = [np.tensordot(weight, left @ cause @ left, 1) for cause in _causes(n, rows)]
+    across = np.swapaxes(basis, 1, 2)
+    made = [(cause, cause @ basis) for cause in _causes(n, rows)]
     flat, expected, found = errors.reshape(m, n * rows), np.zeros((3, 3)), np.zeros(3)
     for i, square in enumerate(_squares(n, rows)):
         found[i] = weight @ ((flat @ square) * flat).sum(axis=1)
-        expected[i, : len(makes)] = [(square * made).sum() for made in makes]
+        squared = square @ basis
+        for j, (cause, of_basis) in enumerate(made):
+            # trace(S P C P) with P = I - Q Q', of which the basis Q has three columns
+            both = ((across @ squared) * (across @ of_basis)).sum(axis=(1, 2))
+            expected[i, j] = weight @ ((square * cause).sum() - 2 * (squared * of_basis).sum(axis=(1, 2)) + both)
     return replace(
         said,
         expected=said.expected + expected,
