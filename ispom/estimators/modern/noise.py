@@ -209,22 +209,27 @@ def _with_tracks(said: TrackNoise, errors: Array, by_point: Array, weight: Array
     m, n, rows = errors.shape
     basis, size, _ = np.linalg.svd(by_point.reshape(m, n * rows, 3), full_matrices=False)
     basis = basis * (size > 1e-9 * size[:, :1])[:, None, :]
-    across = np.swapaxes(basis, 1, 2)
-    made = [(cause, cause @ basis) for cause in _causes(n, rows)]
+    # Of a form S and a covariance C: trace(S P C P), with P = I - Q Q' and the three columns Q of the basis.
+    squares, causes, across = _squares(n, rows), _causes(n, rows), np.swapaxes(basis, 1, 2)
+    of_squares, of_causes = squares[:, None] @ basis, causes[:, None] @ basis
+    once = _products(of_squares, of_causes, weight)
+    twice = _products(across @ of_squares, across @ of_causes, weight)
     flat, expected, found = errors.reshape(m, n * rows), np.zeros((3, 3)), np.zeros(3)
-    for i, square in enumerate(_squares(n, rows)):
-        found[i] = weight @ ((flat @ square) * flat).sum(axis=1)
-        squared = square @ basis
-        for j, (cause, of_basis) in enumerate(made):
-            # trace(S P C P) with P = I - Q Q', of which the basis Q has three columns
-            both = ((across @ squared) * (across @ of_basis)).sum(axis=(1, 2))
-            expected[i, j] = weight @ ((square * cause).sum() - 2 * (squared * of_basis).sum(axis=(1, 2)) + both)
+    expected[: len(squares), : len(causes)] = (
+        weight.sum() * np.tensordot(squares, causes, axes=((1, 2), (1, 2))) - 2 * once + twice
+    )
+    found[: len(squares)] = ((flat @ squares) * flat).sum(axis=2) @ weight
     return replace(
         said,
         expected=said.expected + expected,
         found=said.found + found,
         weight=said.weight + float(weight.sum()),
     )
+
+
+def _products(a: Array, b: Array, weight: Array) -> Array:
+    """(A, B) sums of the products of a (A, M, ...) and b (B, M, ...), with weights (M,)."""
+    return (weight[:, None, None] * a).reshape(len(a), -1) @ b.reshape(len(b), -1).T
 
 
 def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
@@ -240,19 +245,19 @@ def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
 
 
 @lru_cache(maxsize=128)
-def _causes(n: int, rows: int) -> list[Array]:
-    """Covariances (n R, n R) of the errors of n views: new in each of them, a walk, and of the disparity."""
+def _causes(n: int, rows: int) -> Array:
+    """Covariances (C, n R, n R) of the errors of n views: new in each of them, a walk, and of the disparity."""
     # An error of the left x is one of the right x, too: that is found from the left one.
     image = np.array([[1.0, 0, 1], [0, 1, 0], [1, 0, 1]])[:rows, :rows]
     steps = np.minimum.outer(np.arange(n), np.arange(n)).astype(float)
     found = [np.kron(np.eye(n), image), np.kron(steps, image)]
-    return [*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found
+    return np.stack([*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found)
 
 
 @lru_cache(maxsize=128)
-def _squares(n: int, rows: int) -> list[Array]:
-    """Forms (n R, n R): the sum of the squares of x and y, of their increments, and of the right x."""
+def _squares(n: int, rows: int) -> Array:
+    """Forms (C, n R, n R): the sum of the squares of x and y, of their increments, and of the right x."""
     increments = np.diff(np.eye(n), axis=0)
     left = np.diag([1.0, 1, 0][:rows])
     found = [np.kron(np.eye(n), left), np.kron(increments.T @ increments, left)]
-    return [*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found
+    return np.stack([*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found)
