@@ -35,6 +35,8 @@ BESIDE: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 14
 TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
+MOVING: Rgb = (255, 20, 147)
+"""What one other rigid motion than the camera's explains."""
 
 STAGES: tuple[Rgb, ...] = (
     (86, 180, 233),

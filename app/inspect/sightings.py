@@ -28,6 +28,11 @@ class Seen:
     camera: Frame
     tracks: Tracks
 
+    @property
+    def moved(self) -> Tracks | None:
+        """Those that one other rigid motion explains; None where none is told."""
+        return self.step.other_motion.get(self.camera)
+
 
 @dataclass(frozen=True, eq=False)
 class Sighting:

@@ -85,9 +85,14 @@ def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> 
     return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
 
 
+MOVING = len(TrackStatus)
+"""Class id of what moves by itself."""
+
+
 def statuses() -> rr.AnnotationContext:
-    """What the class ids of `points` mean: shown on hovering."""
-    return rr.AnnotationContext([(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus])
+    """What the class ids of `points` and `moving` mean: shown on hovering."""
+    known = [(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus]
+    return rr.AnnotationContext([*known, (MOVING, "moves by itself, with others as one rigid thing", colours.MOVING)])
 
 
 def thinned(tracks: Tracks, camera: Camera) -> Tracks:
@@ -111,6 +116,12 @@ def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
     return rr.Points2D(
         shown_uv(tracks.uv, camera), class_ids=tracks.status.astype(np.uint16), radii=radii, show_labels=False
     )
+
+
+def moving(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """What one other rigid motion explains, larger than `points`, so that it shows around them."""
+    classes = np.full(len(tracks), MOVING, np.uint16)
+    return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=classes, radii=[-3.5], show_labels=False)
 
 
 def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
@@ -140,14 +151,16 @@ def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
 
 
-def legend(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """Beside or below the image: how many tracks have which status, in its colour."""
+def legend(tracks: Tracks, moved: Tracks | None, camera: Camera) -> rr.Points2D:
+    """Beside or below the image: how many tracks have which status, in its colour; and how many move by themselves."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
-    present = [s for s in TrackStatus if counts[s]]
+    items = [(int(s), f"{counts[s]} {_SHORT.get(s, s.name.lower())}") for s in TrackStatus if counts[s]]
+    if moved is not None:
+        items.append((MOVING, f"{len(moved)} move alone"))
     return rr.Points2D(
-        legend_places(len(present), camera),
-        class_ids=[int(s) for s in present],
-        labels=[f"{counts[s]} {_SHORT.get(s, s.name.lower())}" for s in present],
+        legend_places(len(items), camera),
+        class_ids=[number for number, _ in items],
+        labels=[text for _, text in items],
         radii=-4.0,
         show_labels=True,
     )

@@ -11,6 +11,7 @@ LAYERS = {
     "clouds": "point clouds",
     "map": "map (ispom map)",
     "tracks": "tracks on images",
+    "moving": "what moves by itself",
     "trails": "trails of tracks",
     "disparity": "disparity",
 }
@@ -23,9 +24,10 @@ HINTS = {
     "clouds": "The points that each method triangulated, tinted in its colour.",
     "map": "The dense mesh, and a laser's points, that ispom map made of the run.",
     "tracks": "The tracks of the exposure on its image, coloured as chosen under Look.",
+    "moving": "The tracks that one rigid motion explains beside the one that is followed, on their image.",
     "trails": "Where the tracks were in the exposures before [px].",
     "disparity": "From each point of the left image to its place in the right one [px].",
 }
 MEASURES = "measures"
 """Of no layer: all plots and texts, which a lesson keeps out of sight."""
-IMAGE_LAYERS = ("tracks", "trails", "disparity")
+IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity")

@@ -10,7 +10,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
-    /video, /left                            image, tracks, trails, legend; left also disparity
+    /video, /left                            image, tracks, moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
     /decisions, /log, /log/bookmarks         text
@@ -52,6 +52,8 @@ class Recorder:
         self._world, self._plots = World(opened, self.first_ns), Plots(opened)
         self._coloured = ColouredTracks(opened.sequence.rig)
         self._recent: dict[str, list[Tracks]] = {}
+        self._moving = set[str]()
+        """Cameras in which anything moved by itself so far."""
         self._last: dict[str, Step] = {}
         self._now = (0, 0)
 
@@ -115,7 +117,13 @@ class Recorder:
     def _tracks(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
         camera = self.opened.sequence.rig.camera(seen.camera)
         yield Entry(f"{seen.camera}/tracks", entities.points(shown, camera))
-        yield Entry(f"{seen.camera}/legend", entities.legend(seen.tracks, camera))
+        moved = seen.moved
+        yield Entry(f"{seen.camera}/legend", entities.legend(seen.tracks, moved, camera))
+        if moved is not None:
+            self._moving.add(seen.camera)
+        if seen.camera in self._moving:
+            drawn = rr.Clear(recursive=False) if moved is None else entities.moving(moved, camera)
+            yield Entry(f"{seen.camera}/moving", drawn)
         if seen.camera == "left":
             yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
 

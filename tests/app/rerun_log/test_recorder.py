@@ -145,6 +145,26 @@ def test_trails_follow_ids_and_stop_at_birth():
     assert_allclose(strips - 0.5, [[[21, 20], [20, 20]], [[11, 10], [10, 10]], [[1, 1], [1, 1]]])
 
 
+def test_what_moves_by_itself_is_drawn_as_long_as_it_is_told(run):
+    recorder, first, second, third = Recorder(run.opened), run.step(), run.step(), run.step()
+    at = next(i for i, step in enumerate(first.steps) if "video" in step.tracks)
+    video = {"exposure": first.exposure, "index": first.index}
+    some = Tracks.of(np.arange(3), np.array([[10, 10], [20, 20], [30, 5]]))
+
+    def told(event: Stepped, moved: dict[str, Tracks]) -> Stepped:
+        steps = tuple(replace(s, other_motion=moved if i == at else {}) for i, s in enumerate(first.steps))
+        return replace(event, steps=steps, **video)
+
+    assert isinstance(first.exposure, VideoFrame)
+    batches = [recorder.batch(told(e, m)) for e, m in ((first, {}), (second, {"video": some}), (third, {}))]
+    drawn = [[e.value for e in batch.entries if e.path == "video/moving"] for batch in batches]  # type: ignore[union-attr]
+    assert [len(values) for values in drawn] == [0, 1, 1] and isinstance(drawn[2][0], rr.Clear)
+    points = np.array(drawn[1][0].positions.as_arrow_array().to_pylist())
+    assert_allclose(points - 0.5, some.uv)
+    legends = [e.value for e in batches[1].entries if e.path == "video/legend"]  # type: ignore[union-attr]
+    assert "3 move alone" in legends[0].labels.as_arrow_array().to_pylist()
+
+
 def test_a_frustum_sees_the_image_corners():
     camera = Camera(80, 60, 60.0, 60.0, 39.5, 29.5, (-0.05, 0.01, 0.0, 0.0))
     outline = entities.frustum(camera, Pose(), 2.0)

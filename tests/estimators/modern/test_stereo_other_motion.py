@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.stereo.estimator import ModernStereo, ModernStereoConfig
+from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.other_motion import other_motion
 from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
+from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import fit_pose
@@ -44,9 +46,9 @@ def told(noise_px: float, thing: Pose, astray: int = 0) -> tuple[tuple[Decision,
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
     lower = np.zeros(count, np.float32)
     sighting = Sighting(points.uv, points.disparity_px, status, all_points, located, all_points, lower)
-    world = StereoMap(ids=all_points, xyz=xyz)
-    tests, moved = other_motion(setup, world, points, sighting)
-    return tests, set() if moved is None else set(moved.ids.tolist())
+    last = LastPair(points=points)
+    found, tests = other_motion(setup, ModernStereoState(last, StereoMap(ids=all_points, xyz=xyz)), sighting)
+    return tests, set() if found is None else set(found.of.tolist())
 
 
 @pytest.mark.parametrize("noise_px", [0.0, 0.15])

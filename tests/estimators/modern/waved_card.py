@@ -34,6 +34,9 @@ def drawn(camera_from_plane: Pose, of: Image, scale: float, on: Image | None) ->
 WALLS, CARD = [texture(i, (500, 700)) for i in (1, 2)], texture(3, (120, 120))
 
 
+LARGE, LARGER = texture(4, (190, 230)), texture(5, (260, 310))
+
+
 def seen(camera_from_world: Pose, number: int, waved: bool) -> Image:
     """The image of that number, from a pose."""
     image = drawn(camera_from_world @ Pose(np.eye(3), np.array([0.0, 0.0, 7.0])), WALLS[0], 0.02, None)
@@ -43,3 +46,13 @@ def seen(camera_from_world: Pose, number: int, waved: bool) -> Image:
     wave = Pose.from_rotvec(np.array([0.0, 0.0, 0.02 * number]), swung)
     hung = Pose(np.eye(3), np.array([0.0, -0.4, 3.0]))
     return drawn(camera_from_world @ (wave if waved else hung), CARD, 0.01, image)
+
+
+def leaving(camera_from_world: Pose, moves: int, card: Image = LARGE) -> Image:
+    """The walls behind a card that fills most of the image and hung still until it began to move aside, so many moves
+    ago."""
+    image = drawn(camera_from_world @ Pose(np.eye(3), np.array([0.0, 0.0, 7.0])), WALLS[0], 0.02, None)
+    slanted = Pose.from_rotvec(np.array([0.8, 0.0, 0.0]), np.array([0.0, 2.0, 4.5]))
+    image = drawn(camera_from_world @ slanted, WALLS[1], 0.01, image)
+    aside = Pose.from_rotvec(np.array([0.0, 0.0, 0.02 * moves]), np.array([0.0, -0.35 - 0.06 * moves, 3.0]))
+    return drawn(camera_from_world @ aside, card, 0.01, image)

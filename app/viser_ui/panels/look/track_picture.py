@@ -23,11 +23,16 @@ WIDTH = 640
 def track_picture(looked: Looked) -> str:
     """As HTML."""
     known: dict[str, Any] = {"camera": looked.pictured, "index": looked.index, "image": None, "dots": (), "legend": ()}
+    known["moved"] = None
     if looked.index is None or (image := image_of(looked.sequence, looked.index)) is None:
         return render("track_picture.html", **known)
     known |= {"image": picture(image, WIDTH), "height": image.shape[0], "width": image.shape[1]}
     if looked.seen is not None:
         known |= {"dots": _dots(looked, looked.seen.tracks), "legend": _legend(looked, looked.seen.tracks)}
+        if (moved := looked.seen.moved) is not None:
+            pink = colours.css(colours.MOVING)
+            known["moved"] = (pink, dots(moved.uv))
+            known["legend"].append((pink, f"{len(moved)} rimmed: they move by themselves, as one rigid thing"))
     return render("track_picture.html", **known, title=_title(looked), scale=_scale(looked), picked=_picked(looked))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, BUNDLE_COST, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
-from ispom.estimators.modern.motions import SECOND_MOTION
+from ispom.estimators.modern.motions import LARGER, SECOND_MOTION, WIDER
 from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
@@ -224,6 +224,8 @@ CHECKS = by_key(
     AMBIGUITY,
     EXPLAINED_SHARE,
     SECOND_MOTION,
+    WIDER,
+    LARGER,
     UNIT_POINTS,
     UNIT_FACTOR,
     UNIT_SPREAD,

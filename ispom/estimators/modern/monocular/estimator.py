@@ -19,6 +19,7 @@ from ispom.estimators.modern.monocular.start import poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
+from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.settings import Range
@@ -55,6 +56,9 @@ class ModernMonocularConfig:
     """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
     loops: bool = False
     """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
+    follow: Follow = "static"
+    """Where two things move by themselves: what the map was begun with, which mostly stands still; or what fills more
+    of the image, in a new map."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say."""
 
@@ -123,6 +127,7 @@ class ModernMonocular:
             c.max_view_angle_deg,
             c.max_interval_s,
             c.relocalise,
+            c.follow,
         )
 
 

@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.localise import moving_tracks
 from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.recover import new_start
 from ispom.estimators.modern.monocular.second_motion import rigid
 from ispom.estimators.modern.monocular.setup import MOVING, Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.motions import LEAST, MARKED, told
+from ispom.estimators.modern.monocular.tracks import tracked_frame
+from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, told
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
-from ispom.types import Decision, TrackStatus
+from ispom.types import Decision, Status, TrackStatus
 
 PAUSE = 5
 """Images from a test in vain to the next: contours that slide along would be tested at each of them."""
@@ -37,12 +39,33 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
         test, moving = other_motion(world, frame, int(agreeing.sum()), setup.sigma)
     if test is not None and test.passed:
         followed = replace(followed, rest=PAUSE)
-    return replace(
+    outcome = replace(
         outcome,
         decisions=outcome.decisions if test is None else (*outcome.decisions, test),
         disagreeing=followed.explained(moving).joined(live, outcome.followed, setup.max_tracks),
         other_motion=followed.tracks(moving),
     )
+    return _larger(setup, state, outcome, new) if len(moving) and setup.follow == "largest" else outcome
+
+
+def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage) -> Outcome:
+    """A new start where the other motion fills more of the image than what the map was made of."""
+    assert outcome.map is not None and outcome.pose is not None
+    assert outcome.other_motion is not None and outcome.residual_px is not None
+    world, other, live, followed = outcome.map, outcome.other_motion, state.live, outcome.followed
+    agreeing = (followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
+    test = preferred(
+        setup.follow,
+        Moving(other.ids, other.uv, world.known(other.ids)),
+        Moving(live.ids[agreeing], followed.uv[agreeing], world.known(live.ids[agreeing])),
+        (setup.camera.width, setup.camera.height),
+    )
+    outcome = replace(outcome, decisions=(*outcome.decisions, test))
+    if not test.passed:
+        return outcome
+    frame = tracked_frame(setup.camera, live, followed, new.time_ns)
+    begun = new_start(setup, state, frame, followed, outcome.pose, None, outcome.decisions)
+    return replace(begun, status=Status.INITIALISING, other_motion=other)
 
 
 def other_motion(

@@ -35,13 +35,18 @@ def recover(
     turn = None if state.missed else turned(before, frame, setup.sigma)
     if turn is not None:
         because, held = turn
-        return _new_start(setup, state, frame, followed, held, held, (*failed, because))
+        return new_start(setup, state, frame, followed, held, held, (*failed, _lost(because)))
     # From a dark or covered lens no map can start.
     if state.missed < PATIENCE or not has_contrast(new.grey, state.live.grey):
         waiting = replace(failed[-1], consequence="lost; the next frame is compared with the last good one")
         decisions = (*failed[:-1], waiting)
         return Outcome(followed, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
-    return _new_start(setup, state, frame, followed, coasted(state.recent, new.time_ns), None, failed)
+    failed = (*failed[:-1], _lost(failed[-1]))
+    return new_start(setup, state, frame, followed, coasted(state.recent, new.time_ns), None, failed)
+
+
+def _lost(because: Decision) -> Decision:
+    return replace(because, consequence="lost; a new map from the last pose")
 
 
 def turned(before: TrackedFrame, frame: TrackedFrame, sigma: float) -> tuple[Decision, Pose] | None:
@@ -57,7 +62,7 @@ def turned(before: TrackedFrame, frame: TrackedFrame, sigma: float) -> tuple[Dec
     return checks.TURN_ONLY.of(shift, SPOT_DEG), Pose(last.rotation @ turn.T, last.translation)
 
 
-def _new_start(
+def new_start(
     setup: Setup,
     state: ModernMonocularState,
     frame: TrackedFrame,
@@ -74,6 +79,5 @@ def _new_start(
     joined = held is not None
     parts = speed_of(world), world.points, setup.extra_sigma, covariance, coasting, joined, world.noise
     start = Start((frame,), base, *parts)
-    decisions = (*because[:-1], replace(because[-1], consequence="lost; a new map from the last pose"))
     settled = tuple(world.trajectory())
-    return Outcome(followed, Status.LOST, held, start=start, decisions=decisions, settled=settled, restarted=not joined)
+    return Outcome(followed, Status.LOST, held, start=start, decisions=because, settled=settled, restarted=not joined)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ispom.estimators.modern.motions import Follow
 from ispom.geometry import Array
 from ispom.types import Camera
 
@@ -40,6 +41,7 @@ class Setup:
     max_view_angle_deg: float
     max_interval_s: float
     relocalise: bool
+    follow: Follow
 
     @property
     def noise(self) -> float:

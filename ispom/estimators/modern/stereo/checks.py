@@ -5,7 +5,7 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS, WINDOW
 from ispom.estimators.key_frame_checks import KEY_FRAME, POINTS_LEFT
 from ispom.estimators.modern.loops.checks import LOOP_CHECKS
-from ispom.estimators.modern.motions import SECOND_MOTION
+from ispom.estimators.modern.motions import LARGER, SECOND_MOTION, WIDER
 from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
@@ -13,9 +13,9 @@ LOCATED, CALIBRATED = "Pair located?", "Is the calibration right?"
 
 STAGES = {
     "track": "Follows the points into the left image, then into the right one, and locates the pair by both.",
+    "other motion": "Tells where one other motion explains points that ended as not standing still.",
     "new points": "Key frame: looks for corners between the points and matches them in the right image.",
     "adjust": "Adjusts the window of key frames, their points and the pair's calibration; the oldest becomes a prior.",
-    "other motion": "Tells where one other motion explains points that ended as not standing still.",
     "conclude": "Collects what the next pair starts from, and this report.",
     "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
 }
@@ -152,6 +152,8 @@ CHECKS = by_key(
     DEPTH_POINTS,
     LOST_PAIRS,
     SECOND_MOTION,
+    WIDER,
+    LARGER,
     DISPLACEMENT,
     POINTS_LEFT,
     ADJUSTED_ERROR,

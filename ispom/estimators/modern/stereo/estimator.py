@@ -7,13 +7,14 @@ from typing import Annotated
 
 import numpy as np
 
+from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.conclude import as_step, next_state
 from ispom.estimators.modern.stereo.key_frame import Current, extended, key_frame_tests, new_points
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
-from ispom.estimators.modern.stereo.other_motion import other_motion
-from ispom.estimators.modern.stereo.pair import NewPair
+from ispom.estimators.modern.stereo.other_motion import motions
+from ispom.estimators.modern.stereo.pair import NewPair, Sighting
 from ispom.estimators.modern.stereo.recover import recover
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
@@ -23,7 +24,7 @@ from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.right_camera import PAIR
 from ispom.stopwatch import Stopwatch
-from ispom.types import Exposure, Rig, Status, Step, StereoPair, Trajectory
+from ispom.types import Decision, Exposure, Rig, Status, Step, StereoPair, Trajectory
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,9 @@ class ModernStereoConfig:
     """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
     loops: bool = False
     """Find places again after a long way, and spread over all poses what odometry was off by; off: plain odometry."""
+    follow: Follow = "static"
+    """Where two things move by themselves: what stands still, as far as known (it was there before, and spans more
+    room), or what fills more of the image."""
     self_calibration: bool = True
     """Estimate what is wrong with the right camera: how it is turned, its focal length, principal point, distortion,
     and a late shutter. The settings that follow are standard deviations before any data."""
@@ -114,10 +118,6 @@ class ModernStereo:
         assert isinstance(exposure, StereoPair)
         watch, new = Stopwatch(), NewPair.of(exposure)
         outcome = self._advance(state, new, watch)
-        if (before := outcome.before) is not None:
-            tests, moved = other_motion(self._setup, before.map, before.last.points, outcome.sighting)
-            outcome = replace(outcome, decisions=(*outcome.decisions, *tests), other_motion=moved)
-            watch.lap("other motion")
         after, step = outcome.after, as_step(self._setup, exposure, outcome)
         watch.lap("conclude")
         if self.config.loops:
@@ -136,6 +136,22 @@ class ModernStereo:
             decisions += restart
             if not restart:
                 return Outcome(before, Status.LOST, sighting, decisions)
+        sighting, tests, moved = motions(setup, before, new, sighting)
+        watch.lap("other motion")
+        outcome = self._located(state, before, new, sighting, (*decisions, *tests), watch)
+        return replace(outcome, other_motion=moved)
+
+    def _located(
+        self,
+        state: ModernStereoState,
+        before: ModernStereoState,
+        new: NewPair,
+        sighting: Sighting,
+        decisions: tuple[Decision, ...],
+        watch: Stopwatch,
+    ) -> Outcome:
+        """The pair once it is known where it was taken; `before` is the state as it was followed from."""
+        setup = self._setup
         status = Status.INITIALISING if sighting.located is None else Status.TRACKING
         now = Current.of(before, new, sighting)
         tests = key_frame_tests(setup, before.map, now.points)
@@ -182,6 +198,7 @@ class ModernStereo:
             c.max_lost_pairs,
             c.iterations,
             c.relocalise,
+            c.follow,
         )
 
     @property

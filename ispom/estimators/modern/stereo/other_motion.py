@@ -1,13 +1,18 @@
-"""A pair located: does one other rigid motion explain the points that its pose does not?"""
+"""A pair located: does one other rigid motion explain the points that its pose does not, and is it to be followed?"""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from ispom.estimators.modern.motions import LEAST, MARKED, told
-from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.motions import LEAST, MARKED, Moving, preferred, told
+from ispom.estimators.modern.stereo.pair import NewPair, Sighting
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.estimators.modern.stereo.state import ModernStereoState
+from ispom.estimators.modern.stereo.track import located_by
+from ispom.geometry import Pose
 from ispom.solvers.multiview.resection import resect
 from ispom.types import Decision, Tracks
 
@@ -16,21 +21,80 @@ INLIER = 4.0
 points be off by 2.5. What is off by little more than that, alike in a part of the image, is no thing that moves."""
 
 
+@dataclass(frozen=True, eq=False)
+class OtherMotion:
+    """What one other rigid motion explains."""
+
+    of: NDArray[np.int64]
+    """(M,) which of the last pair's points."""
+    left_from_world: Pose
+    """As these points say, by where the map has them."""
+
+
+def motions(
+    setup: Setup, state: ModernStereoState, new: NewPair, sighting: Sighting
+) -> tuple[Sighting, tuple[Decision, ...], Tracks | None]:
+    """The pair located by the motion that is to be followed, and what it does not explain and another one does.
+
+    No Decisions where too few points are left unexplained; None where no other motion is told.
+    """
+    found, tests = other_motion(setup, state, sighting)
+    if found is None:
+        return sighting, tests, None
+    assert sighting.located is not None
+    others, own = _by_nearer(setup, state, sighting, found)
+    size = setup.camera.width, setup.camera.height
+    test = preferred(setup.follow, *(_moving(state, sighting, of) for of in (others, own)), size)
+    tests = (*tests, test)
+    if not test.passed:
+        return sighting, tests, _tracks(state, sighting, found.of)
+    again = located_by(setup, state, new, sighting, found.left_from_world, others)
+    return again, tests, _tracks(state, sighting, own)
+
+
+def _by_nearer(
+    setup: Setup, state: ModernStereoState, sighting: Sighting, other: OtherMotion
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The points that the other motion explains better than the pair's pose, and those that agree with the pose only:
+    where little has moved yet, what is far off agrees with both."""
+    assert sighting.located is not None
+    part = sighting.took_part
+    xyz, uv = state.map.xyz[sighting.place[part]], sighting.uv[part]
+    by_pose, by_other = (
+        np.linalg.norm(setup.camera.project(pose.apply(xyz)) - uv, axis=1)
+        for pose in (sighting.located.camera_from_world, other.left_from_world)
+    )
+    nearer = (by_other < by_pose) & (by_other < INLIER * setup.loss_px)
+    return part[nearer], part[sighting.located.inliers & ~nearer]
+
+
 def other_motion(
-    setup: Setup, world: StereoMap, points: PairPoints, sighting: Sighting
-) -> tuple[tuple[Decision, ...], Tracks | None]:
-    """Whether one other motion carries those of the last pair's points (N,) that end here as no still ones, as the map
-    had them, to where they are seen now; and those it explains, None where it is not told. Too few are not asked."""
+    setup: Setup, state: ModernStereoState, sighting: Sighting
+) -> tuple[OtherMotion | None, tuple[Decision, ...]]:
+    """Whether one other motion carries those of the last pair's points that end here as no still ones, as the map had
+    them, to where they are seen now. Too few are not asked."""
     located = sighting.located
     if located is None:
-        return (), None
+        return None, ()
     ended = sighting.took_part[~located.inliers]
     count = len(sighting.took_part)
     if len(ended) < max(LEAST, MARKED * count):
-        return (), None
+        return None, ()
     x = setup.camera.normalise(sighting.uv[ended])
-    found = resect(world.xyz[sighting.place[ended]], x, INLIER * setup.loss)
+    found = resect(state.map.xyz[sighting.place[ended]], x, INLIER * setup.loss)
     explained = np.zeros(len(ended), bool) if found is None else found.inliers
-    test, of = told(explained, count), ended[explained]
-    moved = Tracks.of(points.ids[of], sighting.uv[of], uv_prev=points.uv[of], disparity_px=sighting.disparity_px[of])
-    return (test,), None if test.passed else moved
+    test = told(explained, count)
+    if found is None or test.passed:
+        return None, (test,)
+    return OtherMotion(ended[explained], found.camera_from_world), (test,)
+
+
+def _moving(state: ModernStereoState, sighting: Sighting, of: NDArray[np.int64]) -> Moving:
+    return Moving(state.last.points.ids[of], sighting.uv[of], state.map.xyz[sighting.place[of]])
+
+
+def _tracks(state: ModernStereoState, sighting: Sighting, of: NDArray[np.int64]) -> Tracks:
+    """As a Step shows them."""
+    points = state.last.points
+    disparity = sighting.disparity_px[of]
+    return Tracks.of(points.ids[of], sighting.uv[of], uv_prev=points.uv[of], disparity_px=disparity)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.types import Camera
@@ -31,6 +32,7 @@ class Setup:
     max_lost_pairs: int
     iterations: int
     relocalise: bool
+    follow: Follow
 
     @property
     def left_from_rig(self) -> Pose:

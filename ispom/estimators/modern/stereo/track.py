@@ -72,6 +72,16 @@ def sight(
     return state, sighting, (guided, nearby, checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers))
 
 
+def located_by(
+    setup: Setup, state: ModernStereoState, new: NewPair, seen: Sighting, pose: Pose, of: NDArray[np.int64]
+) -> Sighting:
+    """The pair located by some of its points alone (M,), near `pose`; the others end as none that stand still."""
+    status = seen.status.copy()
+    status[seen.took_part] = TrackStatus.REPROJECTION
+    status[of] = TrackStatus.ALIVE
+    return replace(_sighted(setup, state.last, state.map, new, pose, seen.uv, status), relocated=seen.relocated)
+
+
 def _begun(
     setup: Setup, state: ModernStereoState, sighting: Sighting, new: NewPair
 ) -> tuple[ModernStereoState, Sighting]:
