@@ -60,11 +60,11 @@ def _larger(setup: Setup, state: ModernMonocularState, outcome: Outcome, new: Ne
         Moving(live.ids[agreeing], followed.uv[agreeing], world.known(live.ids[agreeing])),
         (setup.camera.width, setup.camera.height),
     )
-    outcome = replace(outcome, decisions=(*outcome.decisions, test))
+    decisions = (*outcome.decisions, test)
     if not test.passed:
-        return outcome
+        return replace(outcome, decisions=decisions)
     frame = tracked_frame(setup.camera, live, followed, new.time_ns)
-    begun = new_start(setup, state, frame, followed, outcome.pose, None, outcome.decisions)
+    begun = new_start(setup, state, frame, followed, outcome.pose, None, decisions)
     return replace(begun, status=Status.INITIALISING, other_motion=other)
 
 

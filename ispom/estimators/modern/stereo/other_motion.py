@@ -43,8 +43,8 @@ def motions(
         return sighting, tests, None
     assert sighting.located is not None
     others, own = _by_nearer(setup, state, sighting, found)
-    size = setup.camera.width, setup.camera.height
-    test = preferred(setup.follow, *(_moving(state, sighting, of) for of in (others, own)), size)
+    sides = _moving(state, sighting, others), _moving(state, sighting, own)
+    test = preferred(setup.follow, *sides, (setup.camera.width, setup.camera.height))
     tests = (*tests, test)
     if not test.passed:
         return sighting, tests, _tracks(state, sighting, found.of)
