@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import command, consistency, measure, plan, tables, unit
+from ispom_app.bench import child, consistency, measure, plan, studies, tables, unit
 from ispom_app.bench.peers import PEERS
 from ispom_app.cli import main
 
@@ -26,11 +26,11 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure, "build", helpers.build)
     monkeypatch.setattr(unit.Unit, "measure", lambda self, times=7: self.samples_ms.append(10.0))
 
-    def child(module: str, task: dict, one_thread: bool = True) -> object:
+    def measured_elsewhere(module: str, task: dict, one_thread: bool = True) -> object:
         assert module == "measure"
         return measure.answer(task)
 
-    monkeypatch.setattr(command, "_child", child)
+    monkeypatch.setattr(child, "found", measured_elsewhere)
 
 
 def drive(folder: Path) -> Path:
@@ -83,9 +83,9 @@ def test_consistency_is_told_of_what_has_covariances(
 
     monkeypatch.setattr(consistency, "_errors", lambda sequence, method: made(sequence))
     monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s, world: seed)
-    monkeypatch.setattr(command, "names", lambda: ("stereo",))
+    monkeypatch.setattr(studies, "names", lambda: ("stereo",))
     found = lambda module, task: consistency.measured("stereo", task["scene"], task["seeds"], tmp_path)  # noqa: E731
-    monkeypatch.setattr(command, "_child", found)
+    monkeypatch.setattr(child, "found", found)
     assert main(["bench", "--consistency", "--seeds", "5", "--json", str(tmp_path / "c.json")]) == 0
     row, *others = json.loads((tmp_path / "c.json").read_text())["consistency"]
     assert [row["scene"], *(other["scene"] for other in others)] == list(consistency.FLIGHTS)
@@ -95,7 +95,7 @@ def test_consistency_is_told_of_what_has_covariances(
         and row["pose"]["longest_above_s"] == pytest.approx(9e-9)
     )
     assert row["pose"]["sigma_factor"] == pytest.approx(2, rel=0.1) and row["position"]["dof"] == 3
-    monkeypatch.setattr(command, "_child", lambda module, task: {})
+    monkeypatch.setattr(child, "found", lambda module, task: {})
     assert main(["bench", "--consistency"]) == 0
     told = capsys.readouterr().out
     assert "orientation" in told and "gives no covariances" in told
@@ -108,8 +108,8 @@ def test_every_peer_stands_beside_a_row() -> None:
 
 def test_a_row_in_a_process_of_its_own(tmp_path: Path) -> None:
     task = {"case": "kitti-06", "source": str(tmp_path), "pair": [], "runs": 1, "method": "stereo.paper"}
-    assert "empty folder" in command._child("measure", task)["error"]
-    assert "failed, please report it" in command._child("nothing", task)["error"]
+    assert "empty folder" in child.found("measure", task)["error"]
+    assert "failed, please report it" in child.found("nothing", task)["error"]
 
 
 def test_the_unit() -> None:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from ispom_app.bench import command, gaps
+from ispom_app.bench import child, gaps
 from ispom_app.bench.gaps import Found, Trial
 from ispom_app.cli import main
 
@@ -50,12 +50,12 @@ def test_a_method_knows_its_place_or_says_that_it_does_not(
 def test_the_bench_tells_of_both_methods(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path
 ) -> None:
-    def child(module: str, task: dict) -> list[dict]:
+    def measured_elsewhere(module: str, task: dict) -> list[dict]:
         assert module == "gaps"
         trial = Trial(f"seed {task['seed']}", task["method"], 4.0, 2.0)
         return [asdict(Found(trial, 0.5, "located", 0.1, 0.2)), asdict(Found(trial, 0.1, "located", 0.9, 0.2))]
 
-    monkeypatch.setattr(command, "_child", child)
+    monkeypatch.setattr(child, "found", measured_elsewhere)
     assert main(["bench", "--gaps", "--data", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "monocular: where at least 30% of the last image is seen again" in out

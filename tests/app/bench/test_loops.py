@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import command, loops
+from ispom_app.bench import child, loops
 from ispom_app.bench.loops import BEGIN_M, START_M, Driven, Later, driven
 from ispom_app.bench.terraces import ALIKE_M, build_terraces
 from ispom_app.cli import main
@@ -71,14 +71,14 @@ def test_both_methods_drive(returns: bool) -> None:
 def test_the_bench_tells_of_both_methods(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    def child(module: str, task: dict) -> object:
+    def measured_elsewhere(module: str, task: dict) -> object:
         assert module == "loops"
         if task["seed"] == 1:
             return {"error": "it broke"}
         more = (2.0, 5.0, math.nan) if task["returns"] else ()
         return [asdict(Driven(m, task["seed"], task["returns"], 541.0, 1, 0.3, 0, *more)) for m in task["methods"]]
 
-    monkeypatch.setattr(command, "_child", child)
+    monkeypatch.setattr(child, "found", measured_elsewhere)
     assert main(["bench", "--loops", "--seeds", "2", "--json", str(tmp_path / "l.json")]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "seed 1 of 2: it broke" in told

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import command
+from ispom_app.bench import studies
 from ispom_app.bench.page.drive import to_and_fro
 from ispom_app.bench.page.measure import ATTENDANCES, Attendance, answered, attended
 from ispom_app.bench.page.served import Served
@@ -70,8 +70,8 @@ def test_the_tables_are_printed_and_written(
         move = {"state_ms": [5.0, 7.0], "panels_ms": [40.0, 240.0]}
         return {"exposures": 500, "samples": 2, "moves": {"seek": move}, "one_run_mb": 300.0, "two_branches_mb": 320.4}
 
-    monkeypatch.setattr(command, "attended", one)
-    monkeypatch.setattr(command, "answered", long)
+    monkeypatch.setattr(studies, "attended", one)
+    monkeypatch.setattr(studies, "answered", long)
     written = tmp_path / "page.json"
     assert main(["bench", "--page", "--page-exposures", "500", "--json", str(written)]) == 0
     told = capsys.readouterr().out

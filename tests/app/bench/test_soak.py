@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import command, soak
+from ispom_app.bench import child, soak
 from ispom_app.bench.rounds import LAP, SCENARIOS, STOP, Scenario
 from ispom_app.cli import main
 
@@ -60,14 +60,14 @@ def test_time_and_memory_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_rows_are_printed_and_written(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def child(module: str, task: dict) -> dict:
+    def measured_elsewhere(module: str, task: dict) -> dict:
         assert module == "soak" and task["exposures"] == 5000
         if task["scenario"] == "still":
             return {"error": "failed, please report it: why"}
         times = {"early_ms": 4.0, "last_ms": 5.0 if task["scenario"] == "stops" else 4.0}
         return times | {"exposures": 5000, "half_mb": 200.0, "last_mb": 201.0, "located_percent": 99.0}
 
-    monkeypatch.setattr(command, "_child", child)
+    monkeypatch.setattr(child, "found", measured_elsewhere)
     written = tmp_path / "soak.json"
     arguments = ["bench", "--soak", "--soak-exposures", "5000", "--methods", "monocular", "--json", str(written)]
     assert main(arguments) == main(arguments) == 0
