@@ -20,7 +20,7 @@ third for the error of the disparity.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ class TrackNoise:
             new.images,
         )
 
-    @property
+    @cached_property
     def variances(self) -> Array:
         """(3,) of new errors, of steps, and of the disparity; what would be less than nothing is left out."""
         out, causes = np.zeros(3), np.flatnonzero(self.expected.any(axis=0))
@@ -115,7 +115,7 @@ class TrackNoise:
         """(2,) `noise` of Step.calibration."""
         return np.array([self.sigma(setting), np.sqrt(self.variance(setting))])
 
-    @property
+    @cached_property
     def robust(self) -> float:
         """The covariance of an M-estimator, E[psi^2] / E[psi']^2 (Huber 1981, section 7.6), over that of the inverse
         normal equations with the errors' variance, where these hold weights. For Cauchy's loss and normal errors; what

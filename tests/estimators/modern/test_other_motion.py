@@ -9,8 +9,9 @@ from ispom.estimators.modern.monocular.disagreeing import ENOUGH, LASTING, LONGE
 from ispom.estimators.modern.monocular.estimator import ModernMonocular, ModernMonocularConfig
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.other_motion import other_motion
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
+from ispom.frontends.klt import Klt
 from ispom.geometry import Pose
 from ispom.types import Camera, Decision, Rig, Status, Step, TrackStatus, VideoFrame
 from tests.estimators.modern import waved_card
@@ -91,7 +92,9 @@ def test_what_ends_is_followed_on_and_given_up_where_nothing_explains_it() -> No
     assert ended(uv, len(ids), most=5).ids.tolist() == ids[-5:].tolist(), "the newest"
     assert not len(ended(uv, ENOUGH).ids), "too few to be followed on"
     for i in range(1, LONGEST + 2):
-        kept = kept.followed(images[i - 1], images[i])
+        found = kept.expected
+        now, status = Klt(max_forward_backward_px=np.inf).track(images[i - 1], images[i], found.before, found.now)
+        kept = kept.followed(images[i - 1], images[i], Moved(found.before, now, status))
         if i < LASTING:
             assert not len(kept.lasting)
         if i <= 10:

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.modern.motions import LEAST
-from ispom.frontends.exposure import as_bright
-from ispom.frontends.klt import Klt
+from ispom.frontends.patches import align
 from ispom.types import Image, Tracks, TrackStatus
 
 ENOUGH = LEAST // 2
@@ -19,8 +18,8 @@ ENOUGH = LEAST // 2
 LASTING, LONGEST = 2, 20
 """Images that a track is followed on into before it counts: what went astray is mostly not found forwards and
 backwards; and after which it is given up, where no motion has explained it: contours that slide last long."""
-ALONE = Klt()
-"""Each from where its last motion leads, forwards and backwards: no map says where it should be."""
+BACK_PX = 0.7
+"""A patch found again leads back to where it was within so much, as `klt.Klt` wants it of tracks without a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +42,21 @@ class Disagreeing:
         """(M,) the ids of those that count."""
         return self.ids[self.age >= LASTING]
 
-    def followed(self, before: Image, now: Image) -> Disagreeing:
-        """Those found again in the next image; none in one of another size."""
-        if not len(self.ids) or before.shape != now.shape:
+    @property
+    def expected(self) -> Moved:
+        """In the next image, each where its last motion leads: no map says where it should be."""
+        return Moved(self.uv, self.uv + self.flow)
+
+    def followed(self, before: Image, now: Image, found: Moved) -> Disagreeing:
+        """Those found in the next image that lead back to where they were; none in one of another size."""
+        if not len(self.ids) or len(found.status) != len(self.ids):
             return Disagreeing()
-        uv, status = ALONE.track(before, as_bright(now, before), self.uv, self.uv + self.flow)
-        kept = (status == TrackStatus.ALIVE) & (self.age < LONGEST)
-        rest = max(self.rest - 1, 0)
-        return Disagreeing(self.ids[kept], uv[kept], (uv - self.uv)[kept], self.age[kept] + 1, rest)
+        kept = np.flatnonzero((found.status == TrackStatus.ALIVE) & (self.age < LONGEST))
+        still = np.broadcast_to(np.eye(2), (len(kept), 2, 2))
+        back, score = align(now, found.now[kept], before, self.uv[kept], still)
+        kept = kept[(score > 0) & (np.linalg.norm(back - self.uv[kept], axis=1) < BACK_PX)]
+        uv = found.now[kept]
+        return Disagreeing(self.ids[kept], uv, uv - self.uv[kept], self.age[kept] + 1, max(self.rest - 1, 0))
 
     def joined(self, live: LiveTracks, followed: Followed, most: int) -> Disagreeing:
         """With the tracks that end now; none where there are too few, the newest where there are too many."""

@@ -141,5 +141,5 @@ def _followed(setup: Setup, state: ModernMonocularState, time_ns: int, grey: Ima
     late = late_px(setup.camera, live.uv, live.speed)
     scene = scene_points(lens, live.uv - late, state.map.known(live.ids), state.recent[-1][1])
     expected = projected(lens, scene, predicted, live.uv - late) + late
-    followed = follow(setup.camera, live, time_ns, grey, expected)
+    followed = follow(setup.camera, live, time_ns, grey, expected, state.disagreeing.expected)
     return NewImage(time_ns, grey, predicted, followed, scene)

@@ -29,7 +29,7 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
     live, world, pose = state.live, outcome.map, outcome.pose
     if world is None or pose is None or live.grey is None or outcome.residual_px is None:
         return outcome
-    followed = state.disagreeing.followed(live.grey, new.grey)
+    followed = state.disagreeing.followed(live.grey, new.grey, new.followed.others)
     x = setup.camera.normalise(followed.uv - late_px(setup.camera, followed.uv, followed.speed(live, new.time_ns)))
     lasting = np.isin(followed.ids, followed.lasting)
     frame = TrackedFrame(new.time_ns, followed.ids[lasting], x[lasting], pose)

@@ -51,6 +51,18 @@ class LiveTracks:
 
 
 @dataclass(frozen=True, eq=False)
+class Moved:
+    """Other points, from one image to where they are expected, or were found, in the next."""
+
+    before: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(M, 2) [px]."""
+    now: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """(M, 2) [px]."""
+    status: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    """(M,) TrackStatus, once they are found."""
+
+
+@dataclass(frozen=True, eq=False)
 class Followed:
     """The same points in a new image."""
 
@@ -61,6 +73,8 @@ class Followed:
     """(N, 2) [px/s] in it; 0 unless the shutter rolls."""
     speeds: Speeds | None = None
     """At the last two images as they are known now; None unless the shutter rolls."""
+    others: Moved = Moved()
+    """What was followed along with them."""
 
 
 GUIDED, UNGUIDED = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5)
@@ -71,23 +85,33 @@ MAX_RATIO = 0.8
 
 
 def follow(
-    camera: Camera, live: LiveTracks, time_ns: int, grey: Image, predicted: NDArray[np.float32] | None
+    camera: Camera,
+    live: LiveTracks,
+    time_ns: int,
+    grey: Image,
+    predicted: NDArray[np.float32] | None,
+    others: Moved = Moved(),
 ) -> Followed:
     """Pyramidal KLT, from where each point is expected: `predicted` (N, 2) [px], else its last motion continued.
+
+    `others` are followed along with them: most of the time goes into the images' pyramids.
 
     Without a prediction checked forward and backward; with one the check follows, in `realign.realigned`.
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
     grey = as_bright(grey, live.grey)
-    klt = UNGUIDED if predicted is None else GUIDED
-    uv, status = klt.track(live.grey, grey, live.uv, live.uv + live.flow if predicted is None else predicted)
+    klt, expected = (UNGUIDED, live.uv + live.flow) if predicted is None else (GUIDED, predicted)
+    starts, goals = np.concatenate([live.uv, others.before]), np.concatenate([expected, others.now])
+    uv, status = klt.track(live.grey, grey, starts, goals)
+    n = len(live.uv)
+    others, uv, status = Moved(others.before, uv[n:], status[n:]), uv[:n], status[:n]
     if not camera.line_delay_s:
-        return Followed(uv, status, live.speed)
+        return Followed(uv, status, live.speed, others=others)
     last = Flow(uv - live.uv, (time_ns - live.time_ns) * 1e-9)
     speeds = Speeds.of(camera, last, Flow(live.flow, (live.time_ns - live.before_ns) * 1e-9))
     alive = (status == TrackStatus.ALIVE)[:, None]
-    return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds)
+    return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds, others)
 
 
 def seen_anew(camera: Camera, live: LiveTracks, followed: Followed) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
