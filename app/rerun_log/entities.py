@@ -119,9 +119,9 @@ def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
 
 
 def moving(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """What one other rigid motion explains, larger than `points`, so that it shows around them."""
+    """What one other rigid motion explains, a little larger than `points`."""
     classes = np.full(len(tracks), MOVING, np.uint16)
-    return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=classes, radii=[-3.5], show_labels=False)
+    return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=classes, radii=[-2.5], show_labels=False)
 
 
 def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:

@@ -32,7 +32,7 @@ def track_picture(looked: Looked) -> str:
         if (moved := looked.seen.moved) is not None:
             pink = colours.css(colours.MOVING)
             known["moved"] = (pink, dots(moved.uv))
-            known["legend"].append((pink, f"{len(moved)} rimmed: they move by themselves, as one rigid thing"))
+            known["legend"].append((pink, f"{len(moved)} move by themselves, as one rigid thing"))
     return render("track_picture.html", **known, title=_title(looked), scale=_scale(looked), picked=_picked(looked))
 
 
