@@ -25,6 +25,7 @@ from ispom.solvers.spline.problem import PosePrior, RigModel, SplineProblem
 WIDER = 3
 """At most so often a loss that is too narrow for the errors is widened."""
 HIGHEST_DAMPING = 1e4
+NOT_MOVED = np.zeros((0, 3))
 UNSEEN = 1e-6
 """Information of a knot that nothing was seen from: it is known to a kilometre, or not at all as an angle."""
 
@@ -81,8 +82,11 @@ class Solution:
         The sandwich H^-1 M H^-1 (Huber 1981, section 7.6): what each point says counts as it did in the adjustment, and
         is as far off as it is. What is believed beforehand is as sure as it says.
         """
-        p, spline, n = self.problem, self.problem.spline, len(parameters)
-        noisy, _, _ = self._weighed(variances, self.problem.observations.seen)
+        p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
+        root = np.sqrt(variances[o.owner] / (1 + (self.errors / p.loss) ** 2))
+        weighed = replace(p, observations=replace(o, inverse_sigma=o.inverse_sigma * root[:, None]), loss=np.inf)
+        depth = p.depth_prior * np.column_stack([np.ones(len(variances)), variances])
+        noisy, _, _ = _reduced(replace(weighed, depth_prior=depth), self.sampled, 0.0)
         believed = np.zeros((n, n))
         add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, believed, np.zeros(n))
         believed[-RIG:, -RIG:] += p.rig_prior.information
@@ -90,24 +94,13 @@ class Solution:
 
     def follows(self, moved: Array, parameters: Array) -> tuple[Array, Array]:
         """How knots and rig (n, S), and points (M, 3, S), follow what moves all observations by (O, 3, S)."""
-        o, ones = self.problem.observations, np.ones(len(self.problem.points))
-        knots, steps, points = _knots(self.problem, self.sampled), list[Array](), list[Array]()
-        _, before, at = self._weighed(ones, o.seen)
-        for i in range(moved.shape[2]):
-            _, right, pulled = self._weighed(ones, o.seen + moved[:, :, i])
-            steps.append(parameters @ (right - before))
-            pulled = pulled._replace(sides=pulled.sides - at.sides)
-            points.append(point_steps(steps[-1], knots, o.exposure, o.owner, pulled))
+        p, o, steps, points = self.problem, self.problem.observations, list[Array](), list[Array]()
+        at = np.column_stack([p.points.values[:, 2], p.depth_prior[:, 1]])
+        for way in np.moveaxis(moved, 2, 0):
+            _, right, pulled = _reduced(replace(p, depth_prior=at), self.sampled, 0.0, np.ascontiguousarray(way))
+            steps.append(parameters @ right)
+            points.append(point_steps(steps[-1], _knots(p, self.sampled), o.exposure, o.owner, pulled))
         return np.stack(steps, axis=1), np.stack(points, axis=2)
-
-    def _weighed(self, variances: Array, seen: Array) -> tuple[Array, Array, Eliminated]:
-        """Normal equations of the observations alone, at the weights that the loss has left them, times (M,)."""
-        p, o = self.problem, self.problem.observations
-        root = np.sqrt(variances[o.owner] / (1 + (self.errors / p.loss) ** 2))
-        observations = replace(o, seen=seen, inverse_sigma=o.inverse_sigma * root[:, None])
-        depth = p.depth_prior * np.column_stack([np.ones(len(variances)), variances])
-        observed = _observed(replace(p, observations=observations), self.sampled)
-        return reduce(_knots(p, self.sampled), observed, depth, np.inf, 0.0, bool(p.rig.free.any()))
 
     def pose_covariance(self, e: int, parameters: Array) -> Array:
         """(6, 6) of the pose at exposure e, a twist (rho, phi) on its right; `parameters` as `parameter_covariance`."""
@@ -229,11 +222,17 @@ def _cost(problem: SplineProblem, sampled: Sampled) -> float:
     return cost + 0.5 * float(r @ problem.prior.information @ r) + 0.5 * float(g @ problem.rig_prior.information @ g)
 
 
+def _reduced(
+    problem: SplineProblem, sampled: Sampled, damping: float, moved: Array = NOT_MOVED
+) -> tuple[Array, Array, Eliminated]:
+    """As `normal_equations.reduce` says."""
+    knots, with_rig = _knots(problem, sampled), bool(problem.rig.free.any())
+    return reduce(knots, _observed(problem, sampled), problem.depth_prior, problem.loss, damping, with_rig, moved)
+
+
 def _normal_equations(problem: SplineProblem, sampled: Sampled, damping: float) -> tuple[Array, Array, Eliminated]:
     """Reduced Hessian and right side, with all priors; and what finds the points' step."""
-    spline, estimate_rig = problem.spline, bool(problem.rig.free.any())
-    knots, observed = _knots(problem, sampled), _observed(problem, sampled)
-    hessian, right, points = reduce(knots, observed, problem.depth_prior, problem.loss, damping, estimate_rig)
+    spline, (hessian, right, points) = problem.spline, _reduced(problem, sampled, damping)
     add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *problem.smoothness, hessian, right)
     j, r = sampled.jacobian(problem.prior.exposure, len(spline)), _prior_residual(problem, sampled)
     shaping = slice(0, 6 * len(spline))

@@ -56,11 +56,12 @@ class Eliminated(NamedTuple):
 
 
 @kernel(error_model="numpy")
-def reduce(knots, observed, depth_prior, loss, damping, with_rig):
+def reduce(knots, observed, depth_prior, loss, damping, with_rig, moved):
     """Hessian (n, n) and right side (n,) of spline and rig, without the points; and what finds the points' step.
 
     Observations are sorted by owner. Without `with_rig` the rig's rows stay zero. `depth_prior` (M, 2): expected
-    inverse depth and its inverse variance.
+    inverse depth and its inverse variance. Given `moved` (O, 3), not empty, right sides are those of observations that
+    are off by this instead of by their errors, with the weights that these give; the Hessian is then not whole.
     """
     n, exposures, points = 6 * knots.count + RIG, len(observed.rotations), len(observed.points)
     reduced = Reduced(
@@ -80,14 +81,14 @@ def reduce(knots, observed, depth_prior, loss, damping, with_rig):
     for m in range(points):
         begin = end
         end, low, high = _add_point(
-            m, begin, knots, observed, depth_prior, loss, with_rig, reduced, eliminated, rows, by_rig
+            m, begin, knots, observed, depth_prior, loss, with_rig, moved, reduced, eliminated, rows, by_rig
         )
         if high > low:
             _invert(eliminated.inverses[m], damping)
             spread[:, low:high] = 0.0
             for o in range(begin, end):
                 spread_over_knots(spread, knots, observed.exposures[o], eliminated.mixed[o])
-            _eliminate(m, low, high, with_rig, spread, reduced, eliminated)
+            _eliminate(m, low, high, with_rig, len(moved) == 0, spread, reduced, eliminated)
         else:
             eliminated.inverses[m], eliminated.sides[m] = 0.0, 0.0
     by_knots = np.empty((RIG, 24))
@@ -100,7 +101,7 @@ def reduce(knots, observed, depth_prior, loss, damping, with_rig):
 
 
 @part
-def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, reduced, eliminated, rows, by_rig):
+def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, moved, reduced, eliminated, rows, by_rig):
     """Adds what is known of point m, whose observations start at `begin`: where they end; the rows of knots they tell.
 
     From the first of these rows on, up to before the second.
@@ -113,6 +114,9 @@ def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, reduced, 
         if camera[2] > MIN_DEPTH:
             e, count = observed.exposures[o], linearise(rows, observed, o, rig, camera)
             weight = cauchy_weight(rows, count, loss)
+            if len(moved):
+                for i in range(count):
+                    rows.errors[i] = -observed.inverse_sigma[o, i] * moved[o, i]
             _add_rows(m, o, count, weight, e, reduced, eliminated, rows)
             if with_rig and observed.cameras[o] == 0:
                 _fill_by_rig(by_rig, rows, camera, observed.points[m, 2], knots.rates, e)
@@ -191,15 +195,19 @@ def spread_over_knots(out, knots, e, mixed):
 
 
 @part
-def _eliminate(m, low, high, with_rig, spread, reduced, eliminated):
-    """Schur complement of point m: takes M V^-1 M' and M V^-1 b from knots and rig, M their blocks with the point."""
+def _eliminate(m, low, high, with_rig, whole, spread, reduced, eliminated):
+    """Schur complement of point m: takes M V^-1 M' and M V^-1 b from knots and rig, M their blocks with the point.
+
+    Of one that is not `whole` only the right side is wanted.
+    """
     inverted, side, of_rig = eliminated.inverses[m], vector(eliminated.sides, m), eliminated.mixed_rig[m]
-    row0, row1, row2 = spread[0], spread[1], spread[2]
-    for k in range(low, high):
+    # Loops that count from zero along views become vector instructions; from `low` on they would not.
+    row0, row1, row2 = spread[0, low:high], spread[1, low:high], spread[2, low:high]
+    for k in range(high - low):
         a, b, c = gain(inverted, row0[k], row1[k], row2[k])
-        reduced.right[k] -= dot((a, b, c), side)
-        line = reduced.hessian[k]
-        for j in range(low, k + 1):
+        reduced.right[low + k] -= dot((a, b, c), side)
+        line = reduced.hessian[low + k, low:high]
+        for j in range(k + 1 if whole else 0):
             line[j] -= a * row0[j] + b * row1[j] + c * row2[j]
     g = len(reduced.right) - RIG
     for k in range(RIG if with_rig else 0):
@@ -207,7 +215,7 @@ def _eliminate(m, low, high, with_rig, spread, reduced, eliminated):
         reduced.right[g + k] -= dot((a, b, c), side)
         line = reduced.hessian[g + k]
         for j in range(low, high):
-            line[j] -= a * row0[j] + b * row1[j] + c * row2[j]
+            line[j] -= a * spread[0, j] + b * spread[1, j] + c * spread[2, j]
         for j in range(RIG):
             line[g + j] -= a * of_rig[j, 0] + b * of_rig[j, 1] + c * of_rig[j, 2]
 

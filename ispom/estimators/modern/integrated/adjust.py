@@ -120,7 +120,7 @@ def _reference(
     weighed = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
     variances = np.where(window.table.ids[used] % 2 == 0, *variance_factors(setup.noise, state))
     parameters = solution.as_noisy_as(variances, weighed)
-    by_spline, by_points = _lens_followed(solution, weighed)
+    by_spline, by_points = solution.follows(_moved_by_lens(solution), weighed)
     lens = np.zeros((LENS, LENS)) if state.lens_covariance is None else state.lens_covariance
     together = parameters + by_spline @ lens @ by_spline.T
     recent = [next((v.ids for v in reversed(window.views) if v.video == video), used[:0]) for video in (True, False)]
@@ -137,8 +137,8 @@ def _reference(
     return Reference(time_ns, pose, window.table.ids[used[chosen]], points, newest, drift), weighed
 
 
-def _lens_followed(solution: Solution, parameters: Array) -> tuple[Array, Array]:
-    """How knots and rig (n, 2), and points (M, 3, 2), follow what is wrong with the correction of the video's lens."""
+def _moved_by_lens(solution: Solution) -> Array:
+    """(O, 3, 2) how all observations change with what is wrong with the correction of the video's lens."""
     o = solution.problem.observations
     moved = np.where((o.camera == VIDEO)[:, None, None], by_lens(o.seen[:, :2]), 0.0)
-    return solution.follows(np.concatenate([moved, np.zeros((len(moved), 1, LENS))], axis=1), parameters)
+    return np.concatenate([moved, np.zeros((len(moved), 1, LENS))], axis=1)

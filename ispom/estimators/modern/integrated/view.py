@@ -60,6 +60,8 @@ class View:
 
     def rectified(self, extra: Array, baseline_m: float) -> Array:
         """(N,) disparities without the errors of the pair, `extra` (E,) of right_camera.TERMS."""
+        if self.video:
+            return self.disparity
         right = np.column_stack([self.seen[:, 0] - self.disparity, self.seen[:, 1]])
         parallel = self.disparity + by_column(right, self.disparity) @ extra
         depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
