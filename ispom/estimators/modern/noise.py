@@ -19,8 +19,8 @@ third for the error of the disparity.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,8 @@ from scipy.special import chdtri
 
 from ispom.estimators.adjustment import ADJUSTED
 from ispom.geometry import Array
-from ispom.numerics.reprojection import reprojected
-from ispom.solvers.window.adjustment import Adjusted, Window
+from ispom.solvers.window.adjustment import Adjusted, Window, observed
+from ispom.solvers.window.leftovers import leftovers
 from ispom.types import Check
 
 MEMORY = 2
@@ -39,8 +39,6 @@ BELIEVED = 20.0
 """Tracks that the setting counts as much as."""
 LEAST_VIEWS = 3
 """Of a track that says something: with two, a point follows all but one of their errors."""
-MOST = 64
-"""Tracks of each length that are looked at: they tell it to some percent, in a time that is bounded."""
 GRID = 8, 6
 """Cells of the image, across and down: each is wider than a patch, and has some ten tracks."""
 QUANTILES = 64
@@ -159,77 +157,16 @@ NOISE = Check(
 def _said_by(done: Adjusted, scale: float) -> TrackNoise:
     """By one window."""
     window = done.window
-    errors, by_point = _linearised(done)
-    count = np.bincount(window.owners, minlength=len(window.points))
-    begin = np.searchsorted(window.owners, np.arange(len(window.points)))
-    worst = np.zeros(len(window.points))
-    np.maximum.at(worst, window.owners, np.where(np.isfinite(errors).all(axis=1), done.distances, np.inf))
-    likely = np.bincount(window.owners, 1 / (1 + (done.distances / scale) ** 2), len(window.points)) / np.maximum(
-        count, 1
+    left = leftovers(observed(window), scale, LEAST_VIEWS, GROSS)
+    return TrackNoise(
+        left.expected,
+        left.found,
+        left.weight,
+        left.lengths,
+        float(np.median(done.distances[left.used])) / scale if left.used.any() else 0.0,
+        _cells(window, left.pulls, left.used),
+        2 if window.baseline else 1,
     )
-    weights = 1 / (1 + (done.distances / scale) ** 2)
-    use = ((count >= LEAST_VIEWS) & (worst < GROSS * scale))[window.owners]
-    said = TrackNoise(
-        spread=float(np.median(done.distances[use])) / scale if use.any() else 0.0,
-        cells=_cells(window, errors[:, :2] * weights[:, None], use),
-        images=errors.shape[1] - 1,
-    )
-    for n in np.unique(count[count >= LEAST_VIEWS]).tolist():
-        tracks = np.flatnonzero((count == n) & (worst < GROSS * scale))
-        if len(tracks):
-            views = begin[tracks, None] + np.arange(n)
-            whole = likely[tracks[window.cameras[views[:, 0]] == 0]].sum() * np.array([n, n * n])
-            said = _with_tracks(
-                replace(said, lengths=said.lengths + whole), errors[views], by_point[views], likely[tracks]
-            )
-    return said
-
-
-def _linearised(done: Adjusted) -> tuple[Array, Array]:
-    """Errors (K, R) and their derivatives by the points (K, R, 3): R = 2 of one camera; 3 of a pair, of whose right
-    errors the size is known."""
-    w = done.window
-    turns = w.rotations[w.cameras]
-    near = np.einsum("kij,kj->ki", turns, w.points[w.owners]) + w.translations[w.cameras]
-    near[:, 2] = np.maximum(near[:, 2], 1e-6)
-    uv, by_place, _ = reprojected(near)
-    if w.baseline == 0.0:
-        stretch = 1 + w.extra[0] + w.extra[1] * (uv**2).sum(axis=1, keepdims=True)
-        return stretch * uv - w.seen[:, :2], by_place @ turns
-    errors = uv - w.seen[:, :2]
-    right = np.sqrt(np.maximum(done.distances**2 - (errors**2).sum(axis=1), 0.0))
-    right = np.where(np.isfinite(w.seen[:, 2]), right, np.nan)
-    by_right = by_place[:, :1].copy()
-    by_right[:, 0, 2] += w.baseline / near[:, 2] ** 2
-    return np.column_stack([errors, right]), np.concatenate([by_place, by_right], axis=1) @ turns
-
-
-def _with_tracks(said: TrackNoise, errors: Array, by_point: Array, weight: Array) -> TrackNoise:
-    """With tracks of n views each: errors (M, n, R), derivatives (M, n, R, 3), weights (M,)."""
-    m, n, rows = errors.shape
-    basis, size, _ = np.linalg.svd(by_point.reshape(m, n * rows, 3), full_matrices=False)
-    basis = basis * (size > 1e-9 * size[:, :1])[:, None, :]
-    # Of a form S and a covariance C: trace(S P C P), with P = I - Q Q' and the three columns Q of the basis.
-    squares, causes, across = _squares(n, rows), _causes(n, rows), np.swapaxes(basis, 1, 2)
-    of_squares, of_causes = squares[:, None] @ basis, causes[:, None] @ basis
-    once = _products(of_squares, of_causes, weight)
-    twice = _products(across @ of_squares, across @ of_causes, weight)
-    flat, expected, found = errors.reshape(m, n * rows), np.zeros((3, 3)), np.zeros(3)
-    expected[: len(squares), : len(causes)] = (
-        weight.sum() * np.tensordot(squares, causes, axes=((1, 2), (1, 2))) - 2 * once + twice
-    )
-    found[: len(squares)] = ((flat @ squares) * flat).sum(axis=2) @ weight
-    return replace(
-        said,
-        expected=said.expected + expected,
-        found=said.found + found,
-        weight=said.weight + float(weight.sum()),
-    )
-
-
-def _products(a: Array, b: Array, weight: Array) -> Array:
-    """(A, B) sums of the products of a (A, M, ...) and b (B, M, ...), with weights (M,)."""
-    return (weight[:, None, None] * a).reshape(len(a), -1) @ b.reshape(len(b), -1).T
 
 
 def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
@@ -242,22 +179,3 @@ def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
     cell = (camera * GRID[1] + row.astype(int)) * GRID[0] + column.astype(int)
     together = sum(float((np.bincount(cell, pull[:, i]) ** 2).sum()) for i in range(2))
     return np.array([together, float((pull**2).sum())])
-
-
-@lru_cache(maxsize=128)
-def _causes(n: int, rows: int) -> Array:
-    """Covariances (C, n R, n R) of the errors of n views: new in each of them, a walk, and of the disparity."""
-    # An error of the left x is one of the right x, too: that is found from the left one.
-    image = np.array([[1.0, 0, 1], [0, 1, 0], [1, 0, 1]])[:rows, :rows]
-    steps = np.minimum.outer(np.arange(n), np.arange(n)).astype(float)
-    found = [np.kron(np.eye(n), image), np.kron(steps, image)]
-    return np.stack([*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found)
-
-
-@lru_cache(maxsize=128)
-def _squares(n: int, rows: int) -> Array:
-    """Forms (C, n R, n R): the sum of the squares of x and y, of their increments, and of the right x."""
-    increments = np.diff(np.eye(n), axis=0)
-    left = np.diag([1.0, 1, 0][:rows])
-    found = [np.kron(np.eye(n), left), np.kron(increments.T @ increments, left)]
-    return np.stack([*found, np.kron(np.eye(n), np.diag([0.0, 0, 1]))] if rows == 3 else found)

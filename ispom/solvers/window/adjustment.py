@@ -76,13 +76,13 @@ def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float 
         iterations,
         tolerance,
     )
-    distances = np.minimum(np.sqrt(squared_errors(_observed(found.values))), 1e9)
+    distances = np.minimum(np.sqrt(squared_errors(observed(found.values))), 1e9)
     return Adjusted(found.values, found.cost_before, found.cost, distances, found.iterations)
 
 
 def total_cost(window: Window, scale: float) -> float:
     """Half the robust sum of squares, in units of the measurement's standard deviation `scale`, with the priors."""
-    cost = float(robust_cost(squared_errors(_observed(window)), scale))
+    cost = float(robust_cost(squared_errors(observed(window)), scale))
     if window.prior is not None:
         return cost + window.prior.cost(window.prior.shifted(window.rotations, window.translations, window.extra))
     free = window.extra_sigma > 0
@@ -143,7 +143,7 @@ class Equations:
             np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, extra, 3))
         )
         corner = np.zeros((extra, extra + 1))
-        reduce_points(scale, damping, Reduced(blocks, side, corner), eliminated, _observed(window))
+        reduce_points(scale, damping, Reduced(blocks, side, corner), eliminated, observed(window))
         matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
         matrix[poses:, :poses] = side[:, :extra].transpose(1, 0, 2).reshape(extra, poses)
@@ -189,7 +189,8 @@ def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, A
     return poses, point_steps(window.cameras, window.owners, equations.eliminated, poses, extra), extra
 
 
-def _observed(window: Window) -> Observed:
+def observed(window: Window) -> Observed:
+    """Its arrays as compiled loops take them."""
     seen = window.seen
     if window.baseline:
         seen = seen.copy()

@@ -38,7 +38,14 @@ from ispom.numerics.vectors import (
     vector3,
     vector6,
 )
-from ispom.solvers.window.observation import MIN_DEPTH, correction, fill_factors, in_camera, linearised
+from ispom.solvers.window.observation import (
+    MIN_DEPTH,
+    correction,
+    fill_factors,
+    in_camera,
+    linearised,
+    longest_track,
+)
 
 
 class Reduced(NamedTuple):
@@ -74,7 +81,7 @@ here on the gradient by q (3), the derivatives by q and the first correction (3)
 @kernel(error_model="numpy", fastmath={"contract"})
 def reduce_points(scale, damping, reduced, eliminated, observed):
     """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
-    longest, end, per = _longest(observed.owners), np.int64(0), 1.0 / (scale * scale)
+    longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
     terms = np.empty((longest, FACTORS + len(observed.extra)))
     for m in range(len(observed.points)):
         end = _reduce_point(m, end, per, damping, reduced, eliminated, terms, observed)
@@ -94,16 +101,6 @@ def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
     for i in range(begin, end):
         _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminated, terms, observed.cameras)
     return end
-
-
-@kernel()
-def _longest(owners):
-    """The most observations of one point."""
-    longest, length = 0, 0
-    for k in range(len(owners)):
-        length = length + 1 if k > 0 and owners[k] == owners[k - 1] else 1
-        longest = max(longest, length)
-    return longest
 
 
 @part

@@ -32,6 +32,16 @@ class Observed(NamedTuple):
     extra: Array
 
 
+@kernel()
+def longest_track(owners):
+    """The most observations of one point."""
+    longest, length = 0, 0
+    for k in range(len(owners)):
+        length = length + 1 if k > 0 and owners[k] == owners[k - 1] else 1
+        longest = max(longest, length)
+    return longest
+
+
 @kernel(error_model="numpy", fastmath={"contract"})
 def squared_errors(observed):
     """(K,) over all images; inf behind the camera."""
