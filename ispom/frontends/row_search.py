@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.frontends.klt import Klt
-from ispom.kernels import kernel
+from ispom.kernels import kernel, part
 from ispom.types import Image, TrackStatus
 
 SEARCH_WIDTH_PX = 700
 """Wider images are searched at half size."""
 HALF_ROWS, HALF_COLUMNS = 3, 5
 """Half sizes of the compared patch, at the reduced size."""
+NONE = 1 << 30
+"""No cost is so high."""
 
 
 @dataclass(frozen=True)
@@ -80,31 +82,38 @@ def _contrast(image: Image) -> NDArray[np.int16]:
 def _search_rows(left, right, place, count, max_ratio):
     """Disparity (N,) of the lowest cost, to half a pixel or better by a parabola; -1 where it is not clear."""
     height, width = left.shape
-    out, cost = np.full(len(place), np.float32(-1)), np.empty(count + 1)
+    out, cost = np.full(len(place), np.float32(-1)), np.empty(count + 1, np.int32)
     for n in range(len(place)):
         x, y = place[n]
         if not (HALF_COLUMNS <= x < width - HALF_COLUMNS and HALF_ROWS <= y < height - HALF_ROWS):
             continue
         last = min(count, x - HALF_COLUMNS)
-        best = 0
-        for d in range(last + 1):
-            total = 0
-            for j in range(-HALF_ROWS, HALF_ROWS + 1):
-                for i in range(-HALF_COLUMNS, HALF_COLUMNS + 1):
-                    total += abs(np.int32(left[y + j, x + i]) - np.int32(right[y + j, x + i - d]))
-            cost[d] = total
-            if total < cost[best]:
-                best = d
-        other = np.inf
-        for d in range(last + 1):
-            if abs(d - best) > 2 and cost[d] < other:
-                other = cost[d]
-        if cost[best] > max_ratio * other:
+        _compare(left, right, x, y, last, cost)
+        best, others = last, np.int64(NONE)
+        for p in range(last, -1, -1):
+            if cost[p] < cost[best]:
+                best = p
+        for p in range(last + 1):
+            others = min(others, cost[p] if abs(p - best) > 2 else NONE)
+        if others < NONE and cost[best] > max_ratio * others:
             continue
         offset = 0.0
         if 0 < best < last:
             bend = cost[best - 1] - 2 * cost[best] + cost[best + 1]
             if bend > 0:
-                offset = 0.5 * (cost[best - 1] - cost[best + 1]) / bend
-        out[n] = best + offset
+                offset = 0.5 * (cost[best + 1] - cost[best - 1]) / bend
+        out[n] = last - best + offset
     return out
+
+
+@part
+def _compare(left, right, x, y, last, cost):
+    """Sums of absolute differences of the patch at x, y and those at disparities `last` to 0, into `cost`."""
+    first = x - last
+    cost[: last + 1] = 0
+    # All disparities for one pixel of the patch after another: so many go at a time.
+    for j in range(-HALF_ROWS, HALF_ROWS + 1):
+        for i in range(-HALF_COLUMNS, HALF_COLUMNS + 1):
+            own, row = np.int32(left[y + j, x + i]), right[y + j, first + i : x + i + 1]
+            for p in range(last + 1):
+                cost[p] += abs(own - np.int32(row[p]))

@@ -79,7 +79,11 @@ def _linearise(begin, end, rows, observed, scale, gross, basis, errors, pulls):
     """Fills the derivatives by the point (n rows, 3) and the errors (n, 3) of one track; its weight, 0 if not used."""
     likely, wrong = 0.0, correction(observed.extra)
     for k in range(begin, end):
-        q, seen, rotation = in_camera(observed, k), vector(observed.seen, k), matrix(observed.rotations, observed.cameras[k])
+        q, seen, rotation = (
+            in_camera(observed, k),
+            vector(observed.seen, k),
+            matrix(observed.rotations, observed.cameras[k]),
+        )
         if q[2] <= MIN_DEPTH or (rows == 3 and seen[2] != seen[2]):
             return 0.0
         x, y, right, ex, ey, er = residual(q, seen, observed.baseline, wrong)
