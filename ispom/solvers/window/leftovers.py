@@ -1,8 +1,8 @@
 """What the tracks of an adjusted window leave, summed up so that the kinds of their errors can be told apart.
 
 Of a track with n views, R coordinates each, residuals are r = P e: e its errors, P = I - Q Q' what its point cannot
-follow, Q (n R, 3) an orthonormal basis of the derivatives by the point. A form S of residuals, r' S r, is expected to be
-trace(S P C P) = trace(S C) - 2 trace(Q' S C Q) + trace(Q' S Q Q' C Q) where errors have the covariance C.
+follow, Q (n R, 3) an orthonormal basis of the derivatives by the point. Where errors have the covariance C, a form S of
+residuals, r' S r, is expected to be trace(S P C P) = trace(S C) - 2 trace(Q' S C Q) + trace(Q' S Q Q' C Q).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Leftovers(NamedTuple):
 
 @kernel(error_model="numpy", fastmath={"contract"})
 def leftovers(observed, scale, least_views, gross):
-    """Leftovers of the tracks of `least_views` or more, without those with an error of `gross` scales (see Observed)."""
+    """Leftovers of the tracks of `least_views` or more, without those with an error of `gross` scales."""
     n_seen, rows = len(observed.cameras), 3 if observed.baseline != 0.0 else 2
     longest = longest_track(observed.owners)
     basis, errors = np.empty((longest * rows, 3)), np.empty((longest, 3))
