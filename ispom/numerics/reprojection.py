@@ -54,15 +54,15 @@ def hessian_by_point(x, y, right, iz2, xx, xy, yy, rr):
 
 
 @part
-def add_by_twist(out, i, j, q, g):
-    """Adds B' g to out[i, j] (6,): of the gradient g by q that by the twist."""
+def add_by_twist(out, i, q, g):
+    """Adds B' g to out[i] (6,): of the gradient g by q that by the twist."""
     x, y, z = cross(q, g)
-    out[i, j, 0] += g[0]
-    out[i, j, 1] += g[1]
-    out[i, j, 2] += g[2]
-    out[i, j, 3] += x
-    out[i, j, 4] += y
-    out[i, j, 5] += z
+    out[i, 0] += g[0]
+    out[i, 1] += g[1]
+    out[i, 2] += g[2]
+    out[i, 3] += x
+    out[i, 4] += y
+    out[i, 5] += z
 
 
 @part

@@ -55,8 +55,8 @@ def fit_pose(
     xyz, seen = np.ascontiguousarray(xyz, np.float64), np.ascontiguousarray(seen, np.float64)
     rotation, translation = np.array(guess.rotation[None], order="C"), np.array(guess.translation[None], order="C")
     held, since = np.zeros((6, 6)) if prior is None else prior, np.zeros(6)
-    blocks, side, distances = np.empty((1, 1, 6, 6)), np.empty((1, 1, 6)), np.empty(len(xyz))
-    information, gradient = blocks[0, 0], side[0, 0]
+    blocks, side, distances = np.empty((1, 1, 6, 6)), np.empty((1, 6)), np.empty(len(xyz))
+    information, gradient = blocks[0, 0], side[0]
     depth = float(np.median(np.abs(guess.apply(xyz)[:, 2])))
 
     def normal(wide: float) -> None:
@@ -114,6 +114,6 @@ def _add_point(n, xyz, seen, r, t, baseline, per, h, g):
     square = ex * ex + ey * ey + er * er
     weighted = per / (1.0 + square * per) * iz
     hessian = hessian_by_point(x, y, right, weighted * iz, 1.0, 0.0, 1.0, 1.0 if paired else 0.0)
-    add_by_twist(g, 0, 0, q, gradient_by_point(x, y, right, weighted, ex, ey, er))
+    add_by_twist(g, 0, q, gradient_by_point(x, y, right, weighted, ex, ey, er))
     subtract_by_twists(h, 0, 0, q, symmetric(hessian), q)
     return np.sqrt(square)

@@ -26,7 +26,7 @@ def products(xyz: Array, errors: Array, baseline: float, hessian: Array, gradien
         iz = 1.0 / q[2]
         x, y, right = q[0] * iz, q[1] * iz, (q[0] - baseline) * iz
         by_q = gradient_by_point(x, y, right, iz, errors[n, 0], errors[n, 1], errors[n, 2])
-        add_by_twist(gradient, 0, 0, q, by_q)
+        add_by_twist(gradient, 0, q, by_q)
         k = hessian_by_point(x, y, right, iz * iz, 1.0, 0.25, 2.0, 3.0)
         subtract_by_twists(hessian, 0, 0, q, symmetric(k), q)
 
@@ -57,9 +57,9 @@ def test_the_compiled_products_are_those_of_the_arrays() -> None:
     by_right = np.concatenate([by_right_point[:, :1], by_right_point[:, :1] @ cross], axis=2)
     jacobian = np.concatenate([reprojected(points())[2], by_right], axis=1)
     errors = np.random.default_rng(1).standard_normal((20, 3))
-    hessian, gradient = np.zeros((1, 1, 6, 6)), np.zeros((1, 1, 6))
+    hessian, gradient = np.zeros((1, 1, 6, 6)), np.zeros((1, 6))
     products(points(), errors, BASELINE, hessian, gradient)
-    np.testing.assert_allclose(gradient[0, 0], np.einsum("nij,ni->j", jacobian, errors), rtol=1e-12)
+    np.testing.assert_allclose(gradient[0], np.einsum("nij,ni->j", jacobian, errors), rtol=1e-12)
     weight = np.array([[1.0, 0.25, 0.0], [0.25, 2.0, 0.0], [0.0, 0.0, 3.0]])
     wanted = np.einsum("nia,ij,njb->ab", jacobian, weight, jacobian)
     np.testing.assert_allclose(-hessian[0, 0], wanted, rtol=1e-12, atol=1e-12)

@@ -15,7 +15,7 @@ from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
-from ispom.solvers.window.kernels import Eliminated, Reduced, point_steps, reduce_points
+from ispom.solvers.window.kernels import Eliminated, Reduced, padded, point_steps, reduce_points
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
 from ispom.solvers.window.prior import LENS, POSE, Prior
 
@@ -138,17 +138,18 @@ class Equations:
         """`damping` raises the points' diagonal entries by this share; the matrix is as it is."""
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
         poses, extra = POSE * views, len(window.extra)
-        blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, extra + 1, POSE))
+        wide = padded(extra)
+        blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, POSE, wide))
         eliminated = Eliminated(
-            np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, extra, 3))
+            np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, 3, wide))
         )
-        corner = np.zeros((extra, extra + 1))
-        reduce_points(scale, damping, Reduced(blocks, side, corner), eliminated, observed(window))
+        reduced = Reduced(blocks, side, np.zeros((extra, wide)), np.zeros((views, POSE)), np.zeros(extra))
+        reduce_points(scale, damping, reduced, eliminated, observed(window))
         matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
-        matrix[poses:, :poses] = side[:, :extra].transpose(1, 0, 2).reshape(extra, poses)
-        matrix[poses:, poses:] = corner[:, :extra]
-        right[:poses], right[poses:] = -side[:, extra].ravel(), -corner[:, extra]
+        matrix[poses:, :poses] = side[:, :, :extra].reshape(poses, extra).T
+        matrix[poses:, poses:] = reduced.corner[:, :extra]
+        right[:poses], right[poses:] = -reduced.by_poses.ravel(), -reduced.by_corrections
         _add_priors(window, matrix, right)
         return Equations(matrix, right, eliminated)
 

@@ -34,8 +34,8 @@ from ispom.numerics.vectors import (
     symmetric,
     times,
     times_transposed,
+    transposed,
     vector,
-    vector3,
     vector6,
 )
 from ispom.solvers.window.observation import (
@@ -47,6 +47,14 @@ from ispom.solvers.window.observation import (
     longest_track,
 )
 
+LANES = 8
+"""Corrections are worked on so many at a time: arrays have room for a multiple of it, W, filled with zeros."""
+
+
+def padded(count: int) -> int:
+    """W of so many corrections; of few as many."""
+    return count if count < LANES else -(-count // LANES) * LANES
+
 
 class Reduced(NamedTuple):
     """Normal equations of C poses and E corrections, without the points."""
@@ -54,9 +62,13 @@ class Reduced(NamedTuple):
     blocks: Array
     """(C, C, 6, 6) of pairs of poses, the first index not below the second."""
     side: Array
-    """(C, E + 1, 6) of the corrections with the poses, then the gradient by the poses."""
+    """(C, 6, W) of the poses with the corrections."""
     corner: Array
-    """(E, E + 1) of the corrections (lower triangle), then their gradient."""
+    """(E, W) of the corrections."""
+    by_poses: Array
+    """(C, 6) gradient."""
+    by_corrections: Array
+    """(E,) gradient."""
 
 
 class Eliminated(NamedTuple):
@@ -69,20 +81,20 @@ class Eliminated(NamedTuple):
     mixed: Array
     """(K, 12) per observation: q, and the 3 x 3 matrix F for which B' F is the block of pose and point."""
     mixed_extra: Array
-    """(M, E, 3) blocks of corrections and point."""
+    """(M, 3, W) blocks of point and corrections."""
 
 
 GRADIENT, MIXED, FACTORS = 6, 9, 12
-"""Columns of `terms` (L, 12 + E), a row for each observation of one point, weighted: second derivatives by q (6), from
+"""Columns of `terms` (L, 12 + W), a row for each observation of one point, weighted: second derivatives by q (6), from
 here on the gradient by q (3), the derivatives by q and the first correction (3), and the derivative by each correction
-(E) as a multiple of that by the first."""
+(W) as a multiple of that by the first."""
 
 
 @kernel(error_model="numpy", fastmath={"contract"})
 def reduce_points(scale, damping, reduced, eliminated, observed):
     """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
     longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
-    terms = np.empty((longest, FACTORS + len(observed.extra)))
+    terms = np.zeros((longest, FACTORS + eliminated.mixed_extra.shape[2]))
     for m in range(len(observed.points)):
         end = _reduce_point(m, end, per, damping, reduced, eliminated, terms, observed)
 
@@ -148,15 +160,15 @@ def _mixed(mixed, k):
 @part
 def _add_corrections(m, n, by_point, second, first, reduced, eliminated, terms):
     """Adds observation n of point m to the blocks of the corrections, from its derivatives by the first one."""
-    corner = reduced.corner
+    corner, mixed = reduced.corner, eliminated.mixed_extra
+    for d in range(3):
+        for e in range(mixed.shape[2]):
+            mixed[m, d, e] += by_point[d] * terms[n, FACTORS + e]
     for e in range(len(corner)):
         factor = terms[n, FACTORS + e]
-        eliminated.mixed_extra[m, e, 0] += factor * by_point[0]
-        eliminated.mixed_extra[m, e, 1] += factor * by_point[1]
-        eliminated.mixed_extra[m, e, 2] += factor * by_point[2]
-        for d in range(e + 1):
-            corner[e, d] += factor * terms[n, FACTORS + d] * second
-        corner[e, len(corner)] += factor * first
+        for d in range(corner.shape[1]):
+            corner[e, d] += factor * second * terms[n, FACTORS + d]
+        reduced.by_corrections[e] += factor * first
 
 
 @part
@@ -164,10 +176,10 @@ def _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated):
     """Schur complement: takes M V^-1 M' and M V^-1 b from what the corrections have, M their block with the point."""
     mixed, corner = eliminated.mixed_extra, reduced.corner
     for e in range(len(corner)):
-        a = times(symmetric(inverted), vector3(mixed, m, e))
-        for d in range(e + 1):
-            corner[e, d] -= dot(vector3(mixed, m, d), a)
-        corner[e, len(corner)] -= dot(gradient, a)
+        a, b, c = times(symmetric(inverted), (mixed[m, 0, e], mixed[m, 1, e], mixed[m, 2, e]))
+        for d in range(corner.shape[1]):
+            corner[e, d] -= a * mixed[m, 0, d] + b * mixed[m, 1, d] + c * mixed[m, 2, d]
+        reduced.by_corrections[e] -= dot(gradient, (a, b, c))
 
 
 @part
@@ -175,16 +187,27 @@ def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminat
     """Schur complement of observation i's pose: with the corrections, the gradient, and the poses that come after."""
     n, c, (q, f) = i - begin, cameras[i], _mixed(eliminated.mixed, i)
     gain = product(f, symmetric(inverted))
-    n_extra = terms.shape[1] - FACTORS
-    for e in range(n_extra):
-        own = scaled(terms[n, FACTORS + e], vector(terms, n, MIXED))
-        add_by_twist(reduced.side, c, e, q, minus(own, times(gain, vector3(eliminated.mixed_extra, m, e))))
-    add_by_twist(reduced.side, c, n_extra, q, minus(vector(terms, n, GRADIENT), times(gain, gradient)))
+    _eliminate_corrections_from_pose(m, n, c, q, gain, reduced.side, eliminated.mixed_extra, terms)
+    add_by_twist(reduced.by_poses, c, q, minus(vector(terms, n, GRADIENT), times(gain, gradient)))
     own = _minus_symmetric(product_transposed(f, gain), vector6(terms, n))
     subtract_by_twists(reduced.blocks, c, c, q, own, q)
     for j in range(i + 1, end):
         u, other = _mixed(eliminated.mixed, j)
         subtract_by_twists(reduced.blocks, cameras[j], c, u, product_transposed(other, gain), q)
+
+
+@part
+def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
+    """Its block with the corrections; those go many at a time."""
+    own, (x, y, z) = vector(terms, n, MIXED), transposed(gain)
+    own_turn, x_turn, y_turn, z_turn = cross(q, own), cross(q, x), cross(q, y), cross(q, z)
+    for d in range(3):
+        for e in range(side.shape[2]):
+            with_point = x[d] * mixed[m, 0, e] + y[d] * mixed[m, 1, e] + z[d] * mixed[m, 2, e]
+            side[c, d, e] += own[d] * terms[n, FACTORS + e] - with_point
+        for e in range(side.shape[2]):
+            with_point = x_turn[d] * mixed[m, 0, e] + y_turn[d] * mixed[m, 1, e] + z_turn[d] * mixed[m, 2, e]
+            side[c, 3 + d, e] += own_turn[d] * terms[n, FACTORS + e] - with_point
 
 
 @part
@@ -215,5 +238,6 @@ def _subtract_pose_step(left, m, k, eliminated, c, step):
 def _solve_point(left, m, eliminated, extra_step):
     right = vector(left, m)
     for e in range(len(extra_step)):
-        right = minus(right, scaled(extra_step[e], vector3(eliminated.mixed_extra, m, e)))
+        mixed = eliminated.mixed_extra[m, 0, e], eliminated.mixed_extra[m, 1, e], eliminated.mixed_extra[m, 2, e]
+        right = minus(right, scaled(extra_step[e], mixed))
     store(left, m, times(symmetric(vector6(eliminated.inverses, m)), right))
