@@ -34,8 +34,7 @@ from ispom.types import Image, Sequence, Status, StereoPair, VideoFrame
 
 FLIGHT = "city?duration_s=3"
 SEEDS = 3
-PLAIN, LARGE, BITS, ROLLING, BLIND = "plain", "4K", "12 bits", "rolling shutter", "rolling, not told"
-ROLLS = "rolling_shutter_ms=20"
+PLAIN, LARGE, BITS, BLIND = "plain", "4K", "12 bits", "rolling, 20 ms, not told"
 CAMERAS: Mapping[str, str] = {
     PLAIN: "",
     LARGE: "width_px=3840",
@@ -43,8 +42,10 @@ CAMERAS: Mapping[str, str] = {
     "variable rate": "fault=dropped:share=0.3",
     "portrait": "portrait=true",
     "fisheye": "fisheye=true",
-    ROLLING: ROLLS,
-    BLIND: f"{ROLLS}&fault=wrong-shutter",
+    "rolling, 10 ms": "rolling_shutter_ms=10",
+    "rolling, 20 ms": "rolling_shutter_ms=20",
+    "rolling, 30 ms": "rolling_shutter_ms=30",
+    BLIND: "rolling_shutter_ms=20&fault=wrong-shutter",
 }
 """By name: what differs from the plain flight."""
 COSTLY = frozenset({LARGE})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.bench.cameras import CAMERAS, FLIGHT, Filmed, print_cameras, write_12_bits
+from ispom_app.bench.cameras import BLIND, CAMERAS, FLIGHT, Filmed, print_cameras, write_12_bits
 from rich.console import Console
 
 from ispom.sequences import open_sequence
@@ -31,10 +31,10 @@ def test_every_kind_of_cameras_is_a_scenario() -> None:
 
 def test_what_is_worse_over_all_seeds_is_named() -> None:
     console = Console(record=True, width=200)
-    errors = {"plain": (0.006, 0.008), "4K": (0.01,), "fisheye": (0.002, 0.016), "rolling, not told": (0.03, 0.03)}
+    errors = {"plain": (0.006, 0.008), "4K": (0.01,), "fisheye": (0.002, 0.016), BLIND: (0.03, 0.03)}
     print_cameras(
         console, [Filmed(s, c, "stereo", error, 1) for c, seeds in errors.items() for s, error in enumerate(seeds)]
     )
     text = console.export_text()
     assert "7.1 mm (1.00)" in text and "10.0 mm (1.41)" in text and "11.4 mm (1.61)" in text
-    assert text.rstrip().endswith("where a shutter is not told: stereo with fisheye, stereo with rolling, not told")
+    assert text.rstrip().endswith("where a shutter is not told: stereo with fisheye, stereo with rolling, 20 ms, not told")
