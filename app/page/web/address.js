@@ -21,7 +21,7 @@ function step(name, shown, ask) {
 
 // `drives` says whether this page may change all that; one that follows another's may look at an exposure of its own.
 export function makeAddress(send, drives) {
-  let wanted = read(); // what is still to be reached; null while the address follows the page
+  let wanted = read(late.instead(location.hash)); // what is still to be reached; null while the address follows the page
   let since = performance.now(); // when that was read
   let asked = null; // the step that was asked for, and the notices that there were then
   let driving = false; // whether this page drove when it last looked
@@ -30,18 +30,16 @@ export function makeAddress(send, drives) {
   let due = null;
   const write = (state) => {
     due = null;
+    late.forget();
     if (location.hash !== written) return;
     writtenAt = performance.now();
-    const named = state.address.lesson ? STEPS.slice(0, 1) : STEPS;
-    const parts = named.map(({ name, shown }) => [name, String(shown(state))]);
-    const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
-    const hash = `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
+    const hash = hashOf(state);
     if (hash !== written) history.replaceState(null, "", hash);
     written = location.hash;
   };
   addEventListener("hashchange", () => {
     asked = null;
-    wanted = read();
+    wanted = read(location.hash);
     since = performance.now();
     written = location.hash;
     if (wanted && shown) follow(shown);
@@ -52,6 +50,7 @@ export function makeAddress(send, drives) {
     if (state.phase === "opening" || state.index < 0) return;
     if (wanted && !reached(state)) return;
     clearTimeout(due);
+    late.keep(written, hashOf(state));
     due = setTimeout(() => write(state), Math.max(0, writtenAt + WRITE_MS - performance.now()));
   };
   // Whether there is nothing more to ask for; where there is, it is asked for, which may come back here at once.
@@ -79,9 +78,37 @@ export function makeAddress(send, drives) {
 const refused = (state, asked) => state.notices.some(({ kind, number }) => kind === "error" && number > asked.notices);
 const idle = (state) => state.target === null && !state.activity;
 
-// The parts of the address; null where it names nothing.
-function read() {
-  const found = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+// What is shown, as an address names it.
+function hashOf(state) {
+  const named = state.address.lesson ? STEPS.slice(0, 1) : STEPS;
+  const parts = named.map(({ name, shown }) => [name, String(shown(state))]);
+  const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
+  return `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
+}
+
+// The address that is due to be written: a reload before that goes by it. It is none of a tab whose address was changed since.
+const late = {
+  keep: (written, hash) =>
+    hash === written || stored((session) => session.setItem("address", JSON.stringify([written, hash]))),
+  forget: () => stored((session) => session.removeItem("address")),
+  instead: (hash) => {
+    const [written, due] = JSON.parse(stored((session) => session.getItem("address")) ?? "[]");
+    return written === hash ? due : hash;
+  },
+};
+
+// A browser may forbid to keep anything.
+function stored(ask) {
+  try {
+    return ask(sessionStorage);
+  } catch {
+    return null;
+  }
+}
+
+// The parts of an address; null where it names nothing.
+function read(hash) {
+  const found = Object.fromEntries(new URLSearchParams(hash.slice(1)));
   if (found.lesson) return { lesson: found.lesson };
   return found.run === undefined && found.at === undefined ? null : { ...DEFAULTS, ...found };
 }

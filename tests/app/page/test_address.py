@@ -63,6 +63,24 @@ def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, app: App) -> N
     page.until("location.hash === '#run=double:40&at=12'", "the address to stay")
 
 
+RELOADED_AT_ONCE = """() => {
+    const once = (reached, then) => (reached() ? then() : setTimeout(() => once(reached, then), 1));
+    ispom.send({ do: "seek", index: 12 });
+    once(() => location.hash.includes("at=12"), () => {  // the next change is written half a second after this one
+        ispom.send({ do: "seek", index: 14 });
+        once(() => ispom.shown.index === 14, () => location.reload());
+    });
+}"""
+
+
+def test_a_page_that_is_reloaded_at_once_after_a_change_keeps_it(page: Page) -> None:
+    go(page, 11)
+    with page.tab.expect_event("load"):
+        page.tab.evaluate(RELOADED_AT_ONCE)
+    page.faults.clear()  # requests that leaving the page broke off
+    page.until("state.index === 14 && location.hash.includes('at=14')", "what was shown")
+
+
 def test_one_who_does_not_drive_opens_it_at_its_exposure(page: Page, browser, app: App) -> None:  # noqa: F811
     go(page, 30)
     other = Page(browser, f"{app.url}#run=double:40&at=7&hidden=clouds,truth", viewer=FAKE)
