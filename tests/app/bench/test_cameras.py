@@ -37,4 +37,4 @@ def test_what_is_worse_over_all_seeds_is_named() -> None:
     )
     text = console.export_text()
     assert "7.1 mm (1.00)" in text and "10.0 mm (1.41)" in text and "11.4 mm (1.61)" in text
-    assert text.rstrip().endswith("where a shutter is not told: stereo with fisheye, stereo with rolling, 20 ms, not told")
+    assert text.rstrip().endswith(f"where a shutter is not told: stereo with fisheye, stereo with {BLIND}")
