@@ -66,7 +66,7 @@ class ModernIntegratedConfig:
     """As of the methods asked: the errors above are in pixels of the images that they track."""
     loss: Annotated[float, Range(0.5, 20)] = 1.0
     """Scale of the Cauchy loss, in these errors."""
-    iterations: Annotated[int, Range(1, 30)] = 6
+    iterations: Annotated[int, Range(1, 30)] = 4
     """Of each adjustment, at most."""
     follow_stereo: bool = True
     """Meet the stereo estimator's pose at every pair, so that both share one drift; else the drift is its own."""
