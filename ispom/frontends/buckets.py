@@ -6,14 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.frontends.halved import factor_of, halved
 from ispom.kernels import kernel
 from ispom.types import Image
 
 QUALITY = 0.002
 """Corners weaker than this share of a strong one in the image are not used."""
-
-SEARCH_WIDTH_PX = 700
-"""Wider images are searched at half size."""
 
 
 def detect_spread(
@@ -23,8 +21,7 @@ def detect_spread(
 
     Buckets are about square; no corner is nearer than `min_distance_px` to another one or to one taken.
     """
-    factor = 2 if grey.shape[1] > SEARCH_WIDTH_PX else 1
-    searched = grey if factor == 1 else cv2.pyrDown(grey)
+    factor, searched = factor_of(grey), halved(grey)
     height, width = searched.shape
     border_px, min_distance_px = border_px // factor, min_distance_px / factor
     score = cv2.cornerMinEigenVal(searched, 3, ksize=3)

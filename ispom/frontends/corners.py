@@ -6,20 +6,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.frontends.halved import factor_of, halved
 from ispom.types import Image
-
-SEARCH_WIDTH_PX = 700
-"""Wider images are searched at half size: as good to track, and four times as fast."""
 
 
 def detect(
-    grey: Image, count: int, taken: NDArray[np.float32] | None = None, min_distance_px: float = 8.0, border_px: int = 8
+    grey: Image,
+    count: int,
+    taken: NDArray[np.float32] | None = None,
+    min_distance_px: float = 8.0,
+    border_px: int = 8,
+    half: Image | None = None,
 ) -> NDArray[np.float32]:
-    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border."""
+    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border.
+
+    `half`: the halved image, where it is there already.
+    """
     if count <= 0:
         return np.zeros((0, 2), np.float32)
-    factor = 2 if grey.shape[1] > SEARCH_WIDTH_PX else 1
-    searched = grey if factor == 1 else cv2.pyrDown(grey)
+    factor, searched = factor_of(grey), halved(grey) if half is None else half
     mask = np.zeros(searched.shape, np.uint8)
     border = border_px // factor
     mask[border:-border, border:-border] = 255

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Array
-from ispom.kernels import kernel
+from ispom.kernels import kernel, part
 from ispom.types import Camera, Image
 
 RADIUS_PX = 5
@@ -49,7 +49,7 @@ def warps_of(camera: Camera, rotations: Array, translations: Array, xyz_in_camer
     return out * (z * iz)[:, None, None]
 
 
-@kernel()
+@part
 def _at(image, u, v):
     x, y = int(u), int(v)
     a, b = u - x, v - y
@@ -58,12 +58,26 @@ def _at(image, u, v):
     )
 
 
-@kernel()
+@part
+def _sample(image, u, v, out):
+    """The patch of an image around a place within it, row after row."""
+    x, y, side = int(u) - RADIUS_PX, int(v) - RADIUS_PX, 2 * RADIUS_PX + 1
+    a, b = u - int(u), v - int(v)
+    w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+    for i in range(side):
+        upper, lower = image[y + i, x : x + side + 1], image[y + i + 1, x : x + side + 1]
+        for j in range(side):
+            out[i * side + j] = w00 * upper[j] + w01 * upper[j + 1] + w10 * lower[j] + w11 * lower[j + 1]
+
+
+@kernel(error_model="numpy", fastmath={"contract", "reassoc"})
 def _align(reference, reference_uv, image, uv, warps, iterations):
     n, side = len(uv), 2 * RADIUS_PX + 1
     score = np.full(n, -1.0)
     wide, patch = np.empty((side + 2, side + 2)), np.empty((side, side))
     gx, gy = np.empty((side, side)), np.empty((side, side))
+    area = side * side
+    now, flat, flat_x, flat_y = np.empty(area), patch.reshape(area), gx.reshape(area), gy.reshape(area)
     for k in range(n):
         # The patch with a border, for its gradient.
         inside = True
@@ -93,7 +107,6 @@ def _align(reference, reference_uv, image, uv, warps, iterations):
                 mean += patch[i, j]
                 mx += gx[i, j]
                 my += gy[i, j]
-        area = side * side
         mean, mx, my = mean / area, mx / area, my / area
         # Without its mean everything is free of the brightness offset.
         hxx, hxy, hyy, power = 0.0, 0.0, 0.0, 0.0
@@ -116,23 +129,15 @@ def _align(reference, reference_uv, image, uv, warps, iterations):
             ):
                 score[k] = -1.0
                 break
-            x0, y0 = int(u), int(v)
-            a, b = u - x0, v - y0
-            w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+            _sample(image, u, v, now)
             bx, by, total, squares, product = 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in range(side):
-                y = y0 + i - RADIUS_PX
-                for j in range(side):
-                    x = x0 + j - RADIUS_PX
-                    value = (
-                        w00 * image[y, x] + w01 * image[y, x + 1] + w10 * image[y + 1, x] + w11 * image[y + 1, x + 1]
-                    )
-                    total += value
-                    squares += value * value
-                    product += value * patch[i, j]
-                    difference = value - patch[i, j]
-                    bx += gx[i, j] * difference
-                    by += gy[i, j] * difference
+            for i in range(area):
+                total += now[i]
+                squares += now[i] * now[i]
+                product += now[i] * flat[i]
+                difference = now[i] - flat[i]
+                bx += flat_x[i] * difference
+                by += flat_y[i] * difference
             variance = squares - total * total / area
             score[k] = product / np.sqrt(power * variance) if variance > 1e-6 else -1.0
             du, dv = (hyy * bx - hxy * by) / det, (hxx * by - hxy * bx) / det

@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.frontends.halved import factor_of, halved
 from ispom.frontends.klt import Klt
 from ispom.kernels import kernel, part
 from ispom.types import Image, TrackStatus
 
-SEARCH_WIDTH_PX = 700
-"""Wider images are searched at half size."""
 HALF_ROWS, HALF_COLUMNS = 3, 5
 """Half sizes of the compared patch, at the reduced size."""
 NONE = 1 << 30
@@ -30,18 +29,24 @@ class PointSearch:
     """Real rectifications are off by a pixel or so."""
     max_ratio: float = 0.85
     """Best cost against the best cost elsewhere on the row."""
-    refine: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=0.5))
-    """The sub-pixel place of what was searched for."""
+    refine: Klt = field(default_factory=lambda: Klt(levels=0, max_forward_backward_px=0.5))
+    """The sub-pixel place of what was searched for, and found to a pixel."""
     guided: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=np.inf))
     """The place near a guess; rows, and whoever knows the point in space, check it."""
+    near: Klt = field(default_factory=lambda: Klt(levels=0, max_forward_backward_px=np.inf))
+    """The same of a good guess, off by some pixels at most."""
 
-    def search(self, left: Image, right: Image, uv: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Disparities (N,) [px] of left points (N, 2), NaN where none is clear."""
+    def search(
+        self, left: Image, right: Image, uv: NDArray[np.float32], halves: tuple[Image, Image] | None = None
+    ) -> NDArray[np.float32]:
+        """Disparities (N,) [px] of left points (N, 2), NaN where none is clear.
+
+        `halves`: the halved images, where they are there already.
+        """
         if not len(uv):
             return np.zeros(0, np.float32)
-        factor = 2 if left.shape[1] > SEARCH_WIDTH_PX else 1
-        reduced = [i if factor == 1 else np.asarray(cv2.pyrDown(i), np.uint8) for i in (left, right)]
-        a, b = (_contrast(i) for i in reduced)
+        factor = factor_of(left)
+        a, b = (_contrast(i) for i in halves or (halved(left), halved(right)))
         place = np.rint(uv / factor).astype(np.int64)
         coarse = _search_rows(a, b, place, int(self.max_disparity_share * a.shape[1]), self.max_ratio)
         found = coarse >= 0
@@ -52,13 +57,14 @@ class PointSearch:
         return out
 
     def follow(
-        self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
+        self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32], near: bool = False
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Disparities (N,) [px] of left points (N, 2) near guesses (N,), and how much lower they are on the right (N,).
+        """Disparities (N,) [px] of left points (N, 2) about guesses (N,), which are good ones where they are `near`;
+        and how much lower they are on the right (N,).
 
         NaN where lost or off the row.
         """
-        return self._sub_pixel(self.guided, left, right, uv, guess_px)
+        return self._sub_pixel(self.near if near else self.guided, left, right, uv, guess_px)
 
     def _sub_pixel(
         self, klt: Klt, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]

@@ -1,11 +1,13 @@
-"""Small steps of poses, compiled: what a Gauss-Newton step found, applied."""
+"""Twists of poses, compiled: what a Gauss-Newton step found, applied; and what leads from one pose to another."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ispom.geometry import Array, Pose
 from ispom.kernels import kernel
-from ispom.numerics.lie import rodrigues
+from ispom.numerics.lie import inverse_right_jacobian, log3, rodrigues
+from ispom.numerics.vectors import matrix, scaled, store, times, vector
 
 
 @kernel(error_model="numpy")
@@ -32,3 +34,18 @@ def moved(rotations, translations, steps):
                 translations_after[n, 1] = y + steps[n, 1]
                 translations_after[n, 2] = z + steps[n, 2]
     return rotations_after, translations_after
+
+
+def twist_of(pose: Pose) -> Array:
+    """Pose.log, for whoever needs it at each exposure."""
+    return _log(np.array(pose.rotation[None], order="C"), np.array(pose.translation[None], order="C"))
+
+
+@kernel(error_model="numpy")
+def _log(rotations, translations):
+    """(6,) (rho, phi) of the first pose."""
+    phi, out = log3(matrix(rotations, 0)), np.empty((2, 3))
+    # exp(phi, rho) has the translation J_l(phi) rho, and J_l(phi) = J_r(-phi)
+    store(out, 0, times(inverse_right_jacobian(scaled(-1.0, phi)), vector(translations, 0)))
+    store(out, 1, phi)
+    return out.ravel()

@@ -87,10 +87,10 @@ def row_evidence(
         return design, rows
     free, root = np.diag(covariance) > 0, np.ones(len(rows))
     known, error = np.linalg.inv(covariance[np.ix_(free, free)]), rows - design @ extra
-    start, part = error, design[:, free]
+    start, part, middle = error, design[:, free], len(rows) // 2
     for _ in range(iterations):
         # As wide as the errors still are.
-        wide = max(scale, 1.5 * float(np.median(np.abs(error))))
+        wide = max(scale, 1.5 * float(np.partition(np.abs(error), middle)[middle]))
         weight = 1 / (wide**2 + error**2)
         weighted, root = part.T * weight, np.sqrt(weight)
         error = start - part @ np.linalg.solve(known + weighted @ part, weighted @ start)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 from ispom.numerics import lie
 from ispom.numerics.lie import logs
+from ispom.numerics.twist import twist_of
 from ispom.numerics.vectors import matrix, vector
 
 
@@ -82,3 +83,11 @@ def test_the_jacobian_is_that_of_the_map(angle: float) -> None:
         further = exp3(vector).T @ exp3(vector + step * np.eye(3)[k])
         np.testing.assert_allclose(log3(further) / step, jacobian[:, k], atol=1e-5)
     np.testing.assert_allclose(inverse_right_jacobian(vector) @ jacobian, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.3, 2.0, 3.0])
+def test_the_twist_of_a_pose_is_its_logarithm(angle: float) -> None:
+    for axis in np.random.default_rng(1).normal(size=(20, 3)):
+        twist = np.concatenate([np.random.default_rng(2).normal(size=3), angle * axis / np.linalg.norm(axis)])
+        np.testing.assert_allclose(twist_of(Pose.exp(twist)), twist, atol=1e-12)
+        np.testing.assert_allclose(twist_of(Pose.exp(twist).inverse()), -twist, atol=1e-12)

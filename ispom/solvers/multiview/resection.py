@@ -29,10 +29,13 @@ class Resection:
     """(N,) residuals within the threshold."""
 
 
-def resect(xyz: Array, x: Array, threshold: float, scale: float | None = None) -> Resection | None:
+def resect(
+    xyz: Array, x: Array, threshold: float, scale: float | None = None, samples: int = SAMPLES
+) -> Resection | None:
     """Pose from points (N, 3) and normalised coordinates (N, 2): P3P in RANSAC, then robust refinement. Deterministic.
 
-    `threshold`, and the loss's scale as in `refine_pose`, in normalised units. None with fewer than 6 inliers.
+    `samples` at most. `threshold`, and the loss's scale as in `refine_pose`, in normalised units. None with fewer than
+    6 inliers.
     """
     if len(xyz) < 6:
         return None
@@ -42,7 +45,7 @@ def resect(xyz: Array, x: Array, threshold: float, scale: float | None = None) -
         x,
         np.eye(3),
         None,
-        iterationsCount=SAMPLES,
+        iterationsCount=samples,
         reprojectionError=threshold,
         confidence=0.999,
         flags=cv2.SOLVEPNP_AP3P,

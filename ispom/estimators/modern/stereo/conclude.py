@@ -34,7 +34,6 @@ def next_state(
     newest, last, new, first = state.map.keys[-1], before.last, now.new, before.last.left is None
     following = LastPair(
         new.left,
-        new.right,
         new.left if is_key else last.key_left,
         now.points,
         new.time_ns,

@@ -18,6 +18,7 @@ from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted,
 from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
+from ispom.numerics.twist import twist_of
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision
 
@@ -44,7 +45,7 @@ class Current:
         if sighting.rate is not None:
             rate = sighting.rate
         elif last.left is not None and not sighting.relocated:
-            rate = (pose @ last.left_from_world.inverse()).log() / ((new.time_ns - last.time_ns) * 1e-9)
+            rate = twist_of(pose @ last.left_from_world.inverse()) / ((new.time_ns - last.time_ns) * 1e-9)
         return Current(new, pose, sighting.alive(last.points), rate)
 
 
@@ -65,8 +66,9 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
 
 def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
     """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
-    uv = corners.detect(now.new.left, setup.max_tracks - len(now.points), now.points.uv)
-    disparity = PointSearch().search(now.new.left, now.new.right, uv)
+    new = now.new
+    uv = corners.detect(new.left, setup.max_tracks - len(now.points), now.points.uv, half=new.halves[0])
+    disparity = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(disparity))
     fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])
     return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.rate))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ispom.estimators.modern.stereo.pair import PairPoints
 from ispom.estimators.modern.stereo.shutter import RateBelief
 from ispom.geometry import Array, Pose
+from ispom.numerics.twist import twist_of
 from ispom.types import Image
 
 COASTING_S = 2.0
@@ -22,7 +24,7 @@ REST_BASELINES, REST_RAD = 0.1, 0.05
 
 def unforeseen(way: Pose, baseline_m: float) -> Array:
     """(6,) standard deviations of how a motion may differ from this expected one, and a little at rest."""
-    moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(way.rotvec))
+    moved, turned = float(np.linalg.norm(way.translation)), float(np.linalg.norm(twist_of(way)[3:]))
     return np.repeat([CHANGE * moved + REST_BASELINES * baseline_m, CHANGE * turned + REST_RAD], 3)
 
 
@@ -31,7 +33,6 @@ class LastPair:
     """The last located pair, and how the rig moved until then."""
 
     left: Image | None = None
-    right: Image | None = None
     key_left: Image | None = None
     """Of the newest key frame."""
     points: PairPoints = PairPoints()
@@ -44,10 +45,10 @@ class LastPair:
     covariance: Array | None = None
     """(6, 6) of left_from_world's left twist."""
 
-    @property
+    @cached_property
     def rate(self) -> Array:
         """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
-        return self.motion.log() / self.motion_s if self.motion_s > 0 else np.zeros(6)
+        return twist_of(self.motion) / self.motion_s if self.motion_s > 0 else np.zeros(6)
 
     def believed_rate(self, time_ns: int, baseline_m: float) -> RateBelief:
         """How left_from_world changes at a time, if the motion goes on as it was; it may differ, as `unforeseen`."""
@@ -79,4 +80,4 @@ class LastPair:
     def _way(self, seconds: float) -> Pose:
         if self.motion_s <= 0:
             return Pose()
-        return Pose.exp(self.motion.log() * (seconds / self.motion_s))
+        return Pose.exp(self.rate * seconds)

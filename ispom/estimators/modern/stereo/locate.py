@@ -11,6 +11,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Rows
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Array, Pose
+from ispom.numerics.twist import twist_of
 from ispom.solvers.motion_only import PoseFit, fit_pose
 from ispom.solvers.multiview.resection import resect
 
@@ -63,7 +64,7 @@ def _located(
     """By what all rows saw at one time."""
     xyz, prior = world.xyz[place], None
     moved = predicted @ last.left_from_world.inverse()
-    rate = moved.log() / ((time_ns - last.time_ns) * 1e-9)
+    rate = twist_of(moved) / ((time_ns - last.time_ns) * 1e-9)
     if len(xyz) < FEW * setup.min_inliers:
         prior = np.diag(unforeseen(moved, setup.baseline_m) ** -2)
     seen = with_ideal_right(setup, world, predicted.apply(xyz), seen, rate)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.frontends.exposure import as_bright
+from ispom.frontends.halved import halved
 from ispom.geometry import Array
 from ispom.solvers.motion_only import PoseFit
 from ispom.types import Camera, Image, StereoPair, TrackStatus, as_grey
@@ -25,6 +27,11 @@ class NewPair:
     def of(exposure: StereoPair) -> NewPair:
         left = as_grey(exposure.left)
         return NewPair(exposure.time_ns, left, as_bright(as_grey(exposure.right), left))
+
+    @cached_property
+    def halves(self) -> tuple[Image, Image]:
+        """The left and the right image at half size where they are wide."""
+        return halved(self.left), halved(self.right)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
+from ispom.numerics.twist import twist_of
 from ispom.types import Decision, Image, TrackStatus
 
 MIN_CORRELATION = 0.7
@@ -90,7 +91,7 @@ def _begun(
     assert sighting.located is not None
     pose, last, (key, *others) = sighting.located.camera_from_world, state.last, state.map.keys
     seconds = (new.time_ns - last.time_ns) * 1e-9
-    rate = (pose @ last.left_from_world.inverse()).log() / seconds
+    rate = twist_of(pose @ last.left_from_world.inverse()) / seconds
     near = setup.shutter.points_at_middle(key.left_from_world.apply(state.map.xyz), rate - key.rate)
     xyz = key.left_from_world.inverse().apply(near)
     world = replace(state.map, xyz=xyz, keys=(replace(key, rate=rate), *others))
@@ -139,7 +140,7 @@ def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predic
     near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), last.rate)
     uv, status = _tracked(setup, last, new.left, near if guided else None)
     uv, status = _realigned(setup, last, world, new.left, uv, status, near, predicted)
-    return _sighted(setup, last, world, new, predicted, uv, status)
+    return _sighted(setup, last, world, new, predicted, uv, status, guided)
 
 
 def _sighted(
@@ -150,6 +151,7 @@ def _sighted(
     predicted: Pose,
     uv: NDArray[np.float32],
     status: NDArray[np.uint8],
+    guided: bool = False,
 ) -> Sighting:
     """The pair located by the points alive at `uv` (N, 2) [px] in its left image, once found in the right one."""
     points, place = last.points, world.places(last.points.ids)
@@ -158,7 +160,7 @@ def _sighted(
     disparity = np.full(len(points), np.nan, np.float32)
     depth = np.maximum(near[alive, 2], NEAREST_BASELINES * setup.baseline_m)
     expected = (setup.camera.fx * setup.baseline_m / depth).astype(np.float32)
-    disparity[alive], lower = PointSearch().follow(new.left, new.right, uv[alive], expected)
+    disparity[alive], lower = PointSearch().follow(new.left, new.right, uv[alive], expected, guided)
     seen = PairPoints(points.ids[alive], uv[alive], disparity[alive]).seen_by(setup.camera)
     motion, rate = located(setup, last, world, place[alive], seen, predicted, new.time_ns)
     if motion is not None:
