@@ -59,6 +59,21 @@ def test_a_pair_after_a_gap_is_located_by_what_both_sides_show(flight: Sequence,
     assert len(steps[-1].residuals_px) > 40
 
 
+def test_a_pair_that_a_turn_displaced_keeps_its_points(flight: Sequence, exposures: list[Exposure]) -> None:
+    pairs = [e for e in exposures if isinstance(e, StereoPair)]
+    estimator = ModernStereoConfig().build(flight.rig)
+    state = estimator.start()
+    for pair in pairs[:4]:
+        state, _ = estimator.step(state, pair)
+    wrong = Pose.from_rotvec(np.radians([0.0, 20.0, 0.0]), np.zeros(3)) @ state.last.motion
+    turned = replace(state, last=replace(state.last, motion=wrong))
+    (_, step), (_, displaced) = (estimator.step(s, pairs[5]) for s in (state, turned))
+    assert step.world_from_frame is not None and displaced.world_from_frame is not None
+    assert len(displaced.residuals_px) > 0.9 * len(step.residuals_px), "patches are warped by where it is"
+    off = displaced.world_from_frame.translation - step.world_from_frame.translation
+    assert np.linalg.norm(off) < 0.005, "of 0.5 m"
+
+
 def test_a_rig_that_was_carried_off_is_found_at_any_earlier_key_frame(
     flight: Sequence, exposures: list[Exposure]
 ) -> None:

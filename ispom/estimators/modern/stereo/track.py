@@ -56,7 +56,7 @@ def sight(
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
     if guided.passed:
         return state, sighting, (guided,)
-    sighting = _better(sighting, _follow(setup, last, world, new, predicted, guided=False))
+    sighting = _better(sighting, _looked_again(setup, last, world, new, predicted))
     nearby = checks.NEARBY_POINTS.of(sighting.inliers, wanted)
     if nearby.passed:
         return state, sighting, (guided, nearby)
@@ -122,6 +122,22 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
     uv, status = _realigned(setup, last, world, new.left, expected, status, near, pose)
     uv[count:], status[count:] = found.uv, TrackStatus.ALIVE
     return replace(_sighted(setup, last, world, new, pose, uv, status), relocated=True)
+
+
+def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose) -> Sighting:
+    """Tracked around where the points were; then all of them looked for where that pose puts them.
+
+    What was found around was compared with patches as the prediction, which is wrong here, warps them: it is found a
+    little beside its place, and many are not found.
+    """
+    first = _follow(setup, last, world, new, predicted, guided=False)
+    if first.located is None:
+        return first
+    pose, place = first.located.camera_from_world, world.places(last.points.ids)
+    near = setup.shutter.as_seen(pose.apply(world.xyz[place]), last.rate)
+    uv, status = _projected(setup, near)
+    uv, status = _realigned(setup, last, world, new.left, uv, status, near, pose)
+    return _better(first, _sighted(setup, last, world, new, pose, uv, status))
 
 
 def _projected(setup: Setup, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
