@@ -158,9 +158,8 @@ def _off(found: Trajectory, truth: Trajectory, metric: bool) -> np.ndarray:
 
 def print_loops(console: Console, found: list[Driven]) -> None:
     """A table of all drives of one method, and what it comes to."""
-    table = Table(
-        "drive", "seed", "way m", "loops", "error m", "without", "NEES", "all poses", box=None, pad_edge=False
-    )
+    names = ("drive", "seed", "way m", "restarts", "loops", "error m", "without", "NEES", "all poses")
+    table = Table(*names, box=None, pad_edge=False)
     for f in found:
         more = (f.plain_error_m, f.plain_nees, f.spread)
         name = "sim:town" if f.returns else "equal houses"

@@ -10,7 +10,7 @@ import pytest
 
 from ispom.estimators.modern.loops import nodes as nodes_module
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Known, Loops, covariance_at, seen_again
-from ispom.estimators.modern.loops.nodes import Loop, Node, edges_of, step_between, thinned
+from ispom.estimators.modern.loops.nodes import Loop, Node, edges_of, step_between, thinned, with_poses
 from ispom.estimators.modern.loops.sight import Eye, Sight
 from ispom.estimators.modern.loops.told import AT_ONCE, Correction, next_range
 from ispom.estimators.modern.loops.verify import way_between
@@ -129,6 +129,31 @@ def test_thinned_nodes_keep_what_was_measured(monkeypatch: pytest.MonkeyPatch) -
         np.testing.assert_allclose(edge.first_from_then.pose.matrix, true.matrix, atol=1e-9)
     steps = [step_between(b, n)[1][0, 0] for b, n in pairwise(kept)]
     assert min(steps) > 0
+
+
+def test_a_window_that_slides_bends_no_way() -> None:
+    """All that is in it moves alike as the unit and the heading become known; what has left it stays."""
+    nodes, slide = chain(12), Pose(translation=np.array([0.5, 0.0, 0.0]))
+    nodes = with_poses(nodes, {n.time_ns: n.odometry for n in nodes}, None)
+    window = {n.time_ns: slide @ n.odometry for n in nodes[8:]}
+    plain, closed = with_poses(nodes, window, None), with_poses(nodes, window, 10)
+    for (a, b), (c, d), (e, f) in zip(pairwise(nodes), pairwise(plain), pairwise(closed), strict=True):
+        before = step_between(a, b)[0].pose.matrix
+        np.testing.assert_allclose(step_between(c, d)[0].pose.matrix, before, atol=1e-12)
+        np.testing.assert_allclose(step_between(e, f)[0].pose.matrix, before, atol=1e-12)
+    # Without a loop poses are those of odometry; with one they stay where the graph, and the steps since, put them.
+    np.testing.assert_allclose(plain[-1].correction.pose.matrix, np.eye(4), atol=1e-12)
+    for node, was in zip(closed, nodes, strict=True):
+        np.testing.assert_allclose(node.corrected.pose.matrix, was.corrected.pose.matrix, atol=1e-12)
+
+
+def test_a_step_is_that_of_the_last_window_with_both_its_ends() -> None:
+    first, then = chain(2)
+    together = {0: first.odometry, 1: first.odometry @ Pose(translation=np.array([0.0, 0.0, 5.0]))}
+    nodes = with_poses((first, then), together, None)
+    # The earlier one has left: the later one slides alone.
+    nodes = with_poses(nodes, {1: Pose(translation=np.array([1.0, 0.0, 0.0])) @ together[1]}, None)
+    np.testing.assert_allclose(step_between(*nodes)[0].pose.translation, (0.0, 0.0, 5.0), atol=1e-12)
 
 
 def test_between_nodes_the_correction_is_between_theirs() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispom.estimators.modern.loops.nodes import Node, node_at
+from ispom.estimators.modern.loops.nodes import Node, node_at, step_between
 from ispom.estimators.modern.loops.sight import Eye
 from ispom.estimators.modern.places import MIN_ALIKE
 from ispom.geometry import Array, skew
@@ -28,7 +28,8 @@ def with_depths(eye: Eye, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
     newest, others = nodes[-1], list[Node]()
     last = newest
     while len(others) < OTHERS and last.seen and last.parent_ns != last.time_ns:
-        last = node_at(nodes, last.parent_ns)
+        parent = node_at(nodes, last.parent_ns)
+        last = replace(parent, odometry=last.odometry @ step_between(parent, last)[0].pose.inverse())
         others.append(last)
     if not others:
         return nodes

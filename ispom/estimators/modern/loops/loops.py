@@ -51,7 +51,8 @@ class KeyFrameSeen:
     scale_variance: float
     """Of ln unit; 0 for a pair."""
     window: Mapping[int, Pose]
-    """world_from_camera of the key frames that are still adjusted, this one included, oldest first."""
+    """world_from_camera of what is still adjusted, or was with this key frame for the last time; itself included,
+    oldest first."""
     sight: Callable[[], Sight]
     """What it shows; made only where it is needed."""
     joined: bool = True
@@ -118,7 +119,7 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
 
 def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
     """With a node, where it is some way from the last one, and what that is to be compared with."""
-    nodes = with_poses(loops.nodes, key.window)
+    nodes = with_poses(loops.nodes, key.window, None if loops.known is None else loops.known.node.time_ns)
     known = None if loops.known is None else loops.known.within(nodes)
     unsure = np.zeros((6, 6)) if key.covariance is None else key.covariance
     if not nodes:
@@ -146,6 +147,7 @@ def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:
         parent.corrected @ Similarity(1.0, between),
         key.sight(),
         key.joined,
+        between,
     )
     waiting = candidates(nodes, node, drift)
     nodes = (*nodes, node) if eye.baseline else with_depths(eye, (*nodes, node))

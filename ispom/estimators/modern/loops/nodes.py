@@ -40,6 +40,9 @@ class Node:
     sight: Sight
     seen: bool = True
     """Whether some observation joins it to its parent: else the way there is what a blind start holds possible."""
+    step: Pose | None = None
+    """parent_from_node when both were last adjusted together; None: from their odometry. That of a parent that has left
+    its window stays, while all that is in the window still moves, alike, as the unit and the heading become known."""
 
     @property
     def correction(self) -> Similarity:
@@ -58,8 +61,11 @@ class Loop:
 
 
 def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
-    """parent_from_node by odometry, and its covariance (7, 7): by how much more is unknown at the node."""
-    between = parent.odometry.inverse() @ node.odometry
+    """parent_from_node by odometry, and its covariance (7, 7): by how much more is unknown at the node.
+
+    Of two nodes far apart, too."""
+    own = node.step is not None and node.parent_ns == parent.time_ns
+    between = node.step if own and node.step is not None else parent.odometry.inverse() @ node.odometry
     back = between.inverse().adjoint
     grown = node.covariance - back @ parent.covariance @ back.T
     values, vectors = np.linalg.eigh((grown + grown.T) / 2)
@@ -71,14 +77,25 @@ def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
     return Similarity(1.0, between), covariance
 
 
-def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose]) -> tuple[Node, ...]:
-    """With newer poses of some; their corrections stay."""
-    return tuple(
-        replace(n, odometry=odometry[n.time_ns], corrected=n.correction @ Similarity(1.0, odometry[n.time_ns]))
-        if n.time_ns in odometry
-        else n
-        for n in nodes
-    )
+def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: int | None) -> tuple[Node, ...]:
+    """With newer poses of some, and steps from those whose parents are among them.
+
+    Where a graph was adjusted, up to a node `since_ns`, these nodes stay where it put them, and later ones follow from
+    there. Where none was, None, all are where odometry has them.
+    """
+    at = dict[int, Node]()
+    for node in nodes:
+        pose, parent = odometry.get(node.time_ns), at.get(node.parent_ns)
+        if pose is not None:
+            step = node.step
+            if parent is not None and node.seen and parent.time_ns in odometry:
+                step = parent.odometry.inverse() @ pose
+            corrected = node.corrected if since_ns is not None else node.correction @ Similarity(1.0, pose)
+            node = replace(node, odometry=pose, step=step, corrected=corrected)
+        if since_ns is not None and node.time_ns > since_ns and parent is not None:
+            node = replace(node, corrected=parent.corrected @ step_between(parent, node)[0])
+        at[node.time_ns] = node
+    return tuple(at.values())
 
 
 def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Node, ...], tuple[Loop, ...]]:
@@ -94,7 +111,9 @@ def thinned(nodes: tuple[Node, ...], loops: tuple[Loop, ...]) -> tuple[tuple[Nod
     way, covariance = step_between(parent, gone)
     down = Edge(0, 1, way, covariance)
     kept = tuple(
-        replace(n, parent_ns=parent.time_ns, seen=n.seen and gone.seen) if n.parent_ns == gone.time_ns else n
+        replace(n, parent_ns=parent.time_ns, seen=n.seen and gone.seen, step=way.pose @ step_between(gone, n)[0].pose)
+        if n.parent_ns == gone.time_ns
+        else n
         for n in nodes
         if n is not gone
     )

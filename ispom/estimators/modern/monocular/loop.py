@@ -76,7 +76,7 @@ def _key_frame_seen(
     setup: Setup, after: ModernMonocularState, world: Map, outcome: Outcome, grey: Image, joined: bool
 ) -> KeyFrameSeen:
     """The newest key frame of the map."""
-    window = {k.time_ns: pose for k, pose in zip(world.keys, world.poses, strict=True)}
+    window = dict(sorted((*outcome.settled, *world.trajectory()), key=lambda told: told[0]))
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
     sight = partial(_sight, Lens(setup.camera, world.extra), grey, _depth(world, pose))
