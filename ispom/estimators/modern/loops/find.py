@@ -17,8 +17,9 @@ MAX_TURN_DEG, MAX_SCALE = 20.0, 0.4
 LEAST_NODES = 12
 """From so many nodes on, three depths of what they show or 144 degrees, a place is seen again by a loop, and not
 because it is still near."""
-COMPARED = 4
-"""Places, for each node: those that look most like it."""
+COMPARED = 12
+"""Places, for each node: those that look most like it. Of views that are turned by 20-40 degrees the right place may be
+the sixth."""
 VIEWS = 3
 """Nodes whose views tell of the same loop: chance seldom leads three of them to one place."""
 WITHIN = 12

@@ -1,6 +1,6 @@
 """Loops beside an odometry that goes on as it is: places are found again, and a pose graph says where all poses are.
 
-One exposure compares one place at most, adjusts a graph of bounded size, and tells a bounded number of poses anew.
+One exposure compares AT_A_TIME places at most, adjusts a graph of bounded size, and tells a bounded number of poses anew.
 """
 
 from __future__ import annotations
@@ -38,6 +38,9 @@ from ispom.estimators.modern.loops.verify import FEWEST, way_between
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
 from ispom.solvers.pose_graph import carried, spread
 from ispom.types import Decision
+
+AT_A_TIME = 6
+"""Places compared in an exposure, at 1-4 ms each; most nodes are followed by the next one after two exposures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +104,16 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
         loops = _with_key(loops, eye, key, drift)
     if not loops.waiting:
         return loops, ()
-    first, then = node_at(loops.nodes, loops.waiting[0]), loops.nodes[-1]
-    loops = replace(loops, waiting=loops.waiting[1:])
-    way = way_between(eye, first.sight, then.sight)
-    points = LOOP_POINTS.of(0 if way is None else way.count, FEWEST)
-    if way is None or not possible(first, then, way.first_from_then, drift):
-        why = "" if way is None else "odometry cannot have drifted so far"
+    then = loops.nodes[-1]
+    places = [node_at(loops.nodes, t) for t in loops.waiting[:AT_A_TIME]]
+    ways = [(p, way) for p in places if (way := way_between(eye, p.sight, then.sight)) is not None]
+    loops = replace(loops, waiting=loops.waiting[AT_A_TIME:])
+    found = [(p, way) for p, way in ways if possible(p, then, way.first_from_then, drift)]
+    points = LOOP_POINTS.of(max((way.count for _, way in found or ways), default=0), FEWEST)
+    if not found:
+        why = "odometry cannot have drifted so far" if ways else ""
         return loops, (replace(points, passed=False, consequence=why),)
+    first, way = max(found, key=lambda one: one[1].count)
     loop = Loop(first.time_ns, then.time_ns, way.first_from_then, way.covariance)
     loops = replace(loops, proposed=(*loops.proposed, loop), waiting=())
     same = agreeing(loops.nodes, loops.proposed, loop, drift)
