@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimators.modern.loops.nodes import Node, node_at, step_between
-from ispom.estimators.modern.loops.sight import Eye
+from ispom.estimators.modern.loops.sight import Eye, Sight
 from ispom.estimators.modern.places import MIN_ALIKE
 from ispom.geometry import Array, skew
 from ispom.solvers.multiview.inverse_depth import intersect
 
 OTHERS = 3
-"""Nodes before, from which a sight is met: three quarters of its depth away at most."""
+"""Nodes before, and after, from which a sight is met: three quarters of its depth away at most."""
 MAX_OFF, INLIER = 2.0, 4.0
 """Deviations of a feature: from an epipolar line, and from the point where rays meet."""
 MIN_SIGNIFICANCE = 3.0
@@ -21,26 +21,35 @@ MIN_SIGNIFICANCE = 3.0
 
 
 def with_depths(eye: Eye, nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """With those of the newest node's features; and of its parent's, where nothing was before that.
+    """With those of the newest node's features, and those that it gives earlier ones.
 
-    Nothing is met across a blind start: what the way is there only the loops will tell.
+    The node OTHERS before it is met with all that came since, too: that knows another half of its features. So is its
+    parent, where nothing was before that. Nothing is met across a blind start: what the way is there only the loops
+    will tell.
     """
-    newest, others = nodes[-1], list[Node]()
-    last = newest
-    while len(others) < OTHERS and last.seen and last.parent_ns != last.time_ns:
+    newest, before = nodes[-1], _before(nodes)
+    if not before:
+        return nodes
+    found = {newest.time_ns: _met(eye, newest, before)}
+    if len(before) == OTHERS:
+        found[before[-1].time_ns] = _met(eye, before[-1], [newest, *before[:-1]])
+    elif not np.isfinite(before[0].sight.xyz).any():
+        found[before[0].time_ns] = _met(eye, before[0], [newest])
+    return tuple(replace(n, sight=found[n.time_ns]) if n.time_ns in found else n for n in nodes)
+
+
+def _before(nodes: tuple[Node, ...]) -> list[Node]:
+    """OTHERS at most before the newest one, the nearest first, where the steps to it say that they are."""
+    last, found = nodes[-1], list[Node]()
+    while len(found) < OTHERS and last.seen and last.parent_ns != last.time_ns:
         parent = node_at(nodes, last.parent_ns)
         last = replace(parent, odometry=last.odometry @ step_between(parent, last)[0].pose.inverse())
-        others.append(last)
-    if not others:
-        return nodes
-    found = {newest.time_ns: _met(eye, newest, others)}
-    if not np.isfinite(others[0].sight.xyz).any():
-        found[others[0].time_ns] = _met(eye, others[0], [newest])
-    return tuple(found.get(n.time_ns, n) for n in nodes)
+        found.append(last)
+    return found
 
 
-def _met(eye: Eye, node: Node, others: list[Node]) -> Node:
-    """With the points that it has in common with the others."""
+def _met(eye: Eye, node: Node, others: list[Node]) -> Sight:
+    """The node's with the points that it has in common with the others, beside those that were known."""
     sight = node.sight
     seen = [sight.x.astype(float), *(_seen(eye, node, other) for other in others)]
     stacked = np.stack(seen)
@@ -49,8 +58,8 @@ def _met(eye: Eye, node: Node, others: list[Node]) -> Node:
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     found = intersect(turns, ways, cameras, owners, stacked[cameras, owners], len(sight.x), eye.sigma)
     good = (found.depth > 0) & (found.worst < INLIER * eye.sigma) & (found.significance > MIN_SIGNIFICANCE)
-    xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), np.nan).astype(np.float32)
-    return replace(node, sight=replace(sight, xyz=xyz))
+    xyz = np.where(good[:, None], poses[0].apply(found.xyz_in_world), sight.xyz)
+    return replace(sight, xyz=xyz.astype(np.float32))
 
 
 def _seen(eye: Eye, node: Node, other: Node) -> Array:
