@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.loops import nodes as nodes_module
+from ispom.estimators.modern.loops.find import SINGLE_DRIFT as SINGLE_DRIFT_SHARE
+from ispom.estimators.modern.loops.find import possible
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, Known, Loops, covariance_at, seen_again
 from ispom.estimators.modern.loops.nodes import Loop, Node, edges_of, step_between, thinned, with_poses
 from ispom.estimators.modern.loops.sight import Eye, Sight
@@ -43,18 +45,24 @@ def test_a_lap_ends_where_it_began(eye: Eye, seed: int) -> None:
     assert after < 0.001 * 1.06 * LAP_M < before
 
 
-@pytest.mark.parametrize(("eye", "keys"), [(EYE, 1), (SINGLE, 2)], ids=["pair", "single"])
-def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(eye: Eye, keys: int) -> None:
-    blind, drift = 50, 1.0 if eye.baseline else SINGLE_DRIFT
-    found = driven(Facades.seeded(1), 1.06 * LAP_M, 1, eye, drift, blind, keys)
-    blind += keys - 1
-    assert closed(found) and found.ends[1] < 0.001 * 1.06 * LAP_M
-    off = {
-        n.time_ns: float(np.linalg.norm(n.corrected.pose.translation - found.truth[n.time_ns].translation))
-        for n in found.loops.nodes
-    }
-    assert max(off[t] for t in off if t >= blind) < 1.0, "of 3 m"
-    assert not Correction.of(found.loops).follows[sorted(off).index(blind)], "no pose is between the two stretches"
+@pytest.mark.parametrize(("eye", "keys", "seeds"), [(EYE, 1, (1,)), (SINGLE, 2, (1, 2))], ids=["pair", "single"])
+def test_a_stretch_that_began_blindly_is_put_right_and_the_rest_stays(
+    eye: Eye, keys: int, seeds: tuple[int, ...]
+) -> None:
+    """A stretch is put right as well as odometry over the lap is known: to 1 m of 3, of one camera on average."""
+    begun, drift, worst = 50, 1.0 if eye.baseline else SINGLE_DRIFT, list[float]()
+    blind = begun + keys - 1
+    for seed in seeds:
+        found = driven(Facades.seeded(seed), 1.06 * LAP_M, seed, eye, drift, begun, keys)
+        assert closed(found) and found.ends[1] < 0.001 * 1.06 * LAP_M
+        off = {
+            n.time_ns: float(np.linalg.norm(n.corrected.pose.translation - found.truth[n.time_ns].translation))
+            for n in found.loops.nodes
+        }
+        worst.append(max(off[t] for t in off if t >= blind))
+        follows = Correction.of(found.loops).follows[sorted(off).index(blind)]
+        assert not follows, "no pose is between the two stretches"
+    assert np.mean(worst) < 1.0, "of 3 m"
 
 
 def test_without_noise_the_way_between_two_sights_is_exact() -> None:
@@ -154,6 +162,17 @@ def test_a_step_is_that_of_the_last_window_with_both_its_ends() -> None:
     # The earlier one has left: the later one slides alone.
     nodes = with_poses(nodes, {1: Pose(translation=np.array([1.0, 0.0, 0.0])) @ together[1]}, None)
     np.testing.assert_allclose(step_between(*nodes)[0].pose.translation, (0.0, 0.0, 5.0), atol=1e-12)
+
+
+def test_odometry_can_have_lost_its_unit_but_not_its_place_alone() -> None:
+    nodes = chain(60)
+    first, then = nodes[0], nodes[-1]
+    way = Similarity(1.0, first.odometry.inverse() @ then.odometry)
+    aside = Similarity(1.0, Pose(translation=np.array([0.1 * then.path, 0.0, 0.0])))
+    assert possible(first, then, way, SINGLE_DRIFT_SHARE)
+    assert not possible(first, then, way @ aside, SINGLE_DRIFT_SHARE)
+    assert possible(first, then, way @ aside @ Similarity(np.exp(0.3)), SINGLE_DRIFT_SHARE)
+    assert not possible(first, then, way @ aside @ Similarity(np.exp(0.1)), SINGLE_DRIFT_SHARE)
 
 
 def test_between_nodes_the_correction_is_between_theirs() -> None:

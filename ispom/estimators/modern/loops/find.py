@@ -41,10 +41,15 @@ def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, 
 
 
 def possible(first: Node, then: Node, first_from_then: Similarity, drift: float) -> bool:
-    """Whether odometry can have drifted by what a way between two nodes says."""
+    """Whether odometry can have drifted by what a way between two nodes says.
+
+    Where the unit has, by ln scale, by half of that what lies between was too long or too short: a unit that was lost
+    in a bend moves what comes after it by as much of the way, and says so itself.
+    """
     off = (first.corrected.inverse() @ then.corrected).inverse() @ first_from_then
+    by_unit = abs(float(np.log(off.scale))) / 2 * (then.path - first.path)
     return (
-        float(np.linalg.norm(off.pose.translation)) <= _slack(first, then, drift)
+        float(np.linalg.norm(off.pose.translation)) <= max(_slack(first, then, drift), by_unit)
         and float(np.degrees(rotation_angle_rad(off.pose.rotation))) <= MAX_TURN_DEG
         and abs(float(np.log(off.scale))) <= MAX_SCALE
     )

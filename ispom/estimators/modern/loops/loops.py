@@ -1,6 +1,7 @@
 """Loops beside an odometry that goes on as it is: places are found again, and a pose graph says where all poses are.
 
-One exposure compares AT_A_TIME places at most, adjusts a graph of bounded size, and tells a bounded number of poses anew.
+One exposure compares AT_A_TIME places at most, adjusts a graph of bounded size, and tells a bounded number of poses
+anew.
 """
 
 from __future__ import annotations

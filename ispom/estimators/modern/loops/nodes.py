@@ -63,7 +63,8 @@ class Loop:
 def step_between(parent: Node, node: Node) -> tuple[Similarity, Array]:
     """parent_from_node by odometry, and its covariance (7, 7): by how much more is unknown at the node.
 
-    Of two nodes far apart, too."""
+    Of two nodes far apart, too.
+    """
     own = node.step is not None and node.parent_ns == parent.time_ns
     between = node.step if own and node.step is not None else parent.odometry.inverse() @ node.odometry
     back = between.inverse().adjoint
@@ -85,16 +86,16 @@ def with_poses(nodes: tuple[Node, ...], odometry: Mapping[int, Pose], since_ns: 
     """
     at = dict[int, Node]()
     for node in nodes:
-        pose, parent = odometry.get(node.time_ns), at.get(node.parent_ns)
-        if pose is not None:
+        told, parent = node, at.get(node.parent_ns)
+        if (pose := odometry.get(node.time_ns)) is not None:
             step = node.step
             if parent is not None and node.seen and parent.time_ns in odometry:
                 step = parent.odometry.inverse() @ pose
             corrected = node.corrected if since_ns is not None else node.correction @ Similarity(1.0, pose)
-            node = replace(node, odometry=pose, step=step, corrected=corrected)
+            told = replace(node, odometry=pose, step=step, corrected=corrected)
         if since_ns is not None and node.time_ns > since_ns and parent is not None:
-            node = replace(node, corrected=parent.corrected @ step_between(parent, node)[0])
-        at[node.time_ns] = node
+            told = replace(told, corrected=parent.corrected @ step_between(parent, told)[0])
+        at[node.time_ns] = told
     return tuple(at.values())
 
 
