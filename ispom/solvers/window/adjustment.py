@@ -6,6 +6,7 @@ Leutenegger et al. 2015, section 3.5. Beside poses and points it can estimate wh
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
 from ispom.solvers.window.kernels import Eliminated, Reduced, padded, point_steps, reduce_points
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
-from ispom.solvers.window.prior import LENS, POSE, Prior
+from ispom.solvers.window.prior import LENS, POSE, Prior, without
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +95,13 @@ def covariance(window: Window, scale: float) -> Array:
     return np.linalg.inv(Equations.of(window, scale).symmetric)
 
 
-def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prior:
+def marginalise(
+    window: Window, points: NDArray[np.bool_], scale: float, scatter: Callable[[Window], Array] | None = None
+) -> Prior:
     """The prior on poses 1.. and the extras that replaces pose 0 and these points (mask (M,)) with their observations.
 
-    All observations of these points in the window are used up by it.
+    All observations of these points in the window are used up by it. `scatter` gives the covariance (6 C + E, 6 C + E)
+    of a window's gradient by poses and extras, the points eliminated, where the prior is to keep its own.
     """
     gone = points[window.owners]
     number = np.cumsum(points) - 1
@@ -113,13 +117,15 @@ def marginalise(window: Window, points: NDArray[np.bool_], scale: float) -> Prio
     h, g, a = equations.symmetric, -equations.right, slice(0, POSE)
     b = slice(POSE, len(g))
     inverse = np.linalg.pinv(h[a, a], rcond=1e-12, hermitian=True)
-    rest = h[b, b] - h[b, a] @ inverse @ h[a, b]
+    gain = h[b, a] @ inverse
+    rest, spread = h[b, b] - gain @ h[a, b], None if scatter is None else scatter(part)
     return Prior(
         window.rotations[1:],
         window.translations[1:],
         window.extra,
         (rest + rest.T) / 2,
-        g[b] - h[b, a] @ inverse @ g[a],
+        g[b] - gain @ g[a],
+        scatter=None if spread is None else without(spread, gain, np.arange(len(g)) < POSE),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.numerics.lie import logs
@@ -31,6 +32,9 @@ class Prior:
     """(6 P + E,)."""
     constant: float = 0.0
     """c, what the evidence that was added costs where d is 0."""
+    scatter: Array | None = None
+    """(6 P + E, 6 P + E) covariance of the gradient, where someone keeps it: `hessian` if all errors are independent
+    and as large as the loss takes them to be."""
 
     def shifted(self, rotations: Array, translations: Array, extra: Array) -> Array:
         """d (6 P + E,) of the values now against those of the linearisation."""
@@ -72,6 +76,14 @@ class Prior:
     def cost(self, shift: Array) -> float:
         """Of a change `shift` (6 P + E,)."""
         return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift) + self.constant
+
+
+def without(scatter: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
+    """Covariance of what a gradient of covariance `scatter` (D, D) leaves when the entries `gone` (D,) are eliminated:
+    `gain` (D - G, G) of these is taken from the others."""
+    mixed = gain @ scatter[np.ix_(gone, ~gone)]
+    own = gain @ scatter[np.ix_(gone, gone)] @ gain.T
+    return scatter[np.ix_(~gone, ~gone)] - mixed - mixed.T + own
 
 
 def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:

@@ -20,6 +20,7 @@ from ispom.geometry import Array, Pose
 from ispom.numerics.area import area_weights, weighted_median
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.solvers.multiview.zoom import turn_and_zoom
+from ispom.solvers.window.adjustment import adjust
 from ispom.types import Decision, Status
 
 LEAVING_SHARE = 0.4
@@ -46,14 +47,13 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
         alone = start.joined and not found.start.joined
         return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1, restarted=alone)
     problem = bundle_problem(found.map)
-    uncertainty = MapUncertainty.of(
-        problem.window, problem.ids, setup.sigma, float(np.sqrt(found.map.noise.variance(setup.noise)))
-    )
+    noise = found.map.noise.after(adjust(problem.window, setup.sigma, iterations=0), setup.sigma)
+    uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma, noise, setup.noise)
     return replace(
         outcome,
         status=Status.TRACKING,
         pose=found.map.poses[-1],
-        map=found.map,
+        map=replace(found.map, noise=noise),
         key_frame=True,
         covariance=uncertainty.pose,
         uncertainty=uncertainty,

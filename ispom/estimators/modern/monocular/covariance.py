@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.monocular.scatter import Curvature, scatter, with_prior
+from ispom.estimators.modern.noise import TrackNoise
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
-from ispom.solvers.window.adjustment import Window, covariance
+from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
 
 LOSS = 1.5
@@ -41,35 +43,22 @@ class MapUncertainty:
     """The same against the step before; `scale_sigma` where there is none."""
 
     @staticmethod
-    def of(window: Window, ids: NDArray[np.int64], sigma: float, noise: float) -> MapUncertainty:
-        """Of a window with points `ids` (M,); `sigma`: width of the loss, `noise`: error of a track; normalised."""
+    def of(window: Window, ids: NDArray[np.int64], sigma: float, noise: TrackNoise, setting: float) -> MapUncertainty:
+        """Of a window with points `ids` (M,); `sigma`: width of the loss, `setting`: error of a track before any data;
+        normalised."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
-        used = young[window.owners]
-        k, owners, seen = window.cameras[used], (np.cumsum(young) - 1)[window.owners[used]], window.seen[used, :2]
-        all_poses, factor = covariance(window, sigma) * (noise / sigma) ** 2, (noise / sigma) ** 2
+        curved = Curvature.of(window, sigma)
+        inverse = np.linalg.inv(with_prior(window, curved.reduced))
+        all_poses = inverse @ scatter(window, curved.scores, noise.shared) @ inverse
         values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        turns, points = window.rotations[k], window.points[young]
-        in_camera = (turns @ points[owners, :, None])[..., 0] + window.translations[k]
-        by_place, by_pose, by_extra = _derivatives(in_camera)
-        by_point = by_place @ turns
-        x = in_camera[:, :2] / in_camera[:, 2:]
-        stretch = 1 + window.extra[0] + window.extra[1] * (x**2).sum(axis=1, keepdims=True)
-        weight = 1 / (sigma**2 + ((stretch * x - seen) ** 2).sum(axis=1))
-        weighted = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
-        first = np.searchsorted(owners, np.arange(len(points)))
-        conditional = np.linalg.inv(np.add.reduceat(weighted @ by_point, first) + 1e-12 * np.eye(3))
-        mixed = np.zeros((len(points), 3, POSE * c + LENS))
-        for i in range(c):
-            mine = k == i
-            mixed[owners[mine], :, POSE * i : POSE * (i + 1)] = weighted[mine] @ by_pose[mine]
-        mixed[:, :, -LENS:] = np.add.reduceat(weighted @ by_extra, first)
+        conditional, mixed = curved.conditional[young], curved.mixed[young]
         sensitivity = -(conditional @ mixed).reshape(-1, mixed.shape[2]) @ root
         last = slice(POSE * (c - 1), POSE * c)
         return MapUncertainty(
             ids[young],
-            conditional * factor,
+            conditional * noise.variance(setting) / sigma**2,
             sensitivity.reshape(mixed.shape),
             root[-LENS:],
             all_poses[last, last],

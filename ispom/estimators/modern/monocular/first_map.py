@@ -280,4 +280,4 @@ def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, un
     last = slice(POSE * (len(poses) - 1), POSE * len(poses))
     hessian[last, last][:3, :3] += np.outer(along, along) / (unit**2 * (1e-12 + unit_sigma**2))
     hessian[size - LENS :, size - LENS :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
-    return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size))
+    return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size), scatter=hessian / LOSS**2)
