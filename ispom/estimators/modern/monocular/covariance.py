@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.scatter import Curvature, scatter, with_prior
+from ispom.estimators.modern.monocular.scatter import Curvature, left_out, scatter, with_prior
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
@@ -19,6 +19,7 @@ from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
 
+MODE = ()
 LOSS = 1.5
 """Width of the robust loss, in deviations of a tracked place."""
 
@@ -50,7 +51,7 @@ class MapUncertainty:
         young[window.owners[window.cameras == c - 1]] = True
         curved = Curvature.of(window, sigma)
         inverse = np.linalg.inv(with_prior(window, curved.reduced))
-        all_poses = inverse @ scatter(window, curved.scores, noise.shared) @ inverse
+        all_poses = inverse @ scatter(window, left_out(curved, inverse, *MODE) if MODE else curved.scores, noise.shared) @ inverse
         values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         conditional, mixed = curved.conditional[young], curved.mixed[young]

@@ -35,6 +35,7 @@ class Curvature:
     """(M, 3, 3) inverse of each point's own second ones, weights held."""
     mixed: Array
     """(M, 3, D) second ones by point, and pose or correction, weights held."""
+    terms: tuple = ()
 
     @staticmethod
     def of(window: Window, sigma: float) -> Curvature:
@@ -82,7 +83,31 @@ class Curvature:
         total -= np.tensordot(mixed, gain, ((0, 1), (0, 1)))
         by_own = np.add.reduceat((pull[:, None] @ by_point)[:, 0], first)
         scores -= (by_own[:, None] @ (conditional @ mixed_held))[:, 0]
-        return Curvature((total + total.T) / 2, scores, conditional, mixed_held)
+        return Curvature((total + total.T) / 2, scores, conditional, mixed_held, (window, by_pose, by_extra, by_point, weight, first))
+
+
+def left_out(curved, inverse, times=1, alpha=1.0):
+    window, by_pose, by_extra, by_point, weight, first = curved.terms
+    owners, k, c = window.owners, window.cameras, len(window.rotations)
+    size = curved.scores.shape[1]
+    out = curved.scores.copy()
+    term = curved.scores
+    for _ in range(times):
+        x = term @ inverse
+        u = (by_extra @ x[owners, size - LENS:, None])[..., 0]
+        for i in range(c):
+            mine = k == i
+            u[mine] += (by_pose[mine] @ x[owners[mine], POSE * i:POSE * i + POSE, None])[..., 0]
+        y = np.add.reduceat((weight[:, None, None] * u[:, None] @ by_point)[:, 0], first)
+        y = (curved.conditional @ y[..., None])[..., 0]
+        u = weight[:, None] * (u - (by_point @ y[owners, :, None])[..., 0])
+        term = np.zeros_like(out)
+        for i in range(c):
+            mine = k == i
+            term[owners[mine], POSE * i:POSE * i + POSE] = (u[mine, None] @ by_pose[mine])[:, 0]
+        term[:, size - LENS:] = np.add.reduceat((u[:, None] @ by_extra)[:, 0], first)
+        out += alpha * term
+    return out
 
 
 def scatter(window: Window, scores: Array, shared: float) -> Array:
