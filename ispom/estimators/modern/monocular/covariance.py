@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.scatter import Curvature, left_out, scatter, with_prior
+from ispom.estimators.modern.monocular.scatter import Curvature, scatter
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
@@ -19,7 +19,6 @@ from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
 
-MODE = ()
 LOSS = 1.5
 """Width of the robust loss, in deviations of a tracked place."""
 
@@ -50,8 +49,8 @@ class MapUncertainty:
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
         curved = Curvature.of(window, sigma)
-        inverse = np.linalg.inv(with_prior(window, curved.reduced))
-        all_poses = inverse @ scatter(window, left_out(curved, inverse, *MODE) if MODE else curved.scores, noise.shared) @ inverse
+        inverse = curved.inverse(sigma)
+        all_poses = inverse @ scatter(window, curved.left_out(inverse), noise.shared) @ inverse
         values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         conditional, mixed = curved.conditional[young], curved.mixed[young]

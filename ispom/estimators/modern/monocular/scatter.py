@@ -1,11 +1,11 @@
 """What the covariance of a window is made of: how its cost curves, and how far its gradient scatters.
 
 A sandwich (Huber 1967; White 1982): an estimate is off by H^-1 g, so its covariance is H^-1 S H^-1, with S the
-covariance of the gradient g where the truth is. The normal equations alone would take every error to be independent,
-and of one size; and they hold the loss's weights fixed, which takes some directions for half as sure again as they are:
-the points that say most of a short way are near ones, and just these have large errors. So H has the loss's own second
-derivatives, and S is the sum of what the tracks say each by itself: whatever its errors are from view to view, and
-however large, they are in there.
+covariance of the gradient g where the truth is. The normal equations alone take all errors to be independent and of one
+size, and hold the loss's weights: they take some directions for sure by half as much again as they are. For what
+says most of how far a camera went are the nearest points, and just these have the largest errors. So H has the loss's
+own second derivatives, and S is the sum of what each track says by itself: whatever its errors are, and however they
+hang together from view to view, they are in it.
 """
 
 from __future__ import annotations
@@ -13,119 +13,143 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
-from ispom.solvers.window.adjustment import Window
+from ispom.solvers.window.adjustment import Equations, Window
+from ispom.solvers.window.observation import MIN_DEPTH
 from ispom.solvers.window.prior import LENS, POSE
 
 LEAST_SHARE = 0.1
-"""Of its curvature with weights held, that a point must keep; one that has less tells nothing of the poses."""
+"""Of the curvature with weights held: a point that keeps less says nothing of poses, and no direction keeps less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """Derivatives of a window's cost, without its prior; D = 6 C + 2, by left twists of the poses and corrections."""
+    """Derivatives of the cost of a window's observations, D = 6 C + 2: by left twists of poses, and by corrections."""
 
+    window: Window
+    design: Array
+    """(K, 2, 8) of each error, by the pose that it has and by the corrections."""
+    by_point: Array
+    """(K, 2, 3)."""
+    weight: Array
+    """(K,) that the loss gives."""
     reduced: Array
     """(D, D) second ones, the points eliminated."""
     scores: Array
-    """(M, D) first ones, of each point, that eliminated."""
+    """(M, D) first ones, of each point by itself, the point eliminated."""
     conditional: Array
-    """(M, 3, 3) inverse of each point's own second ones, weights held."""
+    """(M, 3, 3) inverse of the second ones by each point, weights held."""
     mixed: Array
-    """(M, 3, D) second ones by point, and pose or correction, weights held."""
-    terms: tuple = ()
+    """(M, 3, D) by each point, and by poses and corrections, weights held."""
 
     @staticmethod
     def of(window: Window, sigma: float) -> Curvature:
         """`sigma`: width of the loss, normalised."""
-        c, m, k, owners = len(window.rotations), len(window.points), window.cameras, window.owners
-        size, turns = POSE * c + LENS, window.rotations[k]
-        if not m:
-            return Curvature(np.zeros((size, size)), np.zeros((0, size)), np.zeros((0, 3, 3)), np.zeros((0, 3, size)))
-        near = (turns @ window.points[owners][:, :, None])[..., 0] + window.translations[k]
+        turns = window.rotations[window.cameras]
+        near = (turns @ window.points[window.owners][:, :, None])[..., 0] + window.translations[window.cameras]
+        front = near[:, 2] > MIN_DEPTH
+        near[:, 2] = np.where(front, near[:, 2], 1.0)
         uv, by_place, by_pose = reprojected(near)
         square = (uv**2).sum(axis=1, keepdims=True)
         error = (1 + window.extra[0] + window.extra[1] * square) * uv - window.seen[:, :2]
-        weight = 1 / (sigma**2 + (error**2).sum(axis=1))
-        by_point, by_extra = by_place @ turns, np.stack([uv, uv * square], axis=2)
-        first = np.searchsorted(owners, np.arange(m))
-        held = np.swapaxes(by_point, 1, 2) * weight[:, None, None]
-        curved = held - 2 * weight[:, None, None] ** 2 * (np.swapaxes(by_point, 1, 2) @ error[:, :, None]) @ error[:, None]
-        own_held, own = (np.add.reduceat(a @ by_point, first) for a in (held, curved))
-        conditional = np.linalg.inv(own_held + 1e-12 * np.eye(3))
-        # of each point the curvature that is left, in the worst direction
-        root = np.linalg.cholesky(own_held + 1e-12 * np.eye(3))
-        inner = np.linalg.solve(root, np.swapaxes(np.linalg.solve(root, own), 1, 2))
-        good = np.linalg.eigvalsh(inner)[:, 0] > LEAST_SHARE
-        mixed, mixed_held, scores = np.zeros((m, 3, size)), np.zeros((m, 3, size)), np.zeros((m, size))
-        pull = weight[:, None] * error
-        total = np.zeros((size, size))
-        full = weight[:, None, None] * np.eye(2) - 2 * weight[:, None, None] ** 2 * error[:, :, None] * error[:, None]
-        full *= good[owners][:, None, None]
-        twice, corner = full @ by_pose, full @ by_extra
-        e = slice(size - LENS, size)
-        for i in range(c):
-            mine, at = k == i, slice(POSE * i, POSE * (i + 1))
-            mixed_held[owners[mine], :, at] = held[mine] @ by_pose[mine]
-            mixed[owners[mine], :, at] = np.swapaxes(by_point[mine], 1, 2) @ twice[mine]
-            scores[owners[mine], at] = (pull[mine, None] @ by_pose[mine])[:, 0]
-            total[at, at] = np.tensordot(by_pose[mine], twice[mine], ((0, 1), (0, 1)))
-            total[at, e] = np.tensordot(by_pose[mine], corner[mine], ((0, 1), (0, 1)))
-            total[e, at] = total[at, e].T
-        mixed_held[:, :, e] = np.add.reduceat(held @ by_extra, first)
-        mixed[:, :, e] = np.add.reduceat(np.swapaxes(by_point, 1, 2) @ corner, first)
-        scores[:, e] = np.add.reduceat((pull[:, None] @ by_extra)[:, 0], first)
-        total[e, e] = np.tensordot(by_extra, corner, ((0, 1), (0, 1)))
-        own[~good] = np.eye(3)
-        gain = np.linalg.solve(own, mixed)
-        total -= np.tensordot(mixed, gain, ((0, 1), (0, 1)))
-        by_own = np.add.reduceat((pull[:, None] @ by_point)[:, 0], first)
-        scores -= (by_own[:, None] @ (conditional @ mixed_held))[:, 0]
-        return Curvature((total + total.T) / 2, scores, conditional, mixed_held, (window, by_pose, by_extra, by_point, weight, first))
+        weight = front / (sigma**2 + (error**2).sum(axis=1))
+        design, by_point = np.concatenate([by_pose, np.stack([uv, uv * square], axis=2)], axis=2), by_place @ turns
+        held = weight[:, None, None] * np.swapaxes(by_point, 1, 2)
+        pulled = (held @ error[:, :, None])[..., 0]
+        curved = held - 2 * weight[:, None, None] * pulled[:, :, None] * error[:, None]
+        own_held, own = _per_point(window, held @ by_point), _per_point(window, curved @ by_point)
+        own_held += 1e-12 * (1 + np.trace(own_held, axis1=1, axis2=2)[:, None, None]) * np.eye(3)
+        conditional, mixed = np.linalg.inv(own_held), _spread(window, held @ design)
+        pull = _spread(window, (weight[:, None] * error)[:, None] @ design)
+        by_own = _per_point(window, pulled)
+        scores = (pull - (conditional @ by_own[:, :, None]).swapaxes(1, 2) @ mixed)[:, 0]
+        sure = _positive(own - LEAST_SHARE * own_held)
+        own[~sure], curved = np.eye(3), curved * sure[window.owners, None, None]
+        bent = np.swapaxes(design, 1, 2) * (weight * sure[window.owners])[:, None, None]
+        bent = bent - 2 * weight[:, None, None] * (bent @ error[:, :, None]) * error[:, None]
+        with_points = _spread(window, curved @ design)
+        reduced = _summed(window, bent @ design)
+        half = (np.linalg.inv(np.linalg.cholesky(own)) @ with_points).reshape(-1, len(reduced))
+        reduced -= half.T @ half
+        return Curvature(window, design, by_point, weight, (reduced + reduced.T) / 2, scores, conditional, mixed)
 
+    def inverse(self, sigma: float) -> Array:
+        """(D, D) of the second derivatives, those of the window's prior included."""
+        held, size = Equations.of(self.window, sigma).symmetric, len(self.reduced)
+        found, prior = self.reduced.copy(), self.window.prior
+        if prior is not None:
+            at = _places(len(prior.rotations), size)
+            found[np.ix_(at, at)] += prior.hessian
+        fixed = np.flatnonzero(self.window.extra_sigma <= 0) + size - LENS
+        found[fixed, fixed] = held[fixed, fixed]
+        try:
+            root = np.linalg.inv(np.linalg.cholesky(held))
+        except np.linalg.LinAlgError:  # no minimum, to the last digits: then neither is said to be one
+            return np.linalg.inv(held)
+        share, turn = np.linalg.eigh(root @ found @ root.T)
+        back = root.T @ turn
+        return back / np.maximum(share, LEAST_SHARE) @ back.T
 
-def left_out(curved, inverse, times=1, alpha=1.0):
-    window, by_pose, by_extra, by_point, weight, first = curved.terms
-    owners, k, c = window.owners, window.cameras, len(window.rotations)
-    size = curved.scores.shape[1]
-    out = curved.scores.copy()
-    term = curved.scores
-    for _ in range(times):
-        x = term @ inverse
-        u = (by_extra @ x[owners, size - LENS:, None])[..., 0]
-        for i in range(c):
-            mine = k == i
-            u[mine] += (by_pose[mine] @ x[owners[mine], POSE * i:POSE * i + POSE, None])[..., 0]
-        y = np.add.reduceat((weight[:, None, None] * u[:, None] @ by_point)[:, 0], first)
-        y = (curved.conditional @ y[..., None])[..., 0]
-        u = weight[:, None] * (u - (by_point @ y[owners, :, None])[..., 0])
-        term = np.zeros_like(out)
-        for i in range(c):
-            mine = k == i
-            term[owners[mine], POSE * i:POSE * i + POSE] = (u[mine, None] @ by_pose[mine])[:, 0]
-        term[:, size - LENS:] = np.add.reduceat((u[:, None] @ by_extra)[:, 0], first)
-        out += alpha * term
-    return out
+    def left_out(self, inverse: Array) -> Array:
+        """(M, D) scores as they would be, to first order, had each track had no part in the poses, with the `inverse`
+        of all second derivatives: few tracks tell much of some directions, and leave little there."""
+        window, moved = self.window, self.scores @ inverse
+        count = POSE * len(window.rotations)
+        pose = moved[:, :count].reshape(len(moved), -1, POSE)[window.owners, window.cameras]
+        by_tracks = np.concatenate([pose, moved[window.owners, count:]], axis=1)
+        shift = (self.design @ by_tracks[:, :, None])[..., 0]
+        held = _per_point(window, ((self.weight[:, None] * shift)[:, None] @ self.by_point)[:, 0])
+        back = (self.conditional @ held[:, :, None])[window.owners]
+        left = self.weight[:, None] * (shift - (self.by_point @ back)[..., 0])
+        return self.scores + _spread(window, left[:, None] @ self.design)[:, 0]
 
 
 def scatter(window: Window, scores: Array, shared: float) -> Array:
-    """(D, D) covariance of the gradient, of a window with a prior, and the scores of its tracks (M, D); `shared`:
-    by how much more these pull together than apart."""
-    found, prior, size = shared * scores.T @ scores, window.prior, scores.shape[1]
+    """(D, D) covariance of the gradient of a window, its prior's included; of the scores (M, D) of its tracks, which
+    pull together `shared` times as much as each by itself."""
+    found, prior = shared * scores.T @ scores, window.prior
     if prior is not None and prior.scatter is not None:
-        at = np.r_[0 : POSE * len(prior.rotations), size - LENS : size]
+        at = _places(len(prior.rotations), len(found))
         found[np.ix_(at, at)] += prior.scatter
     return found
 
 
-def with_prior(window: Window, reduced: Array) -> Array:
-    """Second derivatives (D, D), the prior's included."""
-    found, prior, size = reduced.copy(), window.prior, len(reduced)
-    if prior is not None:
-        at = np.r_[0 : POSE * len(prior.rotations), size - LENS : size]
-        found[np.ix_(at, at)] += prior.hessian
-    held = np.flatnonzero(window.extra_sigma <= 0) + size - LENS
-    found[held, held] += 1e30
-    return found
+def _places(poses: int, size: int) -> NDArray[np.int64]:
+    """Of the first poses and the corrections among `size` unknowns."""
+    return np.concatenate([np.arange(POSE * poses), np.arange(size - LENS, size)])
+
+
+def _positive(m: Array) -> NDArray[np.bool_]:
+    """(M,) which of the symmetric (M, 3, 3) are positive definite: by their leading minors."""
+    second = m[:, 0, 0] * m[:, 1, 1] - m[:, 0, 1] ** 2
+    return np.asarray((m[:, 0, 0] > 0) & (second > 0) & (np.linalg.det(m) > 0))
+
+
+def _per_point(window: Window, values: Array) -> Array:
+    """(M, ...) sums over the observations (K, ...) of each point."""
+    first = np.searchsorted(window.owners, np.arange(len(window.points)))
+    return np.add.reduceat(values, first) if len(first) else values[:0]
+
+
+def _spread(window: Window, values: Array) -> Array:
+    """(M, R, D) of what the observations of each point say, (K, R, 8), put to their poses and to the corrections."""
+    c, rows = len(window.rotations), values.shape[1]
+    out = np.zeros((len(window.points), rows, POSE * c + LENS))
+    poses = out[:, :, : POSE * c].reshape(-1, rows, c, POSE)
+    poses[window.owners, :, window.cameras] = values[..., :POSE]
+    out[:, :, POSE * c :] = _per_point(window, values[..., POSE:])
+    return out
+
+
+def _summed(window: Window, blocks: Array) -> Array:
+    """(D, D) sum of blocks (K, 8, 8), each at its pose and at the corrections."""
+    c, size = len(window.rotations), POSE + LENS
+    each = (window.cameras == np.arange(c)[:, None]).astype(float) @ blocks.reshape(-1, size * size)
+    out = np.zeros((POSE * c + LENS, POSE * c + LENS))
+    for i, block in enumerate(each.reshape(c, size, size)):
+        at = np.concatenate([POSE * i + np.arange(POSE), POSE * c + np.arange(LENS)])
+        out[np.ix_(at, at)] += block
+    return out

@@ -1,0 +1,147 @@
+"""Covariances of a window by how its cost curves and its gradient scatters: numerically, by leaving out, by chance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.monocular.scatter import Curvature, scatter
+from ispom.evaluation.consistency import band
+from ispom.geometry import Array, Pose
+from ispom.numerics.twist import moved
+from ispom.solvers.window.adjustment import Equations, Window, adjust, covariance, marginalise, total_cost
+from ispom.solvers.window.prior import LENS, POSE, Prior
+from tests.estimators.modern.test_noise import VIEWS, flown
+
+SCALE, ERROR = 5e-3, 1e-3
+HELD = 2
+"""Poses that the prior holds."""
+
+
+def made(seed: int, new: float = ERROR, step: float = 0.0) -> Window:
+    """At its truth; the prior holds two poses, and nothing about it is unsure."""
+    window = flown(seed, {"new": new, "step": step, "disparity": 0.0})
+    size = POSE * HELD + LENS
+    hold, none = np.diag(np.r_[np.full(POSE * HELD, 1e14), np.zeros(LENS)]), np.zeros(size)
+    turns, ways = window.rotations[:HELD], window.translations[:HELD]
+    return replace(
+        window, fixed=0, prior=Prior(turns, ways, np.zeros(LENS), hold, none, scatter=np.zeros((size, size)))
+    )
+
+
+def with_gross(window: Window) -> Window:
+    seen = window.seen.copy()
+    seen[::31] += 2 * SCALE
+    return replace(window, seen=seen)
+
+
+def spread(window: Window, scale: float) -> Array:
+    """Covariance (D, D) at the window's values."""
+    curved = Curvature.of(window, scale)
+    inverse = curved.inverse(scale)
+    return inverse @ scatter(window, curved.left_out(inverse), 1.0) @ inverse
+
+
+def twists(window: Window, true: Window) -> Array:
+    """(C, 6) how far its poses are off."""
+    pairs = zip(window.rotations, window.translations, true.rotations, true.translations, strict=True)
+    return np.stack([(Pose(r, t) @ Pose(q, s).inverse()).log() for r, t, q, s in pairs])
+
+
+def test_curvature_and_scores_are_the_derivatives_of_the_cost_where_points_follow() -> None:
+    window = replace(with_gross(made(0)), prior=None, fixed=VIEWS)
+    window = adjust(window, SCALE, 200, 1e-15).window
+    curved, way = Curvature.of(window, SCALE), np.random.default_rng(1).normal(size=POSE * VIEWS) * 2e-5
+
+    def cost(share: float) -> float:
+        turns, ways = moved(window.rotations, window.translations, share * way.reshape(-1, POSE))
+        placed = adjust(replace(window, rotations=turns, translations=ways), SCALE, 200, 1e-15).window
+        return total_cost(placed, SCALE)
+
+    lower, here, upper = cost(-1), cost(0), cost(1)
+    direction = np.r_[way, np.zeros(LENS)]
+    slope = curved.scores.sum(axis=0) @ direction
+    assert slope == pytest.approx((upper - lower) / 2, rel=1e-3)
+    bent = direction @ curved.reduced @ direction
+    assert bent == pytest.approx(upper + lower - 2 * here, rel=0.02)
+    held = Equations.of(window, SCALE).symmetric
+    assert direction @ held @ direction > 1.05 * bent, "with weights held it would be more"
+
+
+def test_without_errors_it_is_that_of_the_normal_equations() -> None:
+    window = made(1, new=0.0)
+    found, known = (c[:-LENS, :-LENS] for c in (Curvature.of(window, SCALE).inverse(SCALE), covariance(window, SCALE)))
+    sigma = np.sqrt(np.diag(known))
+    np.testing.assert_allclose(found / np.outer(sigma, sigma), known / np.outer(sigma, sigma), atol=1e-5)
+
+
+def test_a_track_left_out_moves_poses_as_its_score_says() -> None:
+    window = adjust(made(2), SCALE, 60, 1e-14).window
+    curved = Curvature.of(window, SCALE)
+    inverse = curved.inverse(SCALE)
+    says = curved.left_out(inverse) @ inverse
+    longest = np.argsort(np.linalg.norm(says[:, -POSE - LENS : -LENS], axis=1))[-3:]
+    for track in longest:
+        kept = window.owners != track
+        owners = window.owners[kept]
+        rest = replace(
+            window,
+            points=np.delete(window.points, track, axis=0),
+            cameras=window.cameras[kept],
+            owners=owners - (owners > track),
+            seen=window.seen[kept],
+        )
+        off = twists(adjust(rest, SCALE, 60, 1e-14).window, window)[-1]
+        told = says[track, -POSE - LENS : -LENS]
+        assert np.linalg.norm(off - told) < 0.15 * np.linalg.norm(off)
+
+
+@pytest.mark.parametrize("kind", ["alike", "walk", "nearest worst", "narrow loss"])
+def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
+    """Of the newest pose: where errors are independent and of one size, where they walk, where the points that say most
+    have the largest, and where the loss is no wider than they are."""
+    nees, scale = [], 1.5 * ERROR if kind == "narrow loss" else SCALE
+    for seed in range(16):
+        true = made(seed, *((0.0, ERROR) if kind == "walk" else (ERROR, 0.0)))
+        if kind == "nearest worst":
+            exact = made(seed, 0.0)
+            worse = (8 / true.points[true.owners, 2:]) ** 2
+            true = replace(true, seen=exact.seen + worse * (true.seen - exact.seen))
+        done = adjust(true, scale, 30, 1e-8).window
+        off, at = twists(done, true)[-1], slice(-POSE - LENS, -LENS)
+        nees.append(off @ np.linalg.solve(spread(done, scale)[at, at], off))
+    low, high = band(6, len(nees), 0.999)
+    assert low < np.mean(nees) < high
+
+
+def test_what_leaves_the_window_keeps_its_scatter() -> None:
+    """Marginalised in a wide loss, poses are as sure as before, with errors larger in what left than in what stays."""
+    whole = made(3)
+    gone = np.isin(np.arange(len(whole.points)), whole.owners[whole.cameras == 0])
+    exact = made(3, 0.0)
+    seen = np.where(gone[whole.owners, None], exact.seen + 3 * (whole.seen - exact.seen), whole.seen)
+    scale = 100 * ERROR
+    whole = adjust(replace(whole, seen=seen), scale, 60, 1e-14).window
+
+    def by_scores(part: Window) -> Array:
+        return scatter(part, Curvature.of(part, scale).scores, 1.0)
+
+    kept, prior = ~gone[whole.owners], marginalise(whole, gone, scale, by_scores)
+    rest = replace(
+        whole,
+        rotations=whole.rotations[1:],
+        translations=whole.translations[1:],
+        points=whole.points[~gone],
+        cameras=whole.cameras[kept] - 1,
+        owners=(np.cumsum(~gone) - 1)[whole.owners[kept]],
+        seen=whole.seen[kept],
+        prior=prior,
+    )
+    spreads = []
+    for window in (whole, rest):
+        inverse = Curvature.of(window, scale).inverse(scale)
+        spreads.append(inverse @ by_scores(window) @ inverse)
+    before, after = spreads[0][2 * POSE : -LENS, 2 * POSE : -LENS], spreads[1][POSE:-LENS, POSE:-LENS]
+    np.testing.assert_allclose(after, before, atol=0.02 * np.abs(before).max())
