@@ -149,8 +149,8 @@ NOISE = Check(
     ADJUSTED,
     ">",
     "px",
-    passes="Covariances take tracks to be off by {value} px, more than the {threshold} px of the setting.",
-    fails="Covariances take tracks to be off by {value} px; the setting says {threshold} px.",
+    passes="Tracks are off by {value} px, more than the {threshold} px of the setting.",
+    fails="Tracks are off by {value} px; the setting says {threshold} px.",
 )
 
 
