@@ -18,7 +18,7 @@ from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
 from ispom.solvers.window.kernels import Eliminated, Reduced, padded, point_steps, reduce_points
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
-from ispom.solvers.window.prior import LENS, POSE, Prior, without
+from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +96,12 @@ def covariance(window: Window, scale: float) -> Array:
 
 
 def marginalise(
-    window: Window, points: NDArray[np.bool_], scale: float, scatter: Callable[[Window], Array] | None = None
+    window: Window, points: NDArray[np.bool_], scale: float, sandwich: Callable[[Window], Sandwich] | None = None
 ) -> Prior:
     """The prior on poses 1.. and the extras that replaces pose 0 and these points (mask (M,)) with their observations.
 
-    All observations of these points in the window are used up by it. `scatter` gives the covariance (6 C + E, 6 C + E)
-    of a window's gradient by poses and extras, the points eliminated, where the prior is to keep its own.
+    All observations of these points in the window are used up by it. `sandwich` gives that of a window, by poses and
+    extras, where the prior is to keep its own.
     """
     gone = points[window.owners]
     number = np.cumsum(points) - 1
@@ -118,14 +118,14 @@ def marginalise(
     b = slice(POSE, len(g))
     inverse = np.linalg.pinv(h[a, a], rcond=1e-12, hermitian=True)
     gain = h[b, a] @ inverse
-    rest, spread = h[b, b] - gain @ h[a, b], None if scatter is None else scatter(part)
+    rest = h[b, b] - gain @ h[a, b]
     return Prior(
         window.rotations[1:],
         window.translations[1:],
         window.extra,
         (rest + rest.T) / 2,
         g[b] - gain @ g[a],
-        scatter=None if spread is None else without(spread, gain, np.arange(len(g)) < POSE),
+        sandwich=None if sandwich is None else sandwich(part).without(gain, np.arange(len(g)) < POSE),
     )
 
 

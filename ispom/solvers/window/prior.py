@@ -17,6 +17,23 @@ LENS = 2
 
 
 @dataclass(frozen=True, eq=False)
+class Sandwich:
+    """A covariance is H^-1 S H^-1; both are the same where all errors are independent and as large as the loss says."""
+
+    curvature: Array
+    """H (D, D), second derivatives of the cost: its loss's own, where `Prior.hessian` holds the weights."""
+    scatter: Array
+    """S (D, D), the covariance of the cost's gradient."""
+
+    def without(self, gain: Array, gone: NDArray[np.bool_]) -> Sandwich:
+        """Of what is left when the unknowns `gone` (D,) are eliminated: `gain` (D - G, G) times their gradient is taken
+        from that of the others."""
+        over = np.zeros((len(gain), len(gone)))
+        over[:, gone], over[:, ~gone] = -gain, np.eye(len(gain))
+        return Sandwich(over @ self.curvature @ over.T, over @ self.scatter @ over.T)
+
+
+@dataclass(frozen=True, eq=False)
 class Prior:
     """What marginalised poses and points say of those still there: cost 1/2 d' H d + g' d + c, d their change since."""
 
@@ -32,9 +49,8 @@ class Prior:
     """(6 P + E,)."""
     constant: float = 0.0
     """c, what the evidence that was added costs where d is 0."""
-    scatter: Array | None = None
-    """(6 P + E, 6 P + E) covariance of the gradient, where someone keeps it: `hessian` if all errors are independent
-    and as large as the loss takes them to be."""
+    sandwich: Sandwich | None = None
+    """Where someone keeps what the covariance follows from."""
 
     def shifted(self, rotations: Array, translations: Array, extra: Array) -> Array:
         """d (6 P + E,) of the values now against those of the linearisation."""
@@ -76,14 +92,6 @@ class Prior:
     def cost(self, shift: Array) -> float:
         """Of a change `shift` (6 P + E,)."""
         return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift) + self.constant
-
-
-def without(scatter: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
-    """Covariance of what a gradient of covariance `scatter` (D, D) leaves when the entries `gone` (D,) are eliminated:
-    `gain` (D - G, G) of these is taken from the others."""
-    mixed = gain @ scatter[np.ix_(gone, ~gone)]
-    own = gain @ scatter[np.ix_(gone, gone)] @ gain.T
-    return scatter[np.ix_(~gone, ~gone)] - mixed - mixed.T + own
 
 
 def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:

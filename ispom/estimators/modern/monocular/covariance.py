@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.scatter import Curvature, scatter
+from ispom.estimators.modern.monocular.scatter import Curvature
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
@@ -49,8 +49,7 @@ class MapUncertainty:
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
         curved = Curvature.of(window, sigma)
-        inverse = curved.inverse(sigma)
-        all_poses = inverse @ scatter(window, curved.left_out(inverse), noise.shared) @ inverse
+        all_poses = curved.covariance(sigma, noise.shared)
         values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         conditional, mixed = curved.conditional[young], curved.mixed[young]

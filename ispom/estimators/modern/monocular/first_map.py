@@ -21,7 +21,7 @@ from ispom.solvers import motion_only
 from ispom.solvers.multiview.rotation import rotate
 from ispom.solvers.multiview.two_view import hypotheses
 from ispom.solvers.window.adjustment import Adjusted
-from ispom.solvers.window.prior import LENS, POSE, Prior
+from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from ispom.types import Decision
 
 MIN_SHARE = 0.3
@@ -280,4 +280,5 @@ def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, un
     last = slice(POSE * (len(poses) - 1), POSE * len(poses))
     hessian[last, last][:3, :3] += np.outer(along, along) / (unit**2 * (1e-12 + unit_sigma**2))
     hessian[size - LENS :, size - LENS :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
-    return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size), scatter=hessian / LOSS**2)
+    sandwich = Sandwich(hessian, hessian / LOSS**2)
+    return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size), sandwich=sandwich)

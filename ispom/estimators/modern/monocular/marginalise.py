@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame, bundle_problem
-from ispom.estimators.modern.monocular.scatter import Curvature, scatter
-from ispom.geometry import Array, Pose
+from ispom.estimators.modern.monocular.scatter import Curvature
+from ispom.geometry import Pose
 from ispom.solvers.window.adjustment import Window, marginalise
-from ispom.solvers.window.prior import POSE, Prior, without
+from ispom.solvers.window.prior import POSE, Prior, Sandwich
 from ispom.types import Decision
 
 DYING_SHARE = 0.3
@@ -76,10 +76,10 @@ def _oldest_into_prior(state: Map, alive: NDArray[np.int64], sigma: float) -> tu
     by_oldest[found.window.owners[found.window.cameras == 0]] = True
     dead = by_oldest & ~np.isin(found.ids, alive)
 
-    def scattered(part: Window) -> Array:
-        return scatter(part, Curvature.of(part, sigma).scores, state.noise.shared)
+    def of_part(part: Window) -> Sandwich:
+        return Curvature.of(part, sigma).sandwich(state.noise.shared)
 
-    prior = marginalise(found.window, dead, sigma, scattered)
+    prior = marginalise(found.window, dead, sigma, of_part)
     return prior, found.ids[dead]
 
 
@@ -99,7 +99,7 @@ def _prior_without(state: Map, j: int) -> Prior | None:
         translations=np.delete(prior.translations, j, axis=0),
         hessian=(rest + rest.T) / 2,
         gradient=g[~gone] - gain @ g[gone],
-        scatter=None if prior.scatter is None else without(prior.scatter, gain, gone),
+        sandwich=None if prior.sandwich is None else prior.sandwich.without(gain, gone),
     )
 
 

@@ -19,7 +19,7 @@ from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.window.adjustment import Equations, Window
 from ispom.solvers.window.observation import MIN_DEPTH
-from ispom.solvers.window.prior import LENS, POSE
+from ispom.solvers.window.prior import LENS, POSE, Sandwich
 
 LEAST_SHARE = 0.1
 """Of the curvature with weights held: a point that keeps less says nothing of poses, and no direction keeps less."""
@@ -76,14 +76,29 @@ class Curvature:
         reduced -= half.T @ half
         return Curvature(window, design, by_point, weight, (reduced + reduced.T) / 2, scores, conditional, mixed)
 
+    def sandwich(self, shared: float) -> Sandwich:
+        """With that of the window's prior; tracks pull together `shared` times as much as each by itself."""
+        return self._with_prior(self.scores, shared)
+
+    def covariance(self, sigma: float, shared: float) -> Array:
+        """(D, D) of poses and corrections."""
+        inverse = self.inverse(sigma)
+        return inverse @ self._with_prior(self.left_out(inverse), shared).scatter @ inverse
+
+    def _with_prior(self, scores: Array, shared: float) -> Sandwich:
+        curved, scatter, prior = self.reduced.copy(), shared * scores.T @ scores, self.window.prior
+        if prior is not None:
+            kept = prior.sandwich or Sandwich(prior.hessian, prior.hessian)
+            at = np.concatenate([np.arange(POSE * len(prior.rotations)), np.arange(len(curved) - LENS, len(curved))])
+            curved[np.ix_(at, at)] += kept.curvature
+            scatter[np.ix_(at, at)] += kept.scatter
+        return Sandwich(curved, scatter)
+
     def inverse(self, sigma: float) -> Array:
         """(D, D) of the second derivatives, those of the window's prior included."""
-        held, size = Equations.of(self.window, sigma).symmetric, len(self.reduced)
-        found, prior = self.reduced.copy(), self.window.prior
-        if prior is not None:
-            at = _places(len(prior.rotations), size)
-            found[np.ix_(at, at)] += prior.hessian
-        fixed = np.flatnonzero(self.window.extra_sigma <= 0) + size - LENS
+        held = Equations.of(self.window, sigma).symmetric
+        found = self._with_prior(self.scores, 1.0).curvature
+        fixed = np.flatnonzero(self.window.extra_sigma <= 0) + len(found) - LENS
         found[fixed, fixed] = held[fixed, fixed]
         try:
             root = np.linalg.inv(np.linalg.cholesky(held))
@@ -105,21 +120,6 @@ class Curvature:
         back = (self.conditional @ held[:, :, None])[window.owners]
         left = self.weight[:, None] * (shift - (self.by_point @ back)[..., 0])
         return self.scores + _spread(window, left[:, None] @ self.design)[:, 0]
-
-
-def scatter(window: Window, scores: Array, shared: float) -> Array:
-    """(D, D) covariance of the gradient of a window, its prior's included; of the scores (M, D) of its tracks, which
-    pull together `shared` times as much as each by itself."""
-    found, prior = shared * scores.T @ scores, window.prior
-    if prior is not None and prior.scatter is not None:
-        at = _places(len(prior.rotations), len(found))
-        found[np.ix_(at, at)] += prior.scatter
-    return found
-
-
-def _places(poses: int, size: int) -> NDArray[np.int64]:
-    """Of the first poses and the corrections among `size` unknowns."""
-    return np.concatenate([np.arange(POSE * poses), np.arange(size - LENS, size)])
 
 
 def _positive(m: Array) -> NDArray[np.bool_]:
