@@ -117,8 +117,8 @@ def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
 
 @pytest.mark.parametrize(("scale", "gross"), [(100 * ERROR, False), (SCALE, True)])
 def test_what_leaves_the_window_keeps_its_sandwich(scale: float, gross: bool) -> None:
-    """Marginalised, poses are as sure as before, with errors larger in what left than in what stays: in a wide loss, and
-    where some are beyond it."""
+    """Marginalised, poses are as sure as before, with larger errors in what left than in what stays: in a wide loss,
+    and where some are beyond it."""
     whole, exact = made(3), made(3, 0.0)
     gone = np.isin(np.arange(len(whole.points)), whole.owners[whole.cameras == 0])
     seen = np.where(gone[whole.owners, None], exact.seen + 3 * (whole.seen - exact.seen), whole.seen)
