@@ -29,12 +29,19 @@ def detect(
     border = border_px // factor
     mask[border:-border, border:-border] = 255
     if taken is not None:
-        for u, v in np.rint(taken / factor).astype(int).tolist():
-            cv2.circle(mask, (u, v), round(min_distance_px / factor), 0, -1)
+        _exclude(mask, np.rint(taken / factor).astype(np.int64), round(min_distance_px / factor))
     found = cv2.goodFeaturesToTrack(searched, count, 0.005, min_distance_px / factor, mask=mask, blockSize=5)
     if found is None or not len(found):
         return np.zeros((0, 2), np.float32)
     return at_subpixel(grey, np.asarray(factor * found.reshape(-1, 2), np.float32), 3, 5)
+
+
+def _exclude(mask: Image, places: NDArray[np.int64], radius: int) -> None:
+    """Zeros in the mask on disks around places (N, 2); its border is 0 anyway."""
+    down, right = np.nonzero(cv2.circle(np.zeros((2 * radius + 1,) * 2, np.uint8), (radius, radius), radius, 1, -1))
+    row = np.clip(places[:, 1:] + (down - radius), 0, mask.shape[0] - 1)
+    column = np.clip(places[:, :1] + (right - radius), 0, mask.shape[1] - 1)
+    mask[row, column] = 0
 
 
 def at_subpixel(grey: Image, uv: NDArray[np.float32], radius_px: int, iterations: int) -> NDArray[np.float32]:

@@ -67,7 +67,9 @@ def drift(xyz: Array, rates: Array, lag: float, baseline: float) -> Array:
     z = np.maximum(xyz[:, 2], 1e-6)[:, None]
     right = xyz[:, :2] - (baseline, 0.0)
     step = lag if abs(lag) > LEAST_S else LEAST_S
-    change = rates[:, :3] + np.cross(rates[:, 3:], xyz)
+    turn, x, y = rates[:, 3:].T, xyz[:, 0], xyz[:, 1]
+    across = turn[1] * xyz[:, 2] - turn[2] * y, turn[2] * x - turn[0] * xyz[:, 2], turn[0] * y - turn[1] * x
+    change = rates[:, :3] + np.stack(across, axis=1)
     later = (right + step * change[:, :2]) / np.maximum(z + step * change[:, 2:], 0.5 * z)
     return (later - right / z) / step
 

@@ -18,6 +18,7 @@ from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted,
 from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
 from ispom.numerics.twist import twist_of
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision
@@ -91,7 +92,7 @@ def extended(
     world = with_rates(world, setup.baseline_m, setup.loss, setup.limit)
     world, settled, decisions = _adjusted(setup, world, state.settled)
     newest = world.keys[-1]
-    points = points.select(np.isin(points.ids, newest.ids, assume_unique=True))
+    points = points.select(places(newest.ids, points.ids) >= 0)
     now = replace(now, pose=newest.left_from_world, points=points)
     next_id = state.next_id + len(new_ones)
     return replace(state, map=world.only(points.ids), settled=settled, next_id=next_id), now, decisions

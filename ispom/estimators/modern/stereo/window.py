@@ -82,8 +82,10 @@ class StereoMap:
 
     def only(self, ids: NDArray[np.int64]) -> StereoMap:
         """Without the points that neither a key frame nor these ids know any more."""
-        needed = np.isin(self.ids, np.concatenate([ids, *(k.ids for k in self.keys)]))
-        return replace(self, ids=self.ids[needed], xyz=self.xyz[needed])
+        needed = np.zeros(len(self.ids) + 1, bool)  # the last one for what is unknown
+        for known in (ids, *(k.ids for k in self.keys)):
+            needed[self.places(known)] = True
+        return replace(self, ids=self.ids[needed[:-1]], xyz=self.xyz[needed[:-1]])
 
 
 def with_key(
@@ -152,18 +154,13 @@ def adjusted(
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
     """The oldest key frame and its points become a prior on the others; tracks that go on keep their newest places."""
     oldest, newest = state.keys[0], len(state.keys) - KEPT_FRAMES
-    gone = oldest.ids
-    past = tuple(
-        replace(k, ids=k.ids[m], seen=k.seen[m]) if i < newest else replace(k, ids=k.ids[:0], seen=k.seen[:0])
-        for i, k in enumerate(state.keys)
-        for m in [np.isin(k.ids, gone, assume_unique=True)]
-    )
+    gone = [
+        places(oldest.ids, k.ids) >= 0 if i < newest else np.zeros(len(k.ids), bool) for i, k in enumerate(state.keys)
+    ]
+    past = tuple(replace(k, ids=k.ids[m], seen=k.seen[m]) for k, m in zip(state.keys, gone, strict=True))
     window, _, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
     prior = marginalise(window, np.ones(len(window.points), bool), scale)
-    rest = []
-    for i, key in enumerate(state.keys[1:], 1):
-        keep = ~np.isin(key.ids, gone, assume_unique=True) if i < newest else np.ones(len(key.ids), bool)
-        rest.append(replace(key, ids=key.ids[keep], seen=key.seen[keep]))
+    rest = (replace(k, ids=k.ids[~m], seen=k.seen[~m]) for k, m in zip(state.keys[1:], gone[1:], strict=True))
     return replace(state, keys=tuple(rest), prior=prior)
 
 
