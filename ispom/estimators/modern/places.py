@@ -103,7 +103,8 @@ class Places:
         """With newer poses of those at these times."""
         return Places(
             tuple(
-                replace(p, camera_from_world=camera_from_world.get(p.time_ns, p.camera_from_world)) for p in self.kept
+                replace(p, camera_from_world=camera_from_world[p.time_ns]) if p.time_ns in camera_from_world else p
+                for p in self.kept
             )
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -175,11 +176,11 @@ class ModernStereo:
         decisions += adjustment
         return Outcome(after, status, sighting, decisions, before, len(fresh[0]), key_frame=True, restarted=restarted)
 
-    @property
+    @cached_property
     def _size(self) -> TrackedSize:
         return TrackedSize.of(self.rig.camera("left"), self.config.max_width_px)
 
-    @property
+    @cached_property
     def _setup(self) -> Setup:
         c = self.config
         return Setup(
@@ -201,6 +202,6 @@ class ModernStereo:
             c.follow,
         )
 
-    @property
+    @cached_property
     def _left_from_rig(self) -> Pose:
         return self.rig.rig_from_left.inverse()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.stereo.shutter import Shutter
@@ -34,11 +35,11 @@ class Setup:
     relocalise: bool
     follow: Follow
 
-    @property
+    @cached_property
     def left_from_rig(self) -> Pose:
         return self.rig_from_left.inverse()
 
-    @property
+    @cached_property
     def shutter(self) -> Shutter:
         """Of both cameras."""
         return Shutter.of(self.camera)
