@@ -55,7 +55,8 @@ class Klt:
             winSize=(self.window_px, self.window_px),
             maxLevel=self.levels,
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, self.iterations, 0.01),
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+            # The least eigenvalue is there anyway; the error that would be told instead is not, and nobody asks for it.
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
             minEigThreshold=1e-4,
         )
         return np.asarray(out, np.float32).reshape(-1, 2), found.ravel() > 0
