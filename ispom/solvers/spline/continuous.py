@@ -18,9 +18,9 @@ from ispom.numerics.cholesky import factor, inverse_factored, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.solvers.spline.curve import Sampled, add_smoothness
 from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
-from ispom.solvers.spline.observation import RIG, Observed, squared_errors
-from ispom.solvers.spline.points import point_sensitivity, point_steps
-from ispom.solvers.spline.problem import PosePrior, RigModel, SplineProblem
+from ispom.solvers.spline.observation import RIG, Observed, slope, squared_errors
+from ispom.solvers.spline.points import point_pulls, point_sensitivity, point_steps
+from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, SplineProblem
 
 Tried = tuple[SplineProblem, Sampled, float]
 """Values, their poses at the exposures, and their cost."""
@@ -37,22 +37,20 @@ UNSEEN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PointUncertainty:
-    """Covariance of points, correlated through what they were triangulated from.
+    """How points follow what they were triangulated from: sensitivity @ z (3,), z being the error of spline and rig.
 
-    The error of a point (3,) is sensitivity @ z + e: z the error of spline and rig, e its own; all independent.
+    What else is wrong with a point is seen where it is seen again, by an error of its own.
     """
 
     sensitivity: Array
     """(K, 3, n)."""
-    conditional: Array
-    """(K, 3, 3) covariances of e: those of the points where spline and rig are given."""
     parameters: Array
     """(n, n) covariance of z."""
     shared: Array
     """(K, 3, S) how they follow errors that the observations share, such as of the lens: spline and rig with them."""
 
     def select(self, index: NDArray) -> PointUncertainty:
-        return PointUncertainty(self.sensitivity[index], self.conditional[index], self.parameters, self.shared[index])
+        return PointUncertainty(self.sensitivity[index], self.parameters, self.shared[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,21 +79,24 @@ class Solution:
         full[np.ix_(free, free)] = covariance_of(hessian[np.ix_(free, free)])
         return full
 
-    def as_noisy_as(self, variances: Array, parameters: Array) -> Array:
-        """(n, n) `parameters` where errors of the points (M,) have so many times the variance that they are weighed by.
+    def as_far_off(self, parameters: Array) -> Array:
+        """(n, n) `parameters` where observations are as far off as they turned out to be, whatever their weights say.
 
-        The sandwich H^-1 M H^-1 (Huber 1981, section 7.6): what each point says counts as it did in the adjustment, and
-        is as far off as it is. What is believed beforehand is as sure as it says.
+        The sandwich H^-1 M H^-1 (Huber 1981, section 7.6) with M the sum over points of the squares of what each adds
+        to the right side: errors along a track may be alike, as those of one that drifts are (Liang and Zeger 1986).
+        What is believed beforehand is as sure as it says.
         """
         p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
-        root = np.sqrt(variances[o.owner] / (1 + (self.errors / p.loss) ** 2))
-        weighed = replace(p, observations=replace(o, inverse_sigma=o.inverse_sigma * root[:, None]), loss=np.inf)
-        depth = p.depth_prior * np.column_stack([np.ones(len(variances)), variances])
-        noisy, _, _ = _reduced(replace(weighed, depth_prior=depth), self.sampled, 0.0)
+        pulls = point_pulls(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
+        weights, slopes = 1 / (1 + (self.errors / p.loss) ** 2), np.ones(len(pulls))
+        for camera, images in ((VIDEO, 2), (LEFT, 3)):
+            its = o.camera == camera
+            slopes[o.owner[its]] = slope(weights[its], images)
+        pulls /= slopes[:, None]
         believed = np.zeros((n, n))
         add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, believed, np.zeros(n))
         believed[-RIG:, -RIG:] += p.rig_prior.information
-        return parameters + parameters @ (noisy - (self.hessian - believed)) @ parameters
+        return parameters + parameters @ (pulls.T @ pulls - (self.hessian - believed)) @ parameters
 
     def follows(self, moved: Array, parameters: Array) -> tuple[Array, Array]:
         """How knots and rig (n, S), and points (M, 3, S), follow what moves all observations by (O, 3, S)."""
@@ -119,7 +120,7 @@ class Solution:
         o, knots = self.problem.observations, _knots(self.problem, self.sampled)
         sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
         none = np.zeros((len(chosen), 3, 0))
-        return PointUncertainty(sensitivity, self.eliminated.inverses[chosen], parameters, none)
+        return PointUncertainty(sensitivity, parameters, none)
 
     def refined_rig(self, parameters: Array) -> RigModel:
         """The rig as estimated, with the information that its covariance leaves."""

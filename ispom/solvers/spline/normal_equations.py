@@ -53,6 +53,10 @@ class Eliminated(NamedTuple):
     """(O, 6, 3) blocks of pose and point, per observation."""
     mixed_rig: Array
     """(M, RIG, 3) blocks of rig and point."""
+    pulls: Array
+    """(O, 6) parts of the right side of a pose, per observation."""
+    pulls_rig: Array
+    """(M, RIG) parts of the right side of the rig."""
 
 
 @kernel(error_model="numpy")
@@ -76,6 +80,8 @@ def reduce(knots, observed, depth_prior, loss, damping, with_rig, moved):
         np.zeros((points, 3)),
         np.zeros((len(observed.owners), 6, 3)),
         np.zeros((points, RIG, 3)),
+        np.zeros((len(observed.owners), 6)),
+        np.zeros((points, RIG)),
     )
     rows, by_rig, spread, end = empty_rows(), np.empty((2, RIG)), np.empty((3, n)), np.int64(0)
     for m in range(points):
@@ -129,7 +135,7 @@ def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, moved, re
 @part
 def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
     """Adds observation o of point m at exposure e to the blocks of pose and point."""
-    block, side, mixed = eliminated.inverses[m], eliminated.sides[m], eliminated.mixed[o]
+    block, side, mixed, pull = eliminated.inverses[m], eliminated.sides[m], eliminated.mixed[o], eliminated.pulls[o]
     pose, right = reduced.poses[e], reduced.poses_right[e]
     for i in range(count):
         for k in range(3):
@@ -140,6 +146,7 @@ def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
         for k in range(6):
             f = weight * rows.by_pose[i, k]
             right[k] -= f * rows.errors[i]
+            pull[k] -= f * rows.errors[i]
             for j in range(6):
                 pose[k, j] += f * rows.by_pose[i, j]
             for j in range(3):
@@ -163,7 +170,9 @@ def _add_rig(m, weight, e, g, reduced, eliminated, rows, by_rig):
     """Adds an observation of point m by the video camera to the rig's blocks, which start at row g."""
     for k in range(RIG):
         f0, f1 = weight * by_rig[0, k], weight * by_rig[1, k]
-        reduced.right[g + k] -= f0 * rows.errors[0] + f1 * rows.errors[1]
+        pull = f0 * rows.errors[0] + f1 * rows.errors[1]
+        reduced.right[g + k] -= pull
+        eliminated.pulls_rig[m, k] -= pull
         for j in range(6):
             reduced.poses_rig[e, k, j] += f0 * rows.by_pose[0, j] + f1 * rows.by_pose[1, j]
         for j in range(3):

@@ -64,3 +64,35 @@ def point_sensitivity(chosen, knots, exposures, owners, eliminated):
             a, b, c = gain(eliminated.inverses[chosen[i]], out[i, 0, k], out[i, 1, k], out[i, 2, k])
             out[i, 0, k], out[i, 1, k], out[i, 2, k] = -a, -b, -c
     return out
+
+
+@kernel(error_model="numpy")
+def point_pulls(knots, exposures, owners, eliminated):
+    """(M, n): what each point adds to the right side of spline and rig, once it is eliminated."""
+    g, steps = 6 * knots.count, eliminated.sides.copy()
+    out, pull = np.zeros((len(steps), g + RIG)), np.empty(6)
+    for m in range(len(steps)):
+        _multiply(steps[m], eliminated.inverses[m])
+        for k in range(RIG):
+            out[m, g + k] = _left(eliminated.pulls_rig[m, k], eliminated.mixed_rig[m, k], steps[m])
+    for o in range(len(owners)):
+        for k in range(6):
+            pull[k] = _left(eliminated.pulls[o, k], eliminated.mixed[o, k], steps[owners[o]])
+        _add_to_knots(out[owners[o]], exposures[o], knots, pull)
+    return out
+
+
+@part
+def _left(pull, mixed, step):
+    """Of a pull, once the point has gone its step (3,)."""
+    return pull - mixed[0] * step[0] - mixed[1] * step[1] - mixed[2] * step[2]
+
+
+@part
+def _add_to_knots(out, e, knots, pull):
+    """Adds what pulls (6,) at the pose at exposure e to what pulls at its knots."""
+    for q in range(4):
+        base, turn, weight = 6 * (knots.first[e] + q), knots.rotation_jacobians[e, q], knots.weights[e, q]
+        for k in range(3):
+            out[base + k] += turn[0, k] * pull[0] + turn[1, k] * pull[1] + turn[2, k] * pull[2]
+            out[base + 3 + k] += weight * pull[3 + k]

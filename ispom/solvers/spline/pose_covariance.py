@@ -6,10 +6,21 @@ import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
-from ispom.numerics.vectors import dot, matrix, times, vector
 from ispom.solvers.spline.continuous import PointUncertainty
-from ispom.solvers.spline.observation import MIN_DEPTH, RIG, Observed, cauchy_weight, empty_rows, linearise, placed
+from ispom.solvers.spline.observation import (
+    MIN_DEPTH,
+    RIG,
+    Observed,
+    cauchy_weight,
+    empty_rows,
+    linearise,
+    placed,
+    slope,
+)
 from ispom.solvers.spline.problem import AnchoredPoints
+
+POSE = 6
+"""Unknowns of a pose."""
 
 
 def pose_covariance(
@@ -21,29 +32,28 @@ def pose_covariance(
     sigma: float,
     loss: float,
     uncertainty: PointUncertainty,
-    variance: float = 1.0,
     moved: Array | None = None,
     shared: Array | None = None,
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of a pose found from points (K,) that were taken to be exact.
 
     Seen at (K, 2), weighed by errors `sigma` and a Cauchy loss of scale `loss` times that (normalised units), and off
-    by `variance` times the square of `sigma`. What the points' errors do to the pose is followed back to the unknowns
-    of their window, so that it is counted jointly. Errors with covariance `shared` (S, S) move the observations by
-    `moved` (K, 2, S), and the points by uncertainty.shared.
+    as far as they turn out to be (`Solution.as_far_off`), what is wrong with each point included. What all points
+    follow is led back to the unknowns of their window, so that it is counted jointly. Errors with covariance `shared`
+    (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
     """
     n = uncertainty.sensitivity.shape[2]
     direct = np.zeros((len(seen), 2, n + uncertainty.shared.shape[2]))
     if moved is not None:
         direct[:, :, n:] = moved / sigma
-    information, noise, pull = _equations(
+    information, noise, pull, weights = _equations(
         _observed(world_from_rig, rig_from_camera, points, seen, sigma),
         loss,
         np.concatenate([uncertainty.sensitivity, uncertainty.shared], axis=2),
         direct,
-        uncertainty.conditional,
-        variance,
     )
+    # Six of the errors' degrees of freedom went into the pose.
+    noise /= slope(weights, 2) ** 2 * (1 - POSE / (2 * len(seen)))
     inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(6))
     turn, of_shared, of_rig = inverse @ pull[:, :n], inverse @ pull[:, n:], np.zeros((6, RIG))
     if of_video:
@@ -59,9 +69,8 @@ def pose_information(
     world_from_rig: Pose, rig_from_camera: Pose, points: AnchoredPoints, seen: Array, sigma: float, loss: float
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
-    none = np.zeros((len(seen), 3, 3))
-    observed, nothing = _observed(world_from_rig, rig_from_camera, points, seen, sigma), none[:, :, :0].copy()
-    return _equations(observed, loss, nothing, nothing[:, :2].copy(), none, 1.0)[0]
+    observed, nothing = _observed(world_from_rig, rig_from_camera, points, seen, sigma), np.zeros((len(seen), 3, 0))
+    return _equations(observed, loss, nothing, nothing[:, :2].copy())[0]
 
 
 def _observed(
@@ -88,39 +97,35 @@ def _observed(
 
 
 @kernel(error_model="numpy")
-def _equations(observed, loss, follow, moved, own, variance):
-    """Information (6, 6) of the pose, the noise (6, 6) in its right side, and how that follows the window (6, n).
+def _equations(observed, loss, follow, moved):
+    """Information (6, 6) of the pose, the noise (6, 6) in its right side, how that follows the window (6, n); weights.
 
-    Points follow the window by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations; points
-    have covariances `own` (K, 3, 3) beside, observations the `variance`.
+    Points follow the window by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations.
     """
     information, noise, pull = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, follow.shape[2]))
-    rows, by_pose = empty_rows(), np.empty((6, 2))
-    for m in range(len(own)):
+    rows, by_pose, weights = empty_rows(), np.empty((6, 2)), np.zeros(len(follow))
+    for m in range(len(follow)):
         rig, camera = placed(observed, m)
         if camera[2] > MIN_DEPTH:
-            weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
+            weights[m] = weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
             for k in range(3):
                 for i in range(2):
                     by_pose[k, i] = -observed.points[m, 2] * rows.by_rig[i, k]
                     by_pose[3 + k, i] = rows.by_pose[i, k]
-            _add(information, noise, weight, by_pose, rows.by_point, own, m, variance)
+            _add(information, noise, weight, by_pose, rows.errors)
             _pull(pull, weight, by_pose, rows.by_point, follow[m], moved[m])
-    return information, noise, pull
+    return information, noise, pull, weights
 
 
 @part
-def _add(information, noise, weight, by_pose, by_point, own, m, variance):
-    """Adds a point that is seen with such noise and is itself uncertain by `own` m (3, 3)."""
-    first, second = vector(by_point, 0), vector(by_point, 1)
-    of_first, of_second = times(matrix(own, m), first), times(matrix(own, m), second)
-    xx, xy, yy = variance + dot(first, of_first), dot(first, of_second), variance + dot(second, of_second)
+def _add(information, noise, weight, by_pose, errors):
+    """Adds a point that is seen with such errors."""
     for k in range(6):
         a, b = weight * by_pose[k, 0], weight * by_pose[k, 1]
-        c, d = weight * (a * xx + b * xy), weight * (a * xy + b * yy)
+        pull = weight * (a * errors[0] + b * errors[1])
         for j in range(6):
             information[k, j] += a * by_pose[j, 0] + b * by_pose[j, 1]
-            noise[k, j] += c * by_pose[j, 0] + d * by_pose[j, 1]
+            noise[k, j] += pull * (by_pose[j, 0] * errors[0] + by_pose[j, 1] * errors[1])
 
 
 @part

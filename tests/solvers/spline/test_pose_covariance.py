@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.resection import refine_pose
 from ispom.solvers.spline import continuous
 from ispom.solvers.spline.continuous import PointUncertainty, Solution, covariance_of, solve
+from ispom.solvers.spline.observation import slope
+from ispom.solvers.spline.points import point_pulls
 from ispom.solvers.spline.pose_covariance import pose_covariance
 from ispom.solvers.spline.problem import VIDEO, AnchoredPoints, PosePrior, RigModel
 from tests.solvers.made_flight import RIG, made_flight, problem_of
@@ -49,7 +52,7 @@ def test_what_points_and_rig_do_to_a_pose_is_that_of_finite_differences() -> Non
         pulls.append(relocated(points, seen, model.moved(eps * np.eye(7)[k]).rig_from_video, pose) / eps)
     rows = np.zeros((len(points), 3, 3 + 7))
     rows[2, :, :3] = np.eye(3)
-    uncertainty = PointUncertainty(rows, np.zeros((len(points), 3, 3)), np.eye(10), np.zeros((len(points), 3, 0)))
+    uncertainty = PointUncertainty(rows, np.eye(10), np.zeros((len(points), 3, 0)))
     covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, 1e-9, 1e9, uncertainty)
     np.testing.assert_allclose(covariance, np.array(pulls).T @ np.array(pulls), rtol=1e-3, atol=1e-5)
 
@@ -59,10 +62,9 @@ def test_what_observations_share_does_to_a_pose_what_finite_differences_say() ->
     moved, follow = rng.normal(size=(len(points), 2, 1)), 0.1 * rng.normal(size=(len(points), 3, 1))
     values = points.values + eps * follow[:, :, 0]
     pull = relocated(replace(points, values=values), seen + eps * moved[:, :, 0], RIG.rig_from_video, pose) / eps
-    none = np.zeros((len(points), 3, 3))
-    uncertainty = PointUncertainty(none[:, :, :0], none, np.zeros((0, 0)), follow)
+    uncertainty = PointUncertainty(np.zeros((len(points), 3, 0)), np.zeros((0, 0)), follow)
     covariance = pose_covariance(
-        pose, RIG.rig_from_video, False, points, seen, 1e-9, 1e9, uncertainty, 1.0, moved, np.array([[4.0]])
+        pose, RIG.rig_from_video, False, points, seen, 1e-9, 1e9, uncertainty, moved, np.array([[4.0]])
     )
     np.testing.assert_allclose(covariance, 4 * np.outer(pull, pull), rtol=1e-2, atol=1e-4)
 
@@ -99,25 +101,49 @@ def test_all_follows_what_moves_the_observations_as_finite_differences_say() -> 
     np.testing.assert_allclose(followed, shift, rtol=2e-2, atol=2e-2 * np.abs(shift).max())
 
 
-def test_points_as_noisy_as_their_weights_say_leave_the_covariance() -> None:
+def test_what_each_point_adds_makes_up_the_right_side() -> None:
     problem = problem_of(made_flight(0.5, 30), noise_px=0.3)
-    found = solve(problem, 20, 1e-9)
-    parameters, ones = found.parameter_covariance(problem.prior), np.ones(len(problem.points))
-    limit = 1e-6 * np.abs(parameters).max()
-    np.testing.assert_allclose(found.as_noisy_as(ones, parameters), parameters, rtol=1e-6, atol=limit)
-    more = found.as_noisy_as(2 * ones, parameters) - parameters
-    assert np.linalg.eigvalsh((more + more.T) / 2)[0] > -limit
-    np.testing.assert_allclose(found.as_noisy_as(3 * ones, parameters) - parameters, 2 * more, rtol=1e-6, atol=limit)
+    free = replace(problem, rig=replace(problem.rig, free=np.ones(7, bool)))
+    sampled, o = free.sampled(), free.observations
+    _, right, points = continuous._reduced(free, sampled, 0.0)
+    pulls = point_pulls(continuous._knots(free, sampled), o.exposure, o.owner, points)
+    np.testing.assert_allclose(pulls.sum(axis=0), right, atol=1e-9 * np.abs(right).max())
 
 
-def held_out(seed: int, claimed: float = 1.0) -> float:
+def test_the_slope_of_pulls_is_that_of_finite_differences() -> None:
+    errors, step = np.random.default_rng(3).normal(size=(200_000, 2)), np.array([1e-5, 0.0])
+
+    def pulls(moved: Array) -> Array:
+        return moved[:, 0] / (1 + (moved**2).sum(axis=1))
+
+    weights = 1 / (1 + (errors**2).sum(axis=1))
+    found = (pulls(errors + step) - pulls(errors - step)).mean() / (2 * step[0])
+    assert slope(weights, 2) * weights.mean() == pytest.approx(found, rel=0.02)
+
+
+def test_observations_are_as_far_off_as_they_turn_out_to_be_whatever_their_weights_say() -> None:
+    problem, covariances = problem_of(made_flight(0.7, 100), noise_px=0.3), list[Array]()
+    o, e, held = problem.observations, len(problem.times_s) // 2, PosePrior(0, Pose(), 1e4 * HELD)
+    for claimed in (1.0, 3.0):
+        weighed = replace(o, inverse_sigma=claimed * o.inverse_sigma)
+        found = solve(replace(problem, observations=weighed, loss=50 * claimed, smoothness=(1e5, 1e5)), 20, 1e-12)
+        covariances.append(found.pose_covariance(e, found.as_far_off(found.parameter_covariance(held))))
+        if claimed == 1.0:
+            by_weights = found.pose_covariance(e, found.parameter_covariance(held))
+            assert np.trace(covariances[0] @ np.linalg.inv(by_weights)) / 6 == pytest.approx(1.0, abs=0.35)
+    np.testing.assert_allclose(covariances[1], covariances[0], rtol=0.05, atol=0.02 * np.abs(covariances[0]).max())
+
+
+def held_out(seed: int, claimed: float = 1.0, walk_px: float = 0.0) -> float:
     """NEES of the last video frame, located by the points of a window that it is no part of, relative to a pair.
 
-    Weights `claim` video observations to be so many times as good as they are.
+    Weights `claim` video observations to be so many times as good as they are; from one to the next of a track, errors
+    walk by `walk_px`.
     """
     flight = made_flight(0.7, 100)
     problem = problem_of(flight, noise_px=0.3, seed=seed)
     o, last = problem.observations, int(np.flatnonzero(flight.video)[-1])
+    o = replace(o, seen=o.seen + np.pad(walks(o.owner, walk_px / RIG.camera("video").fx, seed), ((0, 0), (0, 1))))
     mine = o.exposure == last
     observations = replace(
         o, **{n: getattr(o, n)[~mine] for n in ("exposure", "camera", "owner", "seen", "inverse_sigma")}
@@ -125,16 +151,13 @@ def held_out(seed: int, claimed: float = 1.0) -> float:
     by_video = observations.camera == VIDEO
     better = np.where(by_video[:, None], claimed, 1.0) * observations.inverse_sigma
     observations = replace(observations, inverse_sigma=better)
-    variances = np.ones(len(problem.points))
-    variances[observations.owner[by_video]] = claimed**2
     found: Solution = solve(replace(problem, observations=observations, loss=50.0), 15, 1e-6)
     pair = int(np.flatnonzero(~flight.video)[-1])
     chosen, points = o.owner[mine], found.problem.points
     points = AnchoredPoints(points.anchors_r[chosen], points.anchors_t[chosen], points.values[chosen])
     reference = Pose(found.sampled.rotations[pair], found.sampled.positions[pair])
     parameters = found.parameter_covariance(PosePrior(pair, reference, HELD))
-    uncertainty = found.point_uncertainty(chosen, found.as_noisy_as(variances, parameters))
-    uncertainty = replace(uncertainty, conditional=uncertainty.conditional * variances[chosen, None, None])
+    uncertainty = found.point_uncertainty(chosen, found.as_far_off(parameters))
     seen, sigma = o.seen[mine][:, :2], 0.3 / RIG.camera("video").fx / claimed
     guess = Pose(found.sampled.rotations[last], found.sampled.positions[last])
     located = refine_pose(
@@ -142,20 +165,22 @@ def held_out(seed: int, claimed: float = 1.0) -> float:
     )
     assert located is not None
     pose = located.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
-    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, sigma, 50.0, uncertainty, claimed**2)
+    covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, sigma, 50.0, uncertainty)
     true = flight.truth(pair).inverse() @ flight.truth(last)
     error = ((reference.inverse() @ pose).inverse() @ true).log()
     return float(error @ np.linalg.solve(covariance, error))
 
 
-def test_a_frame_outside_the_window_is_as_far_off_as_its_covariance_says() -> None:
-    nees = np.mean([held_out(seed) for seed in range(8)])
+def walks(owner: NDArray[np.int64], step: float, seed: int) -> Array:
+    """(O, 2): errors that add up along each track."""
+    found = np.random.default_rng(seed).normal(0, step, (len(owner), 2)).cumsum(axis=0)
+    return found - found[np.searchsorted(owner, owner)]
+
+
+@pytest.mark.parametrize(("claimed", "walk_px"), [(1.0, 0.0), (3.0, 0.0), (1.0, 0.2)])
+def test_a_frame_outside_the_window_is_as_far_off_as_its_covariance_says(claimed: float, walk_px: float) -> None:
+    nees = np.mean([held_out(seed, claimed, walk_px) for seed in range(8)])
     assert nees == pytest.approx(6, abs=2.6)  # the 95 % band of the mean of eight
-
-
-def test_it_is_also_where_weights_take_one_camera_for_better_than_it_is() -> None:
-    nees = np.mean([held_out(seed, 3.0) for seed in range(8)])
-    assert nees == pytest.approx(6, abs=2.6)
 
 
 def test_what_was_never_seen_has_a_large_variance_and_a_finite_one() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated import checks
-from ispom.estimators.modern.integrated.covariance import by_lens, variance_factors
+from ispom.estimators.modern.integrated.covariance import by_lens
 from ispom.estimators.modern.integrated.joint_problem import HELD, joint_problem
 from ispom.estimators.modern.integrated.joint_report import report, spline_fit
 from ispom.estimators.modern.integrated.joint_window import JointWindow
@@ -118,8 +118,7 @@ def _reference(
     here = place[time_ns]
     pose = window.views[here].world_from_rig
     weighed = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
-    variances = np.where(window.table.ids[used] % 2 == 0, *variance_factors(setup.noise, state))
-    parameters = solution.as_noisy_as(variances, weighed)
+    parameters = solution.as_far_off(weighed)
     by_spline, by_points = solution.follows(_moved_by_lens(solution), weighed)
     lens = np.zeros((LENS, LENS)) if state.lens_covariance is None else state.lens_covariance
     together = parameters + by_spline @ lens @ by_spline.T
@@ -131,8 +130,7 @@ def _reference(
         there = place.get(before.time_ns, 0)
         carry = (pose.inverse() @ window.views[there].world_from_rig).adjoint
         drift = carry @ (before.drift + solution.pose_covariance(there, together)) @ carry.T
-    points = solution.point_uncertainty(chosen, parameters)
-    points = replace(points, conditional=points.conditional * variances[chosen, None, None], shared=by_points[chosen])
+    points = replace(solution.point_uncertainty(chosen, parameters), shared=by_points[chosen])
     newest = solution.pose_covariance(len(window.views) - 1, together)
     return Reference(time_ns, pose, window.table.ids[used[chosen]], points, newest, drift), weighed
 

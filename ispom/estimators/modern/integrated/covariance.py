@@ -29,17 +29,6 @@ def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) ->
     return carry @ base @ carry.T + way
 
 
-def variance_factors(noise: Noise, state: ModernIntegratedState) -> tuple[float, float]:
-    """What the errors of the video's and of the pairs' tracks have more variance than `noise` says, which weighs one
-    camera against the other: tracks are as far off as the methods that followed them found, if they did."""
-    video, pairs = zip(state.track_sigmas, (noise.video, noise.stereo), strict=True)
-    return _factor(*video), _factor(*pairs)
-
-
-def _factor(sigma: float | None, setting: float) -> float:
-    return 1.0 if sigma is None else (sigma / setting) ** 2
-
-
 def by_lens(seen: Array) -> Array:
     """(N, 2, 2) how normalised coordinates (N, 2) change with the correction of the lens, to first order."""
     return -np.stack([seen, seen * (seen**2).sum(axis=1, keepdims=True)], axis=2)
@@ -62,7 +51,6 @@ def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View)
         noise.of(view.video),
         noise.loss,
         window.reference.uncertainty.select(its),
-        variance_factors(noise, state)[0 if view.video else 1],
         by_lens(seen) if view.video else None,
         state.lens_covariance,
     )

@@ -57,9 +57,9 @@ class ModernIntegratedConfig:
     clock_sigma_s: Annotated[float, Range(1e-5, 1)] = 0.03
     """How far off the video's clock may be, before any data."""
     video_sigma_px: Annotated[float, Range(0.02, 5)] = 0.13
-    """Error of a point tracked in the video, in the weight it has; covariances take what monocular finds (`noise`)."""
+    """Error of a point tracked in the video, in the weight it has; covariances take what the adjustment leaves."""
     stereo_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
-    """Error of a point followed from pair to pair, in the same way; covariances take what stereo finds."""
+    """Error of a point followed from pair to pair, in the same way."""
     disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
     """Error of its match in the right image."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX

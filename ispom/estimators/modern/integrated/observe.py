@@ -32,26 +32,19 @@ def observed(rig: Rig, part: Step, video: bool) -> View:
 def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
     """With the interval up to this frame, and the lens correction that the monocular method found."""
     lens = part.calibration.get("lens", state.window.lens_correction)
-    window, sigmas = replace(state.window, lens_correction=lens), (_track_sigma(part), state.track_sigmas[1])
+    window = replace(state.window, lens_correction=lens)
     unsure = part.calibration.get("lens_covariance", state.lens_covariance)
     interval = state.interval.after(part.time_ns)
-    return replace(state, interval=interval, window=window, track_sigmas=sigmas, lens_covariance=unsure)
+    return replace(state, interval=interval, window=window, lens_covariance=unsure)
 
 
 def with_stereo(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
     """With the stereo method's poses in the window, and what it found to be wrong with the pair: one scale for both."""
     pair = part.calibration.get("pair", state.window.pair_errors)
-    sigmas = state.track_sigmas[0], _track_sigma(part)
-    state = replace(state, window=replace(state.window, pair_errors=pair), track_sigmas=sigmas)
+    state = replace(state, window=replace(state.window, pair_errors=pair))
     known = dict(state.metric)
     known |= {t: pose for t, pose in part.revised.items() if t in known}
     if part.world_from_frame is not None:
         known[part.time_ns] = part.world_from_frame
         state = replace(state, metric_covariance=part.covariance)
     return replace(state, metric=tuple(sorted(known.items(), key=lambda item: item[0])))
-
-
-def _track_sigma(part: Step) -> float | None:
-    """What the method asked takes errors of tracks for in its covariances; None where it does not say."""
-    noise = part.calibration.get("noise")
-    return None if noise is None else float(noise[1])

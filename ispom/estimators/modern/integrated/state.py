@@ -19,8 +19,6 @@ class ModernIntegratedState:
     """The stereo estimator's poses in the window."""
     metric_covariance: Array | None = None
     """(6, 6) of the newest of them."""
-    track_sigmas: tuple[float | None, float | None] = (None, None)
-    """What the methods asked take errors of tracks for, of the video and of pairs, where they say so; normalised."""
     lens_covariance: Array | None = None
     """(2, 2) of what the monocular method found to be wrong with the video camera; None where it does not say."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
