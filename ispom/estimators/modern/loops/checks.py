@@ -11,7 +11,7 @@ LOOP_POINTS = Check(
     "finding",
     LOOP,
     passes="{value} points of an earlier place are seen again, {threshold} are enough.",
-    fails="No earlier place: of the one compared {value} points are seen again, {threshold} are needed.",
+    fails="No earlier place: of those compared none shows more than {value} points again, {threshold} are needed.",
 )
 LOOP_VIEWS = Check(
     "loop_views",
