@@ -1,7 +1,7 @@
 """Uncertainty of the monocular estimator: of its key frames, of frames located in the map, and of its unit.
 
-All to first order, from the normal equations of the window, in the gauge that the map holds: the pose of its first
-frame is the world, the distance to the last frame of its start the unit.
+All to first order, by how the cost of the window curves and how far its gradient scatters (`scatter`), in the gauge that
+the map holds: the pose of its first frame is the world, the distance to the last frame of its start the unit.
 """
 
 from __future__ import annotations
