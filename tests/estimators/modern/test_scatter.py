@@ -110,7 +110,8 @@ def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
             true = replace(true, seen=exact.seen + worse * (true.seen - exact.seen))
         done = adjust(true, scale, 30, 1e-8).window
         off, at = twists(done, true)[-1], slice(-POSE - LENS, -LENS)
-        nees.append(off @ np.linalg.solve(Curvature.of(done, scale).covariance(scale, 1.0)[at, at], off))
+        root = Curvature.of(done, scale).spread(scale, 1.0)[at]
+        nees.append(off @ np.linalg.solve(root @ root.T, off))
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high
 

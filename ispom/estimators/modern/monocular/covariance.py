@@ -1,7 +1,7 @@
 """Uncertainty of the monocular estimator: of its key frames, of frames located in the map, and of its unit.
 
-All to first order, by how the cost of the window curves and how far its gradient scatters (`scatter`), in the gauge that
-the map holds: the pose of its first frame is the world, the distance to the last frame of its start the unit.
+All to first order, by how the cost of the window curves and how far its gradient scatters (`scatter`), in the gauge
+that the map holds: the pose of its first frame is the world, the distance to the last frame of its start the unit.
 """
 
 from __future__ import annotations
@@ -49,9 +49,8 @@ class MapUncertainty:
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
         curved = Curvature.of(window, sigma)
-        all_poses = curved.covariance(sigma, noise.shared)
-        values, vectors = np.linalg.eigh((all_poses + all_poses.T) / 2)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = curved.spread(sigma, noise.shared)
+        all_poses = root @ root.T
         conditional, mixed = curved.conditional[young], curved.mixed[young]
         sensitivity = -(conditional @ mixed).reshape(-1, mixed.shape[2]) @ root
         last = slice(POSE * (c - 1), POSE * c)

@@ -80,10 +80,19 @@ class Curvature:
         """With that of the window's prior; tracks pull together `shared` times as much as each by itself."""
         return self._with_prior(self.scores, shared)
 
-    def covariance(self, sigma: float, shared: float) -> Array:
-        """(D, D) of poses and corrections."""
-        inverse = self.inverse(sigma)
-        return inverse @ self._with_prior(self.left_out(inverse), shared).scatter @ inverse
+    def spread(self, sigma: float, shared: float) -> Array:
+        """(D, D) how poses and corrections move with D independent unit errors: times itself transposed it is their
+        covariance."""
+        root, middle = self._factors(sigma)
+        scatter = self._with_prior(self.left_out(root.T @ middle @ root), shared).scatter
+        # By the normal equations: beside what is held, 1e12 times as sure, the digits of all else would be lost.
+        values, vectors = np.linalg.eigh(root @ scatter @ root.T)
+        return root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def inverse(self, sigma: float) -> Array:
+        """(D, D) of the second derivatives, those of the window's prior included."""
+        root, middle = self._factors(sigma)
+        return root.T @ middle @ root
 
     def _with_prior(self, scores: Array, shared: float) -> Sandwich:
         curved, scatter, prior = self.reduced.copy(), shared * scores.T @ scores, self.window.prior
@@ -94,8 +103,8 @@ class Curvature:
             scatter[np.ix_(at, at)] += kept.scatter
         return Sandwich(curved, scatter)
 
-    def inverse(self, sigma: float) -> Array:
-        """(D, D) of the second derivatives, those of the window's prior included."""
+    def _factors(self, sigma: float) -> tuple[Array, Array]:
+        """(D, D) each, of `inverse`: the first that of the normal equations' Cholesky factor."""
         held = Equations.of(self.window, sigma).symmetric
         found = self._with_prior(self.scores, 1.0).curvature
         fixed = np.flatnonzero(self.window.extra_sigma <= 0) + len(found) - LENS
@@ -103,10 +112,9 @@ class Curvature:
         try:
             root = np.linalg.inv(np.linalg.cholesky(held))
         except np.linalg.LinAlgError:  # no minimum, to the last digits: then neither is said to be one
-            return np.linalg.inv(held)
+            return np.eye(len(held)), np.linalg.inv(held)
         share, turn = np.linalg.eigh(root @ found @ root.T)
-        back = root.T @ turn
-        return back / np.maximum(share, LEAST_SHARE) @ back.T
+        return root, turn / np.maximum(share, LEAST_SHARE) @ turn.T
 
     def left_out(self, inverse: Array) -> Array:
         """(M, D) scores as they would be, to first order, had each track had no part in the poses, with the `inverse`
