@@ -26,15 +26,16 @@ from ispom.geometry import Array, Pose
 from ispom.sequences import open_sequence
 from ispom.simulation.cameras import simulated_rig
 from ispom.simulation.city import build_city
-from ispom.simulation.motions import Motion
-from ispom.simulation.path import Path as Route
+from ispom.simulation.motions import Motion, motion_of
 from ispom.simulation.renderer import Renderer
+from ispom.simulation.town import build_town
 from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Camera, Exposure, Frame, Rig, Status, Step, StereoPair, Trajectory
 
 from .flights import FilmedMethod, Flight
 from .measure import ensemble_of
 
+Place = Literal["city", "town"]
 GAPS_S, TURNS_DEG = (1.0, 2.0, 3.0, 5.0, 7.0), (0.0, 20.0, 45.0, 90.0)
 DRIVE_STARTS_S, DRIVE_GAPS_S = (1.0, 1.6, 2.2), (0.5, 1.0, 1.5, 2.0)
 BEFORE_S, AFTER_S = 4.0, 1.4
@@ -47,8 +48,8 @@ LEAST_ERROR = 0.01
 """Share of the way across the gap that is no error to speak of, where the error without it happens to be smaller."""
 SCALES = {"monocular": 1.0, "stereo": 0.5}
 """Of the simulated images: 640x480 for each."""
-GAP_SEEDS = 3
-"""Of sim:city."""
+GAP_SEEDS: dict[Place, int] = {"city": 3, "town": 1}
+"""Of sim:city and sim:town."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +149,11 @@ def _at(trajectory: Trajectory, time_ns: int) -> Pose:
     return pose
 
 
-def simulated(method: FilmedMethod, seed: int) -> Iterator[Found]:
-    """Gaps and turns over one seed of sim:city."""
-    stereo = method == "stereo"
-    flight = Flight(seed, simulated_rig(SCALES[method]), Route.seeded(seed))
-    renderer, rate_hz = Renderer(build_city(seed)), 5.0 if stereo else 15.0
+def simulated(method: FilmedMethod, place: Place, seed: int) -> Iterator[Found]:
+    """Gaps and turns over one seed of sim:city or sim:town."""
+    stereo, city = method == "stereo", place == "city"
+    flight = Flight(seed, simulated_rig(SCALES[method]), motion_of("flight" if city else "loop", seed))
+    renderer, rate_hz = Renderer((build_city if city else build_town)(seed)), 5.0 if stereo else 15.0
     side: Frame = "left" if stereo else "video"
     given: Frame = "rig" if stereo else "video"
     times = [round(i * 1e9 / rate_hz) for i in range(round((BEFORE_S + max(GAPS_S) + AFTER_S) * rate_hz) + 1)]
@@ -163,7 +164,7 @@ def simulated(method: FilmedMethod, seed: int) -> Iterator[Found]:
     camera, mount = flight.rig.camera(side), flight.rig.rig_from(side)
     for gap_s in GAPS_S:
         for turn_deg in TURNS_DEG:
-            trial = Trial(f"sim:city seed {seed}", method, BEFORE_S, gap_s, turn_deg)
+            trial = Trial(f"sim:{place} seed {seed}", method, BEFORE_S, gap_s, turn_deg)
             turned = replace(flight, motion=Turned(flight.motion, BEFORE_S + 0.5 * gap_s, turn_deg))
             after = [t for t in times if 0 <= t * 1e-9 - BEFORE_S - gap_s <= AFTER_S]
             seen = [turned.exposure(renderer, t, stereo) for t in after] if turn_deg else None
@@ -247,9 +248,8 @@ def gaps_found(rows: list[dict[str, Any]]) -> list[Found]:
 def main(argument: str) -> None:
     task = json.loads(argument)
     cv2.setNumThreads(1)
-    found = (
-        driven(task["method"], Path(task["folder"])) if "folder" in task else simulated(task["method"], task["seed"])
-    )
+    method = task["method"]
+    found = driven(method, Path(task["folder"])) if "folder" in task else simulated(method, task["place"], task["seed"])
     sys.stdout.write(json.dumps([asdict(f) for f in found]) + "\n")
 
 

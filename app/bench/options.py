@@ -30,7 +30,7 @@ class Bench:
     """Number of seeds for --consistency and --loops."""
     gaps: bool = False
     """Measure, instead of all else, whether monocular and stereo know where they are after 1-7 s without images, in
-    which the camera may turn: in sim:city (three seeds), and in KITTI 06 where it is in --data."""
+    which the camera may turn: in sim:city (three seeds), sim:town, and in KITTI 06 where it is in --data."""
     loops: bool = False
     """Measure, instead of all else, whether monocular and stereo find a loop after 541 m through sim:town, what they
     are off by there, with and without; and whether they find false ones where houses are alike and nothing returns."""

@@ -51,10 +51,15 @@ def gaps(console: Console, options: Bench) -> list[dict[str, Any]]:
     """Images cut out."""
     drive, measured = next(found_below(c, options.data) for c in CASES if c.key == "kitti-06"), []
     for method in _filmed(options):
-        tasks: list[dict[str, Any]] = [{"method": method, "seed": seed} for seed in range(GAP_SEEDS)]
+        tasks: list[dict[str, Any]] = [
+            {"method": method, "place": place, "seed": seed}
+            for place, seeds in GAP_SEEDS.items()
+            for seed in range(seeds)
+        ]
         tasks += [{"method": method, "folder": drive.source}] if drive is not None else []
         for task in tasks:
-            rows = child.told(console, f"{method}: gaps in {task.get('folder') or 'sim:city'}", "gaps", task)
+            where = task.get("folder") or f"sim:{task['place']} seed {task['seed']}"
+            rows = child.told(console, f"{method}: gaps in {where}", "gaps", task)
             if rows:
                 print_gaps(console, gaps_found(rows))
                 measured += rows
