@@ -60,6 +60,7 @@ def track_map(
     frame, residual_px = _without_outliers(setup, state, world, new, found)
     assert state.uncertainty is not None and frame.world_from_camera is not None
     tests = key_frame_tests(setup, world, frame)
+    watch.lap("locate")
     outcome = Outcome(
         found.followed,
         Status.TRACKING,
@@ -75,6 +76,7 @@ def track_map(
             found.ids, found.xyz, found.motion, float(np.sqrt(world.noise.variance(setup.noise)))
         )
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
+        watch.lap("locate")
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
     watch.lap("key frame")
