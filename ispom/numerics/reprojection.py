@@ -69,12 +69,14 @@ def add_by_twist(out, i, q, g):
 def subtract_by_twists(out, i, j, u, k, q):
     """Subtracts B(u)' K B(q) from out[i, j] (6, 6): K (3, 3) second derivatives by u and q, both moved by twists."""
     x, y, z = transposed(k)
-    _subtract_column(out, i, j, 0, u, x)
-    _subtract_column(out, i, j, 1, u, y)
-    _subtract_column(out, i, j, 2, u, z)
-    _subtract_column(out, i, j, 3, u, minus(scaled(q[1], z), scaled(q[2], y)))
-    _subtract_column(out, i, j, 4, u, minus(scaled(q[2], x), scaled(q[0], z)))
-    _subtract_column(out, i, j, 5, u, minus(scaled(q[0], y), scaled(q[1], x)))
+    turned = (
+        minus(scaled(q[1], z), scaled(q[2], y)),
+        minus(scaled(q[2], x), scaled(q[0], z)),
+        minus(scaled(q[0], y), scaled(q[1], x)),
+    )
+    # By a variable, as for each constant the same would be compiled again.
+    for column, by in enumerate((x, y, z, *turned)):
+        _subtract_column(out, i, j, column, u, by)
 
 
 @part
