@@ -14,6 +14,7 @@ from ispom.numerics.twist import moved
 from ispom.solvers.window.adjustment import Equations, Window, adjust, covariance, marginalise, total_cost
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from tests.estimators.modern.test_noise import VIEWS, flown
+from tests.solvers.window.left import without_oldest
 
 SCALE, ERROR = 5e-3, 1e-3
 HELD = 2
@@ -129,17 +130,8 @@ def test_what_leaves_the_window_keeps_its_sandwich(scale: float, gross: bool) ->
     def of_part(part: Window) -> Sandwich:
         return Curvature.of(part, scale).sandwich(1.0)
 
-    kept, prior = ~gone[whole.owners], marginalise(whole, gone, scale, of_part)
-    rest = replace(
-        whole,
-        rotations=whole.rotations[1:],
-        translations=whole.translations[1:],
-        points=whole.points[~gone],
-        cameras=whole.cameras[kept] - 1,
-        owners=(np.cumsum(~gone) - 1)[whole.owners[kept]],
-        seen=whole.seen[kept],
-        prior=prior,
-    )
+    prior = marginalise(whole, gone, scale, of_part)
+    rest = without_oldest(whole, gone, prior)
     newest = slice(-POSE - LENS, -LENS)
     before, after = (covered(window, scale)[newest, newest] for window in (whole, rest))
     np.testing.assert_allclose(after, before, atol=0.02 * np.abs(before).max())

@@ -11,6 +11,7 @@ from ispom.geometry import so3_exp
 from ispom.solvers.window import adjustment as solver
 from ispom.solvers.window.adjustment import Equations, Window, adjust, covariance, marginalise, total_cost
 from ispom.solvers.window.prior import anchored
+from tests.solvers.window.left import without_oldest
 
 FOCAL, BASELINE, POSES, POINTS = 700.0, 0.5, 6, 150
 SCALE = 0.5 / FOCAL
@@ -100,18 +101,7 @@ def test_a_prior_stands_for_the_pose_and_points_that_have_left() -> None:
     whole = adjust(disturbed(truth(noise_px=0.1)), SCALE, 40, 1e-12).window
     gone = np.isin(np.arange(POINTS), whole.owners[whole.cameras == 0])
     prior = marginalise(whole, gone, SCALE)
-    kept = ~gone[whole.owners]
-    rest = replace(
-        whole,
-        rotations=whole.rotations[1:],
-        translations=whole.translations[1:],
-        points=whole.points[~gone],
-        cameras=whole.cameras[kept] - 1,
-        owners=(np.cumsum(~gone) - 1)[whole.owners[kept]],
-        seen=whole.seen[kept],
-        factors=whole.factors[kept],
-        prior=prior,
-    )
+    rest = without_oldest(whole, gone, prior)
     # at the optimum it is the optimum still, with the same spread
     again = adjust(rest, SCALE, 10, 1e-12).window
     np.testing.assert_allclose(again.translations, rest.translations, atol=1e-6)
