@@ -239,9 +239,12 @@ class Controller:
             if before.phase == "ready":
                 self._store.emit(Restored(before))
                 raise
-            if not isinstance(fault, InputError):
+            if isinstance(fault, InputError):
+                log.error("%s", fault)  # on the terminal, where the source was given
+                self._store.emit(OpeningFailed(str(fault)))
+            else:
                 log.exception("opening %s failed", shown)
-            self._store.emit(OpeningFailed(str(fault) if isinstance(fault, InputError) else _internal(fault)))
+                self._store.emit(OpeningFailed(_internal(fault)))
             return False
         if run is not None:
             run.stop()

@@ -92,6 +92,8 @@ class State:
 
     source: str
     phase: Literal["opening", "ready", "failed"] = "opening"
+    failure: str = ""
+    """Why the source could not be opened, where it is `failed`."""
     name: str = ""
     """Of the sequence, as a person knows it."""
     notes: tuple[str, ...] = ()
@@ -296,7 +298,8 @@ def reduce(state: State, event: Event) -> State:
                 camera="",
             )
         case OpeningFailed(reason):
-            return reduce(replace(state, phase="failed", playing=False, activity=None), NoticeAdded(reason))
+            failed = replace(state, phase="failed", failure=reason, playing=False, activity=None)
+            return reduce(failed, NoticeAdded(reason))
         case Restored(before):
             return before
         case Opened(sequence, methods, config, _, recording_id, beside):

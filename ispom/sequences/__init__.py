@@ -42,6 +42,9 @@ ONE_CAMERA = (
 )
 """The same, of kinds whose calibration is a file of its own, so that another may take its place."""
 
+SETTINGS = frozenset({".yaml", ".yml"})
+"""Suffixes of files that lie beside recordings."""
+
 
 def open_sequence(
     source: str,
@@ -121,12 +124,18 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
         )
     if not names(path):
         raise InputError(f"{path} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
-    drives = sorted(p for pattern in ("*", "sequences/*") for p in path.glob(pattern) if recognised(p))
-    cure = f"give one of its drives, such as {drives[0]}" if drives else "give the folder of a drive of that layout"
+    within = recordings_in(path)
+    cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(
-        f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, "
-        f"mav0, as in EuRoC, rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, and images): {cure}"
+        f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, mav0, as in EuRoC, "
+        f"rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, and files of images): {cure}"
     )
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """What can be opened in a folder that is no recording itself, by name; descriptions of cameras are none."""
+    inner = (p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if p.suffix.lower() not in SETTINGS)
+    return sorted(p for p in inner if recognised(p))
 
 
 def recognised(path: Path) -> bool:

@@ -99,7 +99,11 @@ def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.txt").touch()
     told = sentence(capsys, str(tmp_path))
-    assert f"{tmp_path} has no known layout (looked for image_0 and calib.txt" in told and "give" in told
+    assert f"{tmp_path} has no known layout (looked for image_0 and calib.txt" in told and "give a folder" in told
+    for name in ("b.mp4", "a.mp4", "camera.yaml"):
+        (tmp_path / name).touch()
+    told = sentence(capsys, str(tmp_path))
+    assert told.rstrip().endswith(f"give a recording in it, such as {tmp_path}/a.mp4")
 
 
 def test_empty_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -92,7 +92,7 @@ def _text(state: State) -> str:
         return render("run.html", text=f"Opening {state.source} …", notes=())
     if state.phase == "failed":
         text = "Nothing is open. Choose a source below, sim:city or a path, and press Open."
-        return render("run.html", text=text, notes=())
+        return render("run.html", text=text, notes=(state.failure,))
     waiting = f"computing up to {state.target} · " if state.target is not None else ""
     finished = " · finished" if state.ended else ""
     loop = f" · loop {state.loop.start} to {_end(state.loop)}" if state.loop is not None else ""

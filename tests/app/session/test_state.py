@@ -57,6 +57,7 @@ def test_a_second_run_starts_empty_and_keeps_what_was_told():
 def test_a_failed_opening_is_told():
     state = reduce(State("nothing"), OpeningFailed("nothing does not exist: correct the path"))
     assert state.phase == "failed" and state.notices[-1].text.startswith("nothing does")
+    assert state.failure == state.notices[-1].text, "for pages that come after the notice"
 
 
 def test_notices_are_numbered_and_few():

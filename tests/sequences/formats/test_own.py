@@ -37,6 +37,14 @@ def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     assert sequence.times_ns.tolist() == [i * 50_000_000 for i in range(12)]
 
 
+@pytest.mark.parametrize("made", [make_images, make_video])
+def test_of_a_folder_around_a_recording_the_recording_is_named(made: Callable[[Path], Path], tmp_path: Path) -> None:
+    inner = made(tmp_path / "walk")
+    (inner.parent / "camera.yaml").write_text(CAMERA)
+    with pytest.raises(InputError, match=f"give a recording in it, such as {re.escape(str(inner))}"):
+        open_sequence(str(inner.parent))
+
+
 def test_a_file_of_times_counts_more_than_the_rate(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     (folder / "times.txt").write_text("1.5\n1.6\n1.75\n2\n3\n4.000000001\n")
