@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ispom.blas import one_thread
 from ispom.estimator import Method
 from ispom.methods import Config, in_order, method, require_cameras, with_asked
 from ispom.settings import check
@@ -68,7 +69,11 @@ def run(ensemble: Ensemble, exposures: Iterable[Exposure]) -> Iterator[tuple[Ste
 
 
 def build(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
-    """The wanted methods for this rig; InputError where a camera is missing or a setting is out of its range."""
+    """The wanted methods for this rig; InputError where a camera is missing or a setting is out of its range.
+
+    Results do not depend on the number of threads: OpenCV's never do, BLAS is held to one.
+    """
+    one_thread()
     wanted = in_order(methods)
     require_cameras(wanted, rig)
     for name, settings in config.given.items():
