@@ -55,7 +55,7 @@ def write_results(
     playback, sequence = job.playback, job.playback.sequence
     for method in job.methods:
         found = in_frame(finished.trajectories[method], sequence.rig, job.options.frame, playback.unit_m(method))
-        for name, text in trajectory_files(method, found, statistics.starts_ns.get(method, [])):
+        for name, text in trajectory_files(method, found, statistics.segments_ns(method)):
             job.folder.write(name, text)
     end_ns = int(sequence.times_ns[-1])
     results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)

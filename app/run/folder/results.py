@@ -58,7 +58,7 @@ def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatis
         entry = {"poses": len(trajectory), **statistics.entry(method)}
         if truth is not None:
             entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
-        segments = list(_segments(trajectory, statistics.starts_ns.get(method, [])))
+        segments = list(_segments(trajectory, statistics.segments_ns(method)))
         if len(segments) > 1:
             entry["segments"] = [_segment(s, results, metric=registered(method).unit == "metric") for s in segments]
         stereo = registered(method).asks.get("stereo")

@@ -47,6 +47,10 @@ class RunStatistics:
         if restarted and time_ns > starts_ns[-1]:
             starts_ns.append(time_ns)
 
+    def segments_ns(self, method: str) -> list[int]:
+        """Where the segments of a method begin; none where it was never located, as held poses say nothing."""
+        return self.starts_ns.get(method, []) if self.located.get(method) else []
+
     def entry(self, method: str) -> dict[str, Any]:
         """As metrics.json has it."""
         ms = self.ms.get(method, [])

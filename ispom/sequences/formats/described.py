@@ -28,7 +28,7 @@ from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import is_own_rig, read_rig
 from ispom.io.tum import read_tum
-from ispom.sequences.formats.folder import TIMES, folder_stream, looks_like_images
+from ispom.sequences.formats.folder import TIMES, folder_stream, holds_images
 from ispom.sequences.formats.video import looks_like_video, video_stream
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
@@ -57,7 +57,7 @@ def filmed_rig(path: Path, placed: bool = True) -> Rig:
 
 
 def _is_pair(folder: Path) -> bool:
-    return all(looks_like_images(folder / side) for side in ("left", "right"))
+    return all(holds_images(folder / side) for side in ("left", "right"))
 
 
 def open_described(path: Path, placed: bool = True) -> Sequence | Recording:

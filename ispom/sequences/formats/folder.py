@@ -1,5 +1,7 @@
 """A folder of images in the order of their names, with `camera.yaml` in it or beside it, or a guess (guess.py).
 
+They may lie in a folder `images` of it, as COLMAP has them.
+
 Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml.
 """
 
@@ -19,17 +21,23 @@ from ispom.sequences.recording import Recording
 from ispom.sequences.stream import Clock, Stream, clock_of, size_of
 from ispom.types import Camera, Image
 
-CAMERA, TIMES = "camera.yaml", "times.txt"
+CAMERA, TIMES, INNER = "camera.yaml", "times.txt", "images"
 CAMERA_ENTRIES = "width, height, fx, fy, cx, cy [px] and, where known, distortion and rate_hz"
 
 
-def looks_like_images(folder: Path) -> bool:
+def holds_images(folder: Path) -> bool:
     """Whether there are images right in it."""
     return is_folder(folder) and any(_is_image(name) for name in names(folder))
 
 
-def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
+def looks_like_images(folder: Path) -> bool:
+    """Whether there are images right in it, or in its `images`."""
+    return holds_images(folder) or holds_images(folder / INNER)
+
+
+def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
+    folder = given if holds_images(given) else given / INNER
     places = [folder / CAMERA, folder.resolve().parent / CAMERA]
     path = calibration or next((place for place in places if exists(place)), None)
     guess = None
@@ -44,7 +52,7 @@ def open_folder(folder: Path, calibration: Path | None = None) -> Recording:
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock)
-    name = f"images {folder.resolve().name}"
+    name = f"images {given.resolve().name}"
     return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, stream.notes, guess=guess)
 
 

@@ -45,6 +45,14 @@ def test_of_a_folder_around_a_recording_the_recording_is_named(made: Callable[[P
         open_sequence(str(inner.parent))
 
 
+@pytest.mark.parametrize("beside", [True, False])
+def test_images_may_lie_in_a_folder_images(beside: bool, tmp_path: Path) -> None:
+    folder = make_images(tmp_path / "walk", beside=beside)
+    folder.rename(folder.with_name("images"))
+    sequence = open_sequence(str(folder.parent))
+    assert sequence.name == "images walk" and len(sequence) == 6 and sequence.times_ns[1] == 50_000_000
+
+
 def test_a_file_of_times_counts_more_than_the_rate(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     (folder / "times.txt").write_text("1.5\n1.6\n1.75\n2\n3\n4.000000001\n")

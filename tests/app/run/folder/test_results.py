@@ -37,6 +37,8 @@ def test_poses_that_are_held_are_not_called_located() -> None:
     report = told(Status.INITIALISING, restarted=False)
     assert report["methods"]["monocular"]["located"] == 0
     assert "never located: its 40 poses are held ones" in summary(report) and "lost" not in summary(report)
+    again = told(Status.INITIALISING, restarted=True)
+    assert "segments" not in again["methods"]["monocular"], "held poses are no stretch that nothing joins"
 
 
 def test_a_stretch_that_nothing_joins_is_measured_by_itself() -> None:
