@@ -62,9 +62,9 @@ def test_curvature_and_scores_are_the_derivatives_of_the_cost_where_points_follo
 
     lower, here, upper = cost(-1), cost(0), cost(1)
     direction = np.r_[way, np.zeros(LENS)]
-    slope = curved.scores.sum(axis=0) @ direction
+    slope = curved.found.scores.sum(axis=0) @ direction
     assert slope == pytest.approx((upper - lower) / 2, rel=1e-3)
-    bent = direction @ curved.reduced @ direction
+    bent = direction @ curved.found.reduced @ direction
     assert bent == pytest.approx(upper + lower - 2 * here, rel=0.02)
     held = Equations.of(window, SCALE).symmetric
     assert direction @ held @ direction > 1.05 * bent, "with weights held it would be more"

@@ -51,7 +51,7 @@ class MapUncertainty:
         curved = Curvature.of(window, sigma)
         root = curved.spread(sigma, noise.shared)
         all_poses = root @ root.T
-        conditional, mixed = curved.conditional[young], curved.mixed[young]
+        conditional, mixed = curved.found.conditional[young], curved.found.mixed[young]
         sensitivity = -(conditional @ mixed).reshape(-1, mixed.shape[2]) @ root
         last = slice(POSE * (c - 1), POSE * c)
         return MapUncertainty(
