@@ -173,7 +173,10 @@ def slerp(start: Array, end: Array, fraction: Array) -> Array:
 
 def rotation_angle_rad(rotation: Array) -> Array:
     """Angles (...) [rad], 0..pi, of rotations (..., 3, 3)."""
-    return np.linalg.norm(so3_log(rotation), axis=-1)
+    r = np.asarray(rotation, float)
+    x, y, z = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
+    # twice its sine, and twice its cosine: exact at both ends, where either alone is not
+    return np.arctan2(np.sqrt(x * x + y * y + z * z), r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2] - 1)
 
 
 def rotation_between(a: Array, b: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
-from ispom.numerics.places import places
+from ispom.numerics.places import common, places
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 
 MIN_COMMON = 8
@@ -32,10 +32,12 @@ class TrackedFrame:
 
     def common(self, other: TrackedFrame) -> int:
         """How many points both frames have."""
-        return len(np.intersect1d(self.ids, other.ids, assume_unique=True))
+        return len(common(self.ids, other.ids)[0])
 
     def without(self, ids: NDArray[np.int64]) -> TrackedFrame:
         """Without some of its points."""
+        if not len(ids):
+            return self
         kept = ~np.isin(self.ids, ids)
         return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
 
@@ -85,10 +87,10 @@ def parallax_deg(key: TrackedFrame, frame: TrackedFrame, scale: float) -> float:
     The rotation is that of their poses where both have one, else the one that explains most of the motion.
     `scale`: width of the robust loss of that fit, normalised.
     """
-    ids = np.intersect1d(key.ids, frame.ids, assume_unique=True)
-    if len(ids) < MIN_COMMON:
+    in_key, in_frame = common(key.ids, frame.ids)
+    if len(in_key) < MIN_COMMON:
         return 0.0
-    x1, x2 = key.at(ids), frame.at(ids)
+    x1, x2 = key.x[in_key], frame.x[in_frame]
     if key.world_from_camera is not None and frame.world_from_camera is not None:
         rotation = frame.world_from_camera.rotation.T @ key.world_from_camera.rotation
     else:

@@ -12,3 +12,10 @@ def places(known: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.in
         return np.full(len(wanted), -1, np.int64)
     at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
     return np.where(known[at] == wanted, at, -1)
+
+
+def common(a: NDArray[np.int64], b: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(K,) each: where the ids that both have stand in a (N,) and in b (M,), which ascend."""
+    at = places(b, a)
+    has = np.flatnonzero(at >= 0)
+    return has, at[has]

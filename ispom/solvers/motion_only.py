@@ -51,13 +51,15 @@ def fit_pose(
     if len(xyz) < LEAST:
         return None
     if seen.shape[1] == 2:
-        seen = np.column_stack([seen, np.full(len(seen), np.nan)])
+        pair = np.full((len(seen), 3), np.nan)
+        pair[:, :2] = seen
+        seen = pair
     xyz, seen = np.ascontiguousarray(xyz, np.float64), np.ascontiguousarray(seen, np.float64)
     rotation, translation = np.array(guess.rotation[None], order="C"), np.array(guess.translation[None], order="C")
     held, since = np.zeros((6, 6)) if prior is None else prior, np.zeros(6)
     blocks, side, distances = np.empty((1, 1, 6, 6)), np.empty((1, 6)), np.empty(len(xyz))
     information, gradient = blocks[0, 0], side[0]
-    depth = float(np.median(np.abs(guess.apply(xyz)[:, 2])))
+    depth = float(np.median(np.abs(xyz @ guess.rotation[2] + guess.translation[2])))
 
     def normal(wide: float) -> None:
         _normal(xyz, seen, rotation, translation, float(baseline), wide, blocks, side, distances)

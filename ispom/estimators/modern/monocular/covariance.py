@@ -75,12 +75,20 @@ class MapUncertainty:
         place, in_camera = place[use], motion.camera_from_world.apply(xyz[use])
         by_place, by_pose, by_extra = _derivatives(in_camera)
         n = len(place)
-        own = np.linalg.pinv(np.tensordot(by_pose, by_pose, ((0, 1), (0, 1))), hermitian=True)
+        design = by_pose.reshape(2 * n, POSE)
+        own = _inverse(design.T @ design)
         gain = np.swapaxes(by_pose, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
         shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.sensitivity[place].reshape(3 * n, -1)
-        shared += np.tensordot(by_pose, by_extra, ((0, 1), (0, 1))) @ self.extra
+        shared += design.T @ by_extra.reshape(2 * n, LENS) @ self.extra
         alone = (gain @ self.conditional[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
         return own * noise**2 + own @ (alone + shared @ shared.T) @ own
+
+
+def _inverse(information: Array) -> Array:
+    """Of a symmetric matrix that has no negative eigenvalues, but for directions in which it is 0."""
+    values, vectors = np.linalg.eigh(information)
+    known = values > 1e-15 * values[-1]
+    return vectors[:, known] / values[known] @ vectors[:, known].T
 
 
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:

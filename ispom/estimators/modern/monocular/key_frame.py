@@ -15,6 +15,7 @@ from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
 from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.geometry import rotation_angle_rad
+from ispom.numerics.places import common
 from ispom.types import Decision
 
 ITERATIONS = 5
@@ -47,7 +48,7 @@ def key_frame_tests(setup: Setup, world: Map, frame: TrackedFrame) -> tuple[Deci
 
 
 def _share_left(before: NDArray[np.int64], now: NDArray[np.int64]) -> float:
-    return len(np.intersect1d(before, now, assume_unique=True)) / max(1, len(before))
+    return len(common(before, now)[0]) / max(1, len(before))
 
 
 @dataclass(frozen=True, eq=False)

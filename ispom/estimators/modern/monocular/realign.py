@@ -13,6 +13,7 @@ from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import places
 from ispom.types import Image, TrackStatus
 
 BACK = Klt(levels=1)
@@ -47,21 +48,19 @@ def realigned(
     last = (width - BORDER_PX - 1, height - BORDER_PX - 1)
     inside = np.asarray((expected >= BORDER_PX) & (expected < last)).all(axis=1)
     usable = [(time_ns, image) for time_ns, image in live.origins if time_ns in origins]
-    origin = np.searchsorted([t for t, _ in usable], live.origin_ns)
-    origin[~np.isin(live.origin_ns, [t for t, _ in usable])] = -1
+    origin = places(np.array([t for t, _ in usable], np.int64), live.origin_ns)
     mine = np.flatnonzero((origin >= 0) & inside & (in_camera[:, 2] > 0))
-    motions = [origins[time_ns].inverse() @ pose for time_ns, _ in usable]
     compared = np.zeros(len(uv), bool)
     if len(mine):
+        motions = [origins[time_ns].inverse() @ pose for time_ns, _ in usable]
         turns, ways = np.stack([m.rotation for m in motions]), np.stack([m.translation for m in motions])
         warps = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], in_camera[mine])
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         fit = (area > MIN_WARP) & (area < MAX_WARP)
         mine, warps = mine[fit], warps[fit]
-        found, score = np.empty((len(mine), 2)), np.empty(len(mine))
-        for i in np.unique(origin[mine]).tolist():
-            at = origin[mine] == i
-            found[at], score[at] = align(usable[i][1], live.origin_uv[mine[at]], grey, expected[mine[at]], warps[at])
+        found, score = _aligned(
+            [image for _, image in usable], origin[mine], live.origin_uv[mine], grey, expected[mine], warps
+        )
         good = (score > MIN_CORRELATION) & (np.linalg.norm(found - expected[mine], axis=1) < MAX_SHIFT_PX)
         uv[mine[good]] = found[good]
         status[mine[~good & (status[mine] == TrackStatus.ALIVE)]] = TrackStatus.LOST
@@ -69,5 +68,21 @@ def realigned(
         compared[mine] = True
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:
-        uv[other], status[other] = BACK.track(live.grey, as_bright(grey, live.grey), live.uv[other], uv[other])
+        bright = as_bright(grey, live.grey) if followed.bright is None else followed.bright
+        uv[other], status[other] = BACK.track(live.grey, bright, live.uv[other], uv[other])
     return replace(followed, uv=uv, status=status), compared
+
+
+def _aligned(
+    images: list[Image], origin: NDArray[np.int64], origin_uv: Array, grey: Image, expected: Array, warps: Array
+) -> tuple[Array, Array]:
+    """`patches.align` of points (N,) with patches of several images: `origin` (N,) says which."""
+    order = np.argsort(origin, kind="stable")
+    of, origin_uv, expected, warps = origin[order], origin_uv[order], expected[order], warps[order]
+    found, score = np.empty((len(order), 2)), np.empty(len(order))
+    ends = np.searchsorted(of, np.arange(len(images)), "right").tolist()
+    for image, begin, end in zip(images, [0, *ends], ends, strict=False):
+        if begin < end:
+            some = slice(begin, end)
+            found[order[some]], score[order[some]] = align(image, origin_uv[some], grey, expected[some], warps[some])
+    return found, score

@@ -106,7 +106,7 @@ def _without_outliers(
     status[place[found.motion.distances > MISTRACKED * setup.sigma]] = TrackStatus.REPROJECTION
     frame = tracked_frame(setup.camera, live, found.followed, new.time_ns)
     frame = replace(frame, world_from_camera=found.motion.camera_from_world.inverse())
-    unplaced = frame.ids[~np.isin(frame.ids, world.points.ids)]
+    unplaced = frame.ids[world.points.places(frame.ids) < 0]
     moving = moving_tracks(world.keys[-1], frame, unplaced, MOVING * setup.sigma)
     status[np.searchsorted(live.ids, moving)] = TrackStatus.EPIPOLAR
     return frame.without(moving), residual

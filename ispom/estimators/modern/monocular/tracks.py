@@ -75,6 +75,8 @@ class Followed:
     """At the last two images as they are known now; None unless the shutter rolls."""
     others: Moved = Moved()
     """What was followed along with them."""
+    bright: Image | None = None
+    """The new image as bright as the last one; None where nothing was followed."""
 
 
 GUIDED, UNGUIDED = Klt(levels=3, max_forward_backward_px=np.inf), Klt(levels=5)
@@ -100,18 +102,18 @@ def follow(
     """
     if live.grey is None or live.grey.shape != grey.shape or not len(live.ids):
         return Followed(live.uv, np.full(len(live.ids), TrackStatus.LOST, np.uint8), live.speed)
-    grey = as_bright(grey, live.grey)
+    bright = as_bright(grey, live.grey)
     klt, expected = (UNGUIDED, live.uv + live.flow) if predicted is None else (GUIDED, predicted)
     starts, goals = np.concatenate([live.uv, others.before]), np.concatenate([expected, others.now])
-    uv, status = klt.track(live.grey, grey, starts, goals)
+    uv, status = klt.track(live.grey, bright, starts, goals)
     n = len(live.uv)
     others, uv, status = Moved(others.before, uv[n:], status[n:]), uv[:n], status[:n]
     if not camera.line_delay_s:
-        return Followed(uv, status, live.speed, others=others)
+        return Followed(uv, status, live.speed, others=others, bright=bright)
     last = Flow(uv - live.uv, (time_ns - live.time_ns) * 1e-9)
     speeds = Speeds.of(camera, last, Flow(live.flow, (live.time_ns - live.before_ns) * 1e-9))
     alive = (status == TrackStatus.ALIVE)[:, None]
-    return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds, others)
+    return Followed(uv, status, np.where(alive, speeds.now, live.speed).astype(np.float32), speeds, others, bright)
 
 
 def seen_anew(camera: Camera, live: LiveTracks, followed: Followed) -> tuple[tuple[int, NDArray[np.int64], Array], ...]:
