@@ -80,7 +80,7 @@ def fit_pose(
         still = size[3:].max() < 0.01 * scale and size[:3].max() < 0.01 * scale * depth
         if still and wide == scale:
             break
-        wide = max(scale, min(wide / 2, _median(distances)))
+        wide = max(scale, min(wide / 2, _median(distances))) if wide > 2 * scale else scale
     normal(scale)
     inliers = distances <= threshold
     if inliers.sum() < LEAST:

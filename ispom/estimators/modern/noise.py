@@ -28,7 +28,7 @@ from scipy.special import chdtri
 
 from ispom.estimators.adjustment import ADJUSTED
 from ispom.geometry import Array
-from ispom.solvers.window.adjustment import Adjusted, Window, observed
+from ispom.solvers.window.adjustment import Adjusted, Window
 from ispom.solvers.window.leftovers import leftovers
 from ispom.types import Check
 
@@ -157,7 +157,7 @@ NOISE = Check(
 def _said_by(done: Adjusted, scale: float) -> TrackNoise:
     """By one window."""
     window = done.window
-    left = leftovers(observed(window), scale, LEAST_VIEWS, GROSS)
+    left = leftovers(window.observed, scale, LEAST_VIEWS, GROSS)
     return TrackNoise(
         left.expected,
         left.found,
@@ -171,11 +171,12 @@ def _said_by(done: Adjusted, scale: float) -> TrackNoise:
 
 def _cells(window: Window, pull: Array, use: NDArray[np.bool_]) -> Array:
     """(2,) see TrackNoise.cells: of the pulls (K, 2) of observations in use."""
-    seen, camera, pull = window.seen[use, :2], window.cameras[use], pull[use]
-    if not len(seen):
+    seen, camera, pull = np.ascontiguousarray(window.seen[use, :2].T), window.cameras[use], pull[use]
+    if not len(camera):
         return np.zeros(2)
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    column, row = np.minimum((seen - low) / np.maximum(high - low, 1e-12), 1 - 1e-9).T * np.array(GRID)[:, None]
-    cell = (camera * GRID[1] + row.astype(int)) * GRID[0] + column.astype(int)
+    low, high = seen.min(axis=1, keepdims=True), seen.max(axis=1, keepdims=True)
+    share = np.minimum((seen - low) / np.maximum(high - low, 1e-12), 1 - 1e-9)
+    column, row = (share * np.array(GRID)[:, None]).astype(int)
+    cell = (camera * GRID[1] + row) * GRID[0] + column
     together = sum(float((np.bincount(cell, pull[:, i]) ** 2).sum()) for i in range(2))
     return np.array([together, float((pull**2).sum())])

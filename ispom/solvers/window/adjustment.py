@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,29 @@ class Window:
         # Stacked transposes are laid out otherwise, and for those all that is compiled would be compiled once more.
         object.__setattr__(self, "rotations", np.ascontiguousarray(self.rotations))
 
+    @cached_property
+    def observed(self) -> Observed:
+        """Its arrays as compiled loops take them."""
+        seen = self.seen
+        if self.baseline:
+            seen = seen.copy()
+            seen[:, 2] -= self.factors @ self.extra
+        return Observed(
+            self.rotations, self.translations, self.points, self.cameras, self.owners, seen,
+            self.factors, self.baseline, self.extra,
+        )  # fmt: skip
+
+    @cached_property
+    def squared_errors(self) -> Array:
+        """(K,) over both images; inf behind the camera."""
+        return squared_errors(self.observed)
+
+    @cached_property
+    def shift(self) -> Array:
+        """(6 P + E,) since the prior's linearisation, where there is one."""
+        assert self.prior is not None
+        return self.prior.shifted(self.rotations, self.translations, self.extra)
+
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
@@ -82,15 +106,15 @@ def adjust(
         return _moved(values, *(longer * step for step in _step(values, scale, damping)))
 
     found = minimise(window, lambda values: total_cost(values, scale), stepped, iterations, tolerance)
-    distances = np.minimum(np.sqrt(squared_errors(observed(found.values))), 1e9)
+    distances = np.minimum(np.sqrt(found.values.squared_errors), 1e9)
     return Adjusted(found.values, found.cost_before, found.cost, distances, found.iterations)
 
 
 def total_cost(window: Window, scale: float) -> float:
     """Half the robust sum of squares, in units of the measurement's standard deviation `scale`, with the priors."""
-    cost = float(robust_cost(squared_errors(observed(window)), scale))
+    cost = float(robust_cost(window.squared_errors, scale))
     if window.prior is not None:
-        return cost + window.prior.cost(window.prior.shifted(window.rotations, window.translations, window.extra))
+        return cost + window.prior.cost(window.shift)
     free = window.extra_sigma > 0
     return cost + 0.5 * float(((window.extra[free] / window.extra_sigma[free]) ** 2).sum())
 
@@ -155,7 +179,7 @@ class Equations:
             np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, 3, wide))
         )
         reduced = Reduced(blocks, side, np.zeros((extra, wide)), np.zeros((views, POSE)), np.zeros(extra))
-        reduce_points(scale, damping, reduced, eliminated, observed(window))
+        reduce_points(scale, damping, reduced, eliminated, window.observed)
         matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
         matrix[poses:, :poses] = side[:, :, :extra].reshape(poses, extra).T
@@ -175,7 +199,7 @@ def _add_priors(window: Window, matrix: Array, right: Array) -> None:
     first, prior = POSE * len(window.rotations), window.prior
     if prior is not None:
         p = POSE * len(prior.rotations)
-        gradient = prior.gradient + prior.hessian @ prior.shifted(window.rotations, window.translations, window.extra)
+        gradient = prior.gradient + prior.hessian @ window.shift
         matrix[:p, :p] += prior.hessian[:p, :p]
         matrix[first:, :p] += prior.hessian[p:, :p]
         matrix[first:, first:] += prior.hessian[p:, p:]
@@ -199,18 +223,6 @@ def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, A
     poses, extra = np.split(solution, [POSE * len(window.rotations)])
     poses = poses.reshape(-1, POSE)
     return poses, point_steps(window.cameras, window.owners, equations.eliminated, poses, extra), extra
-
-
-def observed(window: Window) -> Observed:
-    """Its arrays as compiled loops take them."""
-    seen = window.seen
-    if window.baseline:
-        seen = seen.copy()
-        seen[:, 2] -= window.factors @ window.extra
-    return Observed(
-        window.rotations, window.translations, window.points, window.cameras, window.owners, seen,
-        window.factors, window.baseline, window.extra,
-    )  # fmt: skip
 
 
 def _moved(window: Window, pose_step: Array, point_step: Array, extra_step: Array) -> Window:

@@ -8,7 +8,7 @@ import pytest
 from ispom.geometry import Array, Pose
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.right_camera import PAIR
-from ispom.solvers.window.adjustment import Window, observed
+from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.leftovers import leftovers
 from ispom.solvers.window.prior import LENS
 
@@ -66,7 +66,7 @@ def written_down(w: Window) -> tuple[Array, Array, float, Array]:
 @pytest.mark.parametrize("baseline", [0.0, 0.3])
 def test_sums_are_those_of_projectors(baseline: float) -> None:
     w = window(baseline)
-    said = leftovers(observed(w), SCALE, LEAST, GROSS)
+    said = leftovers(w.observed, SCALE, LEAST, GROSS)
     for own, wanted in zip(said[:4], written_down(w), strict=True):
         np.testing.assert_allclose(own, wanted, rtol=1e-9, atol=1e-12)
     assert set(np.unique(w.owners[said.used])) == {2, 3, 4, 5, 6, 7}

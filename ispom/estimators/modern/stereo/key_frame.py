@@ -18,7 +18,7 @@ from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted,
 from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.numerics.places import places
+from ispom.numerics.places import common, places
 from ispom.numerics.twist import twist_of
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision
@@ -55,7 +55,7 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
     if not world.keys:
         return ()
     last, camera = world.keys[-1], setup.camera
-    _, old, new = np.intersect1d(last.ids, points.ids, assume_unique=True, return_indices=True)
+    old, new = common(last.ids, points.ids)
     flow = (camera.normalise(points.uv[new]) - last.seen[old, :2]) * camera.fx
     displacement = float(np.median(np.linalg.norm(flow, axis=1))) if len(new) else 0.0
     share = len(new) / max(len(last.ids), 1)

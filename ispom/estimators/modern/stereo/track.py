@@ -22,6 +22,7 @@ from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import common
 from ispom.numerics.twist import twist_of
 from ispom.types import Decision, Image, TrackStatus
 
@@ -220,7 +221,7 @@ def _realigned(
     if last.key_left is None:
         return uv, status
     key, camera = world.keys[-1], setup.camera
-    _, old, new = np.intersect1d(key.ids, last.points.ids, assume_unique=True, return_indices=True)
+    old, new = common(key.ids, last.points.ids)
     alive = status[new] == TrackStatus.ALIVE
     old, new = old[alive], new[alive]
     start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)

@@ -88,8 +88,7 @@ class StereoMap:
     def only(self, ids: NDArray[np.int64]) -> StereoMap:
         """Without the points that neither a key frame nor these ids know any more."""
         needed = np.zeros(len(self.ids) + 1, bool)  # the last one for what is unknown
-        for known in (ids, *(k.ids for k in self.keys)):
-            needed[self.places(known)] = True
+        needed[self.places(np.concatenate([ids, *(k.ids for k in self.keys)]))] = True
         return replace(self, ids=self.ids[needed[:-1]], xyz=self.xyz[needed[:-1]])
 
 
@@ -141,8 +140,8 @@ def adjusted(
     result = adjust(window, scale, iterations, relaxation=RELAXATION)
     window = result.window
     keys = [
-        replace(key, left_from_world=Pose(_proper(r), t))
-        for key, r, t in zip(state.keys, window.rotations, window.translations, strict=True)
+        replace(key, left_from_world=Pose(r, t))
+        for key, r, t in zip(state.keys, _proper(window.rotations), window.translations, strict=True)
     ]
     bad = result.distances > threshold
     for c in np.unique(window.cameras[bad]):
@@ -173,15 +172,16 @@ def _packed(
     state: StereoMap, baseline: float, extra_sigma: Array
 ) -> tuple[Window, NDArray[np.int64], NDArray[np.int64]]:
     """The window's arrays; which points of the map are in it; and where in its key frame each observation stands."""
-    place = [state.places(k.ids) for k in state.keys]
-    camera = np.repeat(np.arange(len(state.keys)), [len(p) for p in place])
-    origin = np.concatenate([np.arange(len(p)) for p in place])
-    point, seen = np.concatenate(place), np.concatenate([k.at_middle(baseline) for k in state.keys])
+    point = state.places(np.concatenate([k.ids for k in state.keys]))
+    seen, sizes = np.concatenate([k.at_middle(baseline) for k in state.keys]), [len(k.ids) for k in state.keys]
+    camera = np.repeat(np.arange(len(state.keys)), sizes)
+    origin = np.arange(len(point)) - np.repeat(np.cumsum([0, *sizes[:-1]]), sizes)
     count = np.bincount(point[point >= 0], minlength=len(state.ids))
     # A point seen once says nothing: with a disparity it has as many unknowns as observations.
     good = np.flatnonzero((point >= 0) & (count[point] >= 2))
     good = good[np.argsort(point[good], kind="stable")]
-    used, owners = np.unique(point[good], return_inverse=True)
+    begins = np.diff(point[good], prepend=-1) > 0
+    used, owners = point[good[begins]], np.cumsum(begins) - 1
     rotations = np.stack([k.left_from_world.rotation for k in state.keys])
     translations = np.stack([k.left_from_world.translation for k in state.keys])
     seen_from = camera[good]
@@ -192,8 +192,8 @@ def _packed(
         translations,
         state.xyz[used],
         seen_from,
-        owners.astype(np.int64),
-        np.ascontiguousarray(seen),
+        owners,
+        seen,
         baseline,
         state.extra,
         extra_sigma,
@@ -221,7 +221,7 @@ def newest_covariance(state: StereoMap, scale: float) -> Array | None:
     return own + way @ state.start.covariance @ way.T
 
 
-def _proper(rotation: Array) -> Array:
-    """The nearest rotation: products of many turns lose their last digits."""
-    u, _, vt = np.linalg.svd(rotation)
+def _proper(rotations: Array) -> Array:
+    """The nearest rotations (C, 3, 3): products of many turns lose their last digits."""
+    u, _, vt = np.linalg.svd(rotations)
     return u @ vt
