@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,7 +98,7 @@ def test_it_follows_a_change_and_gross_errors_say_nothing() -> None:
     wrong = quiet.seen.copy()
     wrong[::97] += 0.1
     kept, _ = found(quiet)
-    hit, _ = found(Window(**{**quiet.__dict__, "seen": wrong}))
+    hit, _ = found(replace(quiet, seen=wrong))
     assert hit.sigma(SETTING) == pytest.approx(kept.sigma(SETTING), rel=0.25)
     noise = kept
     for _ in range(6):
