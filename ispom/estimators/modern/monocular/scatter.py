@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispom.geometry import Array
-from ispom.solvers.window.adjustment import Equations, Window, observed
+from ispom.solvers.window.adjustment import Equations, Window
 from ispom.solvers.window.curvature import Curved, curved, left_out
 from ispom.solvers.window.observation import Observed
 from ispom.solvers.window.prior import LENS, POSE, Sandwich
@@ -36,7 +36,7 @@ class Curvature:
     @staticmethod
     def of(window: Window, sigma: float) -> Curvature:
         """`sigma`: width of the loss, normalised."""
-        arrays = observed(window)
+        arrays = window.observed
         return Curvature(window, arrays, curved(arrays, sigma, LEAST_SHARE))
 
     def sandwich(self, shared: float) -> Sandwich:
