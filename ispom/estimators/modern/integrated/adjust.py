@@ -14,6 +14,7 @@ from ispom.estimators.modern.integrated.joint_problem import HELD, joint_problem
 from ispom.estimators.modern.integrated.joint_report import report, spline_fit
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.knots import USUAL_KNOT_FRAMES, knot_spacing_s, with_knots
+from ispom.estimators.modern.integrated.observe import with_lens
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import alignment, common_pair
@@ -46,7 +47,7 @@ def adjusted(
     """The window with its oldest pair gone, adjusted; why; the poses in it; and the spline, in the window's world."""
     before = state.window
     state = _shortened(setup, state)
-    window, meeting = state.window, common_pair(setup, state)
+    window, meeting = with_lens(state), common_pair(setup, state)
     if len(window.pairs) < 2 or meeting is None:
         return state, (), [], None
     frame_s = USUAL_FRAME_S if state.interval.median_ns is None else state.interval.median_ns * 1e-9
@@ -120,7 +121,7 @@ def _reference(
     weighed = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
     parameters = solution.as_far_off(weighed)
     by_spline, by_points = solution.follows(_moved_by_lens(solution), weighed)
-    lens = np.zeros((LENS, LENS)) if state.lens_covariance is None else state.lens_covariance
+    lens = np.zeros((LENS, LENS)) if window.lens_covariance is None else window.lens_covariance
     together = parameters + by_spline @ lens @ by_spline.T
     recent = [next((v.ids for v in reversed(window.views) if v.video == video), used[:0]) for video in (True, False)]
     chosen = np.flatnonzero(np.isin(window.table.ids[used], np.concatenate(recent)))

@@ -52,5 +52,5 @@ def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View)
         noise.loss,
         window.reference.uncertainty.select(its),
         by_lens(seen) if view.video else None,
-        state.lens_covariance,
+        window.lens_covariance,
     )

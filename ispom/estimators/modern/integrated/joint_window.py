@@ -41,7 +41,10 @@ class JointWindow:
     pair_errors: Array = field(default_factory=lambda: np.zeros(PAIR))
     """What stereo found to be wrong with the pair (see right_camera.TERMS)."""
     lens_correction: Array = field(default_factory=lambda: np.zeros(LENS))
-    """What monocular found to be wrong with the video camera (see window.Window.extra)."""
+    """What monocular found to be wrong with the video camera (see window.Window.extra), as it was when the points were
+    adjusted: by another one they would not lie where they are seen."""
+    lens_covariance: Array | None = None
+    """(2, 2) of it; None where it is not known."""
     truncated: bool = False
     """Whether views have left it."""
     knots: tuple[float, ...] = ()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import View
 from ispom.estimators.modern.rolling import late_s
@@ -31,11 +32,18 @@ def observed(rig: Rig, part: Step, video: bool) -> View:
 
 def with_video(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:
     """With the interval up to this frame, and the lens correction that the monocular method found."""
-    lens = part.calibration.get("lens", state.window.lens_correction)
-    window = replace(state.window, lens_correction=lens)
-    unsure = part.calibration.get("lens_covariance", state.lens_covariance)
-    interval = state.interval.after(part.time_ns)
-    return replace(state, interval=interval, window=window, lens_covariance=unsure)
+    state = replace(state, interval=state.interval.after(part.time_ns))
+    if "lens" not in part.calibration:
+        return state
+    state = replace(state, lens=(part.calibration["lens"], part.calibration.get("lens_covariance")))
+    return replace(state, window=with_lens(state)) if state.window.reference is None else state
+
+
+def with_lens(state: ModernIntegratedState) -> JointWindow:
+    """The window with the lens correction that the monocular method found last."""
+    if state.lens is None:
+        return state.window
+    return replace(state.window, lens_correction=state.lens[0], lens_covariance=state.lens[1])
 
 
 def with_stereo(state: ModernIntegratedState, part: Step) -> ModernIntegratedState:

@@ -19,7 +19,7 @@ class ModernIntegratedState:
     """The stereo estimator's poses in the window."""
     metric_covariance: Array | None = None
     """(6, 6) of the newest of them."""
-    lens_covariance: Array | None = None
-    """(2, 2) of what the monocular method found to be wrong with the video camera; None where it does not say."""
+    lens: tuple[Array, Array | None] | None = None
+    """What the monocular method last found to be wrong with the video camera, and its covariance, as in JointWindow."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
