@@ -13,7 +13,7 @@ from ispom.estimators.modern.integrated.covariance import by_lens
 from ispom.estimators.modern.integrated.joint_problem import HELD, joint_problem
 from ispom.estimators.modern.integrated.joint_report import report, spline_fit
 from ispom.estimators.modern.integrated.joint_window import JointWindow
-from ispom.estimators.modern.integrated.knots import USUAL_KNOT_FRAMES, knot_spacing_s, with_knots
+from ispom.estimators.modern.integrated.knots import USUAL_KNOT_FRAMES, dense_frames, knot_spacing_s, with_knots
 from ispom.estimators.modern.integrated.observe import with_lens
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
@@ -21,6 +21,7 @@ from ispom.estimators.modern.integrated.stereo_world import alignment, common_pa
 from ispom.estimators.modern.integrated.thinning import shortened, thinned
 from ispom.estimators.modern.integrated.view import Reference
 from ispom.geometry import Array, Pose
+from ispom.solvers.spline.accelerations import solve_with_accelerations
 from ispom.solvers.spline.continuous import Solution, solve
 from ispom.solvers.spline.problem import VIDEO, PosePrior
 from ispom.solvers.window.prior import LENS
@@ -56,10 +57,13 @@ def adjusted(
     if not setup.knot_frames and not window.rig.free.any():
         window, chosen = with_knots(window, frame_s, setup.knot_misfit)
         frames, why = min(window.knots), (chosen,)
+    solved = solve
+    if not setup.knot_frames and not window.rig.free.any() and len(window.pairs) == 2:
+        frames, solved = dense_frames(window, frames, frame_s), solve_with_accelerations
     problem, used = joint_problem(window, setup.noise, knot_spacing_s(window, frames, frame_s), setup.max_points)
     if problem is None:
         return state, (checks.POINTS.of(0, 1),), [], None
-    solution = solve(problem, setup.iterations)
+    solution = solved(problem, setup.iterations)
     window = _with_solution(setup, replace(state, window=window), solution, used, meeting.time_ns)
     poses = [pose for view in window.views for pose in view.poses()]
     state, fit = replace(state, window=window), spline_fit(window.views[0].time_ns, problem, solution)

@@ -17,6 +17,8 @@ KNOT_FRAMES = (6.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0)
 """Video frames from one knot to the next, to choose from."""
 USUAL_KNOT_FRAMES = 2.0
 """Where the motion cannot tell."""
+MOST_DENSE = 40
+"""Knots a frame apart: the time of an adjustment goes with their cube."""
 MIN_FREEDOM = 2
 """Degrees of freedom of a misfit that says something."""
 
@@ -55,6 +57,16 @@ def spline_misfit(window: JointWindow, spacing_s: float) -> float | None:
     off = misfits(fitted(times, rotations, positions, spacing_s), times, rotations, positions)[new]
     information = np.stack([window.views[i].information for i in order[new]])
     return float(np.einsum("ei,eij,ej->", off, information, off)) / (6 * float(freedom))
+
+
+def dense_frames(window: JointWindow, frames: float, frame_s: float) -> float:
+    """Video frames from one knot to the next where two pairs are all, one before and one after the video.
+
+    The spline alone says how pairs and video lie to each other, so it has to follow all that they do: a knot a frame,
+    where that is few enough.
+    """
+    span_s = (window.views[-1].time_ns - window.views[0].time_ns) * 1e-9
+    return min(frames, max(KNOT_FRAMES[-1], span_s / frame_s / MOST_DENSE))
 
 
 def knot_spacing_s(window: JointWindow, frames: float, frame_s: float) -> float:
