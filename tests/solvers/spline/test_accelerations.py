@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def nees(flight: Flight, found: Solution) -> float:
 def true_accelerations(flight: Flight) -> Array:
     """(2,) root mean square [rad/s^2, m/s^2] of a component, by differences of the true way from frame to frame."""
     poses = [flight.path.pose_at(round(1e9 * (flight.start_s + t))) for t in np.arange(0, 1 / 3, FRAME_S)]
-    turns = np.array([(a.inverse() @ b).rotvec for a, b in zip(poses[:-1], poses[1:], strict=True)])
+    turns = np.array([(a.inverse() @ b).rotvec for a, b in pairwise(poses)])
     second = np.diff(turns, axis=0), np.diff([p.translation for p in poses], 2, axis=0)
     return np.array([np.sqrt((d**2).mean()) for d in second]) / FRAME_S**2
 

@@ -52,14 +52,15 @@ def adjusted(
     if len(window.pairs) < 2 or meeting is None:
         return state, (), [], None
     frame_s = USUAL_FRAME_S if state.interval.median_ns is None else state.interval.median_ns * 1e-9
-    frames, why = setup.knot_frames or USUAL_KNOT_FRAMES, ()
+    frames, why, solved = setup.knot_frames or USUAL_KNOT_FRAMES, (), solve
     # A clock or a rig that is still wrong looks like motion.
     if not setup.knot_frames and not window.rig.free.any():
         window, chosen = with_knots(window, frame_s, setup.knot_misfit)
         frames, why = min(window.knots), (chosen,)
-    solved = solve
-    if not setup.knot_frames and not window.rig.free.any() and len(window.pairs) == 2:
-        frames, solved = dense_frames(window, frames, frame_s), solve_with_accelerations
+        if len(window.pairs) == 2:
+            frames, solved = dense_frames(window, frames, frame_s), solve_with_accelerations
+            then = f"knots every {frames:.3g} frames, as they alone join video and pairs"
+            why = (replace(chosen, consequence=then),)
     problem, used = joint_problem(window, setup.noise, knot_spacing_s(window, frames, frame_s), setup.max_points)
     if problem is None:
         return state, (checks.POINTS.of(0, 1),), [], None
