@@ -32,16 +32,31 @@ class Klt:
         if not len(uv):
             return np.zeros((0, 2), np.float32), np.zeros(0, np.uint8)
         forward, found = self._flow(start, end, uv, predicted)
-        status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
         if np.isfinite(self.max_forward_backward_px):
-            back, found_back = self._flow(end, start, forward, uv)
-            status[np.linalg.norm(back - uv, axis=1) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
-            found &= found_back
-        status[~found] = TrackStatus.LOST
-        height, width = end.shape
-        inside = (forward >= self.border_px) & (forward <= (width - 1 - self.border_px, height - 1 - self.border_px))
-        status[~inside.all(1)] = TrackStatus.OUT_OF_IMAGE
+            status = self.checked(start, end, uv, forward)
+        else:
+            status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
+            status[self._outside(end, forward)] = TrackStatus.OUT_OF_IMAGE
+        status[~found & (status != TrackStatus.OUT_OF_IMAGE)] = TrackStatus.LOST
         return forward, status
+
+    def checked(
+        self, start: Image, end: Image, uv: NDArray[np.float32], found_uv: NDArray[np.float32]
+    ) -> NDArray[np.uint8]:
+        """TrackStatus (N,) of places (N, 2) in `end` that were found by other means: ALIVE where they lead back to the
+        points (N, 2) of `start`."""
+        back, found = self._flow(end, start, found_uv, uv)
+        status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
+        status[np.linalg.norm(back - uv, axis=1) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
+        status[~found] = TrackStatus.LOST
+        status[self._outside(end, found_uv)] = TrackStatus.OUT_OF_IMAGE
+        return status
+
+    def _outside(self, image: Image, uv: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(N,) which of the places (N, 2) are too near to the image's border, or beyond it."""
+        height, width = image.shape
+        last = (width - 1 - self.border_px, height - 1 - self.border_px)
+        return np.asarray(((uv < self.border_px) | (uv > last)).any(1))
 
     def _flow(
         self, a: Image, b: Image, uv: NDArray[np.float32], guess: NDArray[np.float32] | None

@@ -40,7 +40,7 @@ def realigned(
     """Each point where its patch of origin, warped as the scene (N, 3) says, fits best; which ones (N,) were compared.
 
     Looked for around `expected` (N, 2) [px]. `pose` of the image, and `origins` by time: world_from_camera. What does
-    not look like its origin is lost; what cannot be compared is checked forward and backward.
+    not look like its origin is lost; what cannot be compared is lost where it does not lead back to the last image.
     """
     uv, status = followed.uv.copy(), followed.status.copy()
     in_camera = pose.inverse().apply(scene)
@@ -69,7 +69,7 @@ def realigned(
     other = np.flatnonzero(~compared & (status == TrackStatus.ALIVE))
     if len(other) and live.grey is not None:
         bright = as_bright(grey, live.grey) if followed.bright is None else followed.bright
-        uv[other], status[other] = BACK.track(live.grey, bright, live.uv[other], uv[other])
+        status[other] = BACK.checked(live.grey, bright, live.uv[other], uv[other])
     return replace(followed, uv=uv, status=status), compared
 
 
