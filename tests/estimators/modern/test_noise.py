@@ -69,6 +69,32 @@ def test_without_errors_nothing_is_left_but_what_was_believed() -> None:
     assert TrackNoise().sigma(SETTING) == SETTING and TrackNoise().variance(SETTING) == SETTING**2
 
 
+@pytest.mark.parametrize("baseline", [0.0, 0.3])
+def test_two_pairs_tell_it_and_two_images_do_not(baseline: float) -> None:
+    said = [found(_first_two(flown(s, {"new": 2e-3, "step": 0.0, "disparity": 4e-4}, baseline)))[0] for s in range(8)]
+    if baseline:
+        # The pose takes some of so few errors.
+        assert np.sqrt(np.mean([n.variances @ (1, 0.5, 0) for n in said])) == pytest.approx(2e-3, rel=0.1)
+        assert all(n.sigma(SETTING) > 1.4 * SETTING for n in said)
+    else:
+        assert all(n.sigma(SETTING) == SETTING for n in said)
+
+
+def _first_two(window: Window) -> Window:
+    both = np.bincount(window.owners[window.cameras < 2], minlength=TRACKS) == 2
+    part = (window.cameras < 2) & both[window.owners]
+    return replace(
+        window,
+        rotations=window.rotations[:2],
+        translations=window.translations[:2],
+        points=window.points[both],
+        cameras=window.cameras[part],
+        owners=(np.cumsum(both) - 1)[window.owners[part]],
+        seen=window.seen[part],
+        factors=window.factors[part] if window.baseline else window.factors,
+    )
+
+
 @pytest.mark.parametrize("scale", [5e-3, 1.5e-3])
 @pytest.mark.parametrize(("new", "step"), [(1e-3, 0.0), (0.0, 1e-3)])
 def test_the_covariance_that_follows_is_that_of_the_errors(new: float, step: float, scale: float) -> None:
