@@ -38,8 +38,8 @@ memory is behind where the key frames move apart, as they do after a start."""
 BELIEVED = 20.0
 """Tracks that the setting counts as much as."""
 LEAST_VIEWS = 3
-"""Of a track that says something: with two, a point follows all but one of their errors. Of two pairs it follows three of
-six, and in a first window there is no longer track."""
+"""Of a track that says something: with two, a point follows all but one of their errors. Of two pairs it follows three
+of six, and in a first window there is no longer track."""
 GRID = 8, 6
 """Cells of the image, across and down: each is wider than a patch, and has some ten tracks."""
 QUANTILES = 64
