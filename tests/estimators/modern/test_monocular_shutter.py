@@ -9,10 +9,11 @@ import pytest
 
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.first_map import anchored_prior
 from ispom.estimators.modern.monocular.localise import Localisation, located_by
-from ispom.estimators.modern.monocular.map import Map, RelativeFrame
+from ispom.estimators.modern.monocular.map import Map, RelativeFrame, adjusted
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.shutter import located_by_motion, motion_at, speeds_by, with_motions
+from ispom.estimators.modern.monocular.shutter import begun_by_motions, by_motions, motion_at, speeds_by, with_motions
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.modern.rolling import Sight, late_px, late_s
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
@@ -99,11 +100,23 @@ def setup(camera: Camera = CAMERA) -> Setup:
     return ModernMonocularConfig().build(Rig.single(camera))._setup
 
 
+def followed_to(time_ns: int) -> tuple[LiveTracks, Followed]:
+    """Tracks in the image of a time, as if the shutter did not roll."""
+    last_ns, uv = time_ns - STEP_NS, seen(time_ns)
+    live = LiveTracks(ids=IDS, uv=seen(last_ns), time_ns=last_ns)
+    return live, Followed(uv, np.full(len(IDS), TrackStatus.ALIVE, np.uint8), np.zeros_like(uv))
+
+
+def off(found: Localisation, time_ns: int) -> float:
+    assert found.motion is not None
+    return float(np.linalg.norm((found.motion.camera_from_world @ shaken(time_ns)).translation))
+
+
 def test_the_last_two_frames_are_put_right_by_the_pose_after_them() -> None:
     last = 13
     before, sights = window(last), tuple(Sight(k * STEP_NS, IDS, seen(k * STEP_NS)) for k in (last - 2, last - 1))
     newest = (last * STEP_NS, shaken(last * STEP_NS))
-    after = with_motions(setup(), before, sights, newest)
+    after = with_motions(setup(), before, sights, (newest,))
     true = CAMERA.normalise(at_middle((last - 1) * STEP_NS))
     errors = [float(np.abs(m.keys[-1].x - true).max()) * CAMERA.fx for m in (before, after)]
     assert errors[0] > 0.7 and errors[1] < 0.15
@@ -112,32 +125,78 @@ def test_the_last_two_frames_are_put_right_by_the_pose_after_them() -> None:
         dict(m.trajectory())[(last - 2) * STEP_NS].inverse() @ shaken((last - 2) * STEP_NS) for m in (before, after)
     ]
     assert np.linalg.norm(moved[0].translation) > 0.0015 and np.linalg.norm(moved[1].translation) < 0.0003
-    same = with_motions(setup(replace(CAMERA, line_delay_s=0.0)), before, sights, newest)
-    assert same is before
+
+
+def anchored(world: Map) -> Map:
+    """Its first pose and its unit held."""
+    none = np.zeros((6, 6))
+    return replace(world, prior=anchored_prior(world.poses, world.extra_sigma, none, 0.0))
+
+
+def shape_error(world: Map) -> float:
+    """Of the points, relative to their distances (median)."""
+    true = points()[world.points.ids]
+    return float(np.median(np.linalg.norm(world.points.xyz - true, axis=1) / true[:, 2]))
+
+
+def test_a_map_whose_newest_key_frame_is_put_right_is_adjusted_at_once() -> None:
+    """Bent as that key frame saw the scene; the frame after it, and so all up to the next key frame, is located by
+    what is left."""
+    last, sigma = 13, setup().sigma
+    now = last * STEP_NS
+    world = anchored(window(last))
+    old = world.keys[0].placed_anew(IDS, CAMERA.normalise(at_middle(world.keys[0].time_ns)))
+    bent = adjusted(replace(world, keys=(old, world.keys[1])), sigma, 20)[0]
+    live, followed = followed_to(now)
+    first = located_by(setup(), live, bent, followed, shaken(now))
+    sights = Sight((last - 2) * STEP_NS, IDS, seen((last - 2) * STEP_NS)), live.sight
+    found, straight = by_motions(setup(), live, bent, sights, now, first)
+    assert shape_error(bent) > 0.003 and shape_error(straight) < 0.3 * shape_error(bent)
+    assert off(found, now) < 0.3 * off(first, now)
+    still = setup(replace(CAMERA, line_delay_s=0.0))
+    assert by_motions(still, live, bent, sights, now, first) == (first, bent)
+
+
+def test_a_first_map_is_put_right_by_its_own_poses() -> None:
+    times = [k * STEP_NS for k in range(4, 13)]
+    world = anchored(window(13))
+    bent = adjusted(world, setup().sigma, 20)[0]
+    sights = tuple(Sight(t, IDS, seen(t)) for t in times)
+    straight = begun_by_motions(setup(), bent, sights)
+    assert shape_error(bent) > 0.003 and shape_error(straight) < 0.5 * shape_error(bent)
+    true = [CAMERA.normalise(at_middle(key.time_ns)) for key in bent.keys]
+    before, after = (
+        [float(np.median(np.linalg.norm(k.x - t, axis=1))) * CAMERA.fx for k, t in zip(m.keys, true, strict=True)]
+        for m in (bent, straight)
+    )
+    assert max(before) > 0.4 and max(after) < 0.15
+    assert begun_by_motions(setup(replace(CAMERA, line_delay_s=0.0)), bent, sights) is bent
 
 
 def test_a_frame_is_located_by_its_motion() -> None:
     now, world = 13 * STEP_NS, window(14)
     world = replace(world, keys=world.keys[:1])
-    uv = seen(now)
-    live = LiveTracks(ids=IDS, uv=uv)
-    followed = Followed(uv, np.full(len(IDS), TrackStatus.ALIVE, np.uint8), np.zeros_like(uv))
+    live, followed = followed_to(now)
     first = located_by(setup(), live, world, followed, shaken(now))
-    found = located_by_motion(setup(), live, world, now, first)
-
-    def off(where: Localisation) -> float:
-        assert where.motion is not None
-        return float(np.linalg.norm((where.motion.camera_from_world @ shaken(now)).translation))
-
-    assert off(found) < 0.3 * off(first)
+    found, _ = by_motions(setup(), live, world, (live.sight,), now, first)
+    assert off(found, now) < 0.3 * off(first, now)
     alone = replace(world, relative_frames=())
-    assert located_by_motion(setup(), live, alone, now, first) is first
-    still = setup(replace(CAMERA, line_delay_s=0.0))
-    assert located_by_motion(still, live, world, now, first) is first
+    assert by_motions(setup(), live, alone, (live.sight,), now, first) == (first, alone)
 
 
 @pytest.mark.parametrize("gap_s", [0.3, 2.0])
-def test_poses_of_long_ago_tell_no_motion(gap_s: float) -> None:
+def test_a_pose_after_a_gap_tells_nothing_of_the_motion_before(gap_s: float) -> None:
     world, now = window(13), 12 * STEP_NS + round(gap_s * 1e9)
     sights = (Sight(12 * STEP_NS, IDS, seen(12 * STEP_NS)),)
-    assert with_motions(setup(), world, sights, (now, shaken(now))) is world
+    after, alone = with_motions(setup(), world, sights, ((now, shaken(now)),)), with_motions(setup(), world, sights)
+    np.testing.assert_array_equal(after.keys[-1].x, alone.keys[-1].x)
+
+
+@pytest.mark.parametrize("rate_hz", [4, 8, 15, 60])
+def test_frames_at_any_rate_are_put_right_where_three_are_near_enough(rate_hz: int) -> None:
+    step_ns = round(1e9 / rate_hz)
+    times = [k * step_ns for k in range(1, 8)]
+    keys = tuple(TrackedFrame(t, IDS, CAMERA.normalise(seen(t)), shaken(t)) for t in times)
+    world = Map(keys, ScenePoints(IDS, points()), None)
+    after = with_motions(setup(), world, tuple(Sight(t, IDS, seen(t)) for t in times))
+    assert all((a.x != b.x).any() == (rate_hz > 4) for a, b in zip(after.keys, keys, strict=True))

@@ -12,16 +12,18 @@ from ispom.estimators.modern.monocular.first_map import first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MOVING, TURN_LOSS, Setup
+from ispom.estimators.modern.monocular.shutter import begun_by_motions
 from ispom.estimators.modern.monocular.start import MIN_POINTS, Start, poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
+from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.numerics.area import area_weights, weighted_median
 from ispom.solvers.multiview.rotation import dominant_rotation, median_displacement
 from ispom.solvers.multiview.zoom import turn_and_zoom
 from ispom.solvers.window.adjustment import adjust
-from ispom.types import Decision, Status
+from ispom.types import Decision, Status, TrackStatus
 
 LEAVING_SHARE = 0.4
 """When fewer points of the first frame are left, a map is tried with what parallax there is, before all are gone."""
@@ -41,19 +43,24 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     """One more frame towards the first map, or towards one after a loss."""
     frame = tracked_frame(setup.camera, state.live, new.followed, new.time_ns)
     start = state.start or Start(extra_sigma=setup.extra_sigma)
+    if setup.camera.line_delay_s:
+        start = start.with_sight(state.live.sight)
     found = advance(start, frame, setup.sigma, setup.start_parallax_rad)
     outcome = Outcome(new.followed, Status.INITIALISING, found.held, decisions=found.decisions, settled=found.settled)
     if found.map is None:
         alone = start.joined and not found.start.joined
         return replace(outcome, start=found.start, key_frame=len(found.start.frames) == 1, restarted=alone)
-    problem = bundle_problem(found.map)
-    noise = found.map.noise.after(adjust(problem.window, setup.sigma, iterations=0), setup.sigma)
+    alive = new.followed.status == TrackStatus.ALIVE
+    last = Sight(new.time_ns, state.live.ids[alive], new.followed.uv[alive])
+    world = begun_by_motions(setup, found.map, (*start.sights, last))
+    problem = bundle_problem(world)
+    noise = world.noise.after(adjust(problem.window, setup.sigma, iterations=0), setup.sigma)
     uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma, noise, setup.noise)
     return replace(
         outcome,
         status=Status.TRACKING,
-        pose=found.map.poses[-1],
-        map=replace(found.map, noise=noise),
+        pose=world.poses[-1],
+        map=replace(world, noise=noise),
         key_frame=True,
         covariance=uncertainty.pose,
         uncertainty=uncertainty,

@@ -38,7 +38,7 @@ def next_state(
     setup: Setup, state: ModernMonocularState, outcome: Outcome, new: NewImage, fresh: NDArray[np.float32]
 ) -> ModernMonocularState:
     """With the fresh corners in the map or the start, and the tracks that are alive."""
-    world, start, live, before = outcome.map, outcome.start, state.live, state.before
+    world, start, live, sights = outcome.map, outcome.start, state.live, state.sights
     if len(fresh):
         ids, late = live.next_id + np.arange(len(fresh), dtype=np.int64), _late(setup, outcome, fresh)
         x = setup.camera.normalise(fresh - late)
@@ -50,14 +50,15 @@ def next_state(
         all_compared = np.ones(len(outcome.followed.status), bool)
         compared = all_compared if outcome.compared is None else outcome.compared
         if setup.camera.line_delay_s:
-            before = live.sight
+            begun = state.start.sights if state.start is not None and world is not None else ()
+            sights = (*begun, live.sight)
         live = next_live_tracks(live, outcome.followed, new.grey, fresh, new.time_ns, compared)
     moved = [(new.time_ns, outcome.pose)] if outcome.pose is not None else []
     if state.map is None and world is not None:
         moved = sorted(world.trajectory(), key=lambda item: item[0])
     return ModernMonocularState(
         live,
-        before,
+        sights,
         start,
         world,
         tuple([*state.recent, *moved][-2:]),

@@ -1,5 +1,6 @@
 """A rolling shutter, once there is a map: what rows saw is put where the middle row's would have been by the camera's
-motion, and once more for the last two frames, as the poses after a frame tell its motion ten times better.
+motion, and once more for the last two frames, as the poses after a frame tell its motion ten times better. A map whose
+newest key frame is put right that way is adjusted again at once: all frames up to the next one are located by it.
 
 The motion at a frame is that of the polynomial through the poses around it, velocity and acceleration. It is not sought
 in the frame's own rows: a motion that is wrong bends the map, and in a bent map it looks right the next time.
@@ -13,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.key_frame import ITERATIONS
 from ispom.estimators.modern.monocular.localise import Localisation, located_by
-from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.map import Map, adjusted
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import LiveTracks, scene_points
 from ispom.estimators.modern.rolling import Sight, late_px, late_s, moved
@@ -26,9 +28,9 @@ AHEAD, AROUND = 4, 5
 LEAST = 3
 """Fewer tell no more than the tracks' own motions do."""
 SPAN_S = 0.25
-"""Poses farther from the newest frame say nothing of its motion: a hand shakes at up to 4 Hz."""
+"""The polynomial's poses are from no longer a time: a hand shakes at up to 4 Hz."""
 PASSES = 2
-"""Pose and motion of the newest frame follow from each other."""
+"""Poses and motions follow from each other."""
 LEAST_LATE_S = 1e-4
 """Rows nearer to the middle one move as this one does, over which the difference is taken."""
 
@@ -59,11 +61,40 @@ def speeds_by(
     return np.where(np.isfinite(way), way / late[:, None], 0.0).astype(np.float32)
 
 
+def begun_by_motions(setup: Setup, world: Map, sights: tuple[Sight, ...]) -> Map:
+    """A first map, which was begun by what the tracks alone tell of their motions, with all of its frames put right by
+    its poses, and adjusted; unchanged unless the shutter rolls."""
+    if not setup.camera.line_delay_s:
+        return world
+    return adjusted(with_motions(setup, world, sights), setup.sigma, ITERATIONS)[0]
+
+
+def by_motions(
+    setup: Setup, live: LiveTracks, world: Map, sights: tuple[Sight, ...], time_ns: int, found: Localisation
+) -> tuple[Localisation, Map]:
+    """A frame located once more by the motion that the poses tell, and the map with the last frames, of these sights,
+    put right by its pose; unchanged unless the shutter rolls."""
+    if not setup.camera.line_delay_s:
+        return found, world
+    found = located_by_motion(setup, live, world, time_ns, found)
+    if found.motion is None:
+        return found, world
+    newest = (time_ns, found.motion.camera_from_world.inverse())
+    if world.keys[-1].time_ns != sights[-1].time_ns:
+        return found, with_motions(setup, world, sights, (newest,))
+    for _ in range(PASSES):
+        right = adjusted(with_motions(setup, world, sights, (newest,)), setup.sigma, ITERATIONS)[0]
+        again = replace(located_by(setup, live, right, found.followed, newest[1]), compared=found.compared)
+        again = located_by_motion(setup, live, right, time_ns, again)
+        if again.motion is None or not again.agreeing:
+            break
+        world, found, newest = right, again, (time_ns, again.motion.camera_from_world.inverse())
+    return found, world
+
+
 def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, found: Localisation) -> Localisation:
     """A frame located once more, its tracks put to the middle row by its motion; unchanged where too few poses tell
-    that, or the shutter does not roll."""
-    if not setup.camera.line_delay_s:
-        return found
+    that."""
     before = world.since(time_ns - round(SPAN_S * 1e9))[1 - AHEAD :]
     if len(before) + 1 < LEAST:
         return found
@@ -83,19 +114,28 @@ def located_by_motion(setup: Setup, live: LiveTracks, world: Map, time_ns: int, 
     return found
 
 
-def with_motions(setup: Setup, world: Map, sights: tuple[Sight, ...], newest: tuple[int, Pose]) -> Map:
-    """The map with the frames of these sights seen, or located, anew by the motion that the `newest` pose helps to
-    tell; unchanged unless the shutter rolls."""
-    if not setup.camera.line_delay_s:
-        return world
-    poses = [*world.since(newest[0] - round(SPAN_S * 1e9))[1 - AROUND :], newest]
-    if len(poses) < LEAST:
-        return world
-    known = dict(poses[:-1])
+def with_motions(setup: Setup, world: Map, sights: tuple[Sight, ...], newest: tuple[tuple[int, Pose], ...] = ()) -> Map:
+    """The map with the frames of these sights, in order of time, seen or located anew by the motion of the poses around
+    each. `newest` are not in the map."""
+    poses = [*world.since(sights[0].time_ns - round(SPAN_S * 1e9)), *newest]
+    known = dict(poses)
     for sight in sights:
-        if sight.time_ns in known:
-            world = _anew(setup, world, sight, known[sight.time_ns], motion_at(poses, sight.time_ns))
+        around = _around(poses, sight.time_ns) if sight.time_ns in known else []
+        if len(around) >= LEAST:
+            world = _anew(setup, world, sight, known[sight.time_ns], motion_at(around, sight.time_ns))
     return world
+
+
+def _around(poses: list[tuple[int, Pose]], time_ns: int) -> list[tuple[int, Pose]]:
+    """Those of the polynomial at one of their times: as many after it as before it, where there are."""
+    span_ns = SPAN_S * 1e9
+    near = [item for item in poses if abs(item[0] - time_ns) <= span_ns]
+    count = [t for t, _ in near].index(time_ns) + 1 + AROUND // 2
+    count = min(max(count, AROUND), len(near))
+    found = near[max(0, count - AROUND) : count]
+    while found[-1][0] - found[0][0] > span_ns:
+        found = found[1:] if time_ns - found[0][0] >= found[-1][0] - time_ns else found[:-1]
+    return found
 
 
 def _anew(setup: Setup, world: Map, sight: Sight, world_from_camera: Pose, motion: Array) -> Map:

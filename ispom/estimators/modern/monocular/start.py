@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.setup import TURN_LOSS
 from ispom.estimators.modern.noise import TrackNoise
+from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.rotation import dominant_rotation
@@ -45,10 +46,17 @@ class Start:
     what begins there is a segment of its own."""
     noise: TrackNoise = TrackNoise()
     """Of the tracks before a loss."""
+    sights: tuple[Sight, ...] = ()
+    """What the frames but the last one showed; none unless the shutter rolls."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks first seen in the reference, while that is the only frame."""
         return replace(self, frames=(self.frames[0].with_new(ids, x),))
+
+    def with_sight(self, sight: Sight) -> Start:
+        """With what the last frame showed; what frames that are gone did is forgotten."""
+        kept = {f.time_ns for f in self.frames}
+        return replace(self, sights=tuple(s for s in (*self.sights, sight) if s.time_ns in kept))
 
     def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
         """With tracks (M,) at other coordinates (M, 2) in the frame of that time, if there is one."""

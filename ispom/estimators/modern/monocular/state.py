@@ -23,8 +23,8 @@ from ispom.types import Decision, Image, Status, Tracks
 @dataclass(frozen=True, eq=False)
 class ModernMonocularState:
     live: LiveTracks = LiveTracks()
-    before: Sight | None = None
-    """The frame before that of `live`; None unless the shutter rolls."""
+    sights: tuple[Sight, ...] = ()
+    """Of the frame before that of `live`, and of all that the map was begun with; none unless the shutter rolls."""
     start: Start | None = None
     """While there is no map."""
     map: Map | None = None

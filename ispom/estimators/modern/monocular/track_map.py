@@ -16,7 +16,7 @@ from ispom.estimators.modern.monocular.recognise import FEWEST
 from ispom.estimators.modern.monocular.recover import recover
 from ispom.estimators.modern.monocular.relocate import relocated
 from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
-from ispom.estimators.modern.monocular.shutter import located_by_motion, with_motions
+from ispom.estimators.modern.monocular.shutter import by_motions
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.tracked_frame import TrackedFrame
@@ -51,7 +51,8 @@ def track_map(
         state = replace(state, places=other.places)
         decisions = (checks.DESCRIBED_POINTS.of(len(state.live.ids) - tracked, FEWEST),)
     if again is None and found.agreeing:
-        found, world = _by_motion(setup, state, world, new, found)
+        sights = (*state.sights, state.live.sight)
+        found, world = by_motions(setup, state.live, world, sights, new.time_ns, found)
     watch.lap("locate")
     located = checks.POSE_POINTS.of(found.count, MIN_LOCATED if again is None else SURE, passed=found.agreeing)
     decisions = (*decisions, located)
@@ -81,17 +82,6 @@ def track_map(
     outcome = _key_frame(setup, outcome, world, frame, state.live.ids)
     watch.lap("key frame")
     return state, outcome
-
-
-def _by_motion(
-    setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, found: Localisation
-) -> tuple[Localisation, Map]:
-    """The frame, and the last two in the map, once more by the motion that the poses tell, if the shutter rolls."""
-    found = located_by_motion(setup, state.live, world, new.time_ns, found)
-    if state.before is None or found.motion is None:
-        return found, world
-    newest = (new.time_ns, found.motion.camera_from_world.inverse())
-    return found, with_motions(setup, world, (state.before, state.live.sight), newest)
 
 
 def _without_outliers(
