@@ -16,6 +16,8 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import FEATURE_ERROR
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
+from ispom.estimators.modern.monocular.tracks import Followed, speed_where
+from ispom.estimators.modern.rolling import late_px
 from ispom.frontends import sift
 from ispom.geometry import Pose
 from ispom.types import Image, Step, Trajectory
@@ -79,7 +81,7 @@ def _key_frame_seen(
     window = dict(sorted((*outcome.settled, *world.trajectory()), key=lambda told: told[0]))
     newest, pose = world.keys[-1], world.poses[-1]
     variance = 0.0 if after.uncertainty is None else after.uncertainty.scale_sigma**2
-    sight = partial(_sight, Lens(setup.camera, world.extra), grey, _depth(world, pose))
+    sight = partial(_sight, Lens(setup.camera, world.extra), outcome.followed, grey, _depth(world, pose))
     return KeyFrameSeen(newest.time_ns, pose, outcome.covariance, variance, window, sight, joined)
 
 
@@ -90,6 +92,8 @@ def _depth(world: Map, pose: Pose) -> float:
     return float(np.median(near)) if len(near) else float("nan")
 
 
-def _sight(lens: Lens, grey: Image, depth: float) -> Sight:
+def _sight(lens: Lens, followed: Followed, grey: Image, depth: float) -> Sight:
+    """Of a rolling shutter where the middle row would have seen the features, which move as the nearest tracks do."""
     found = sift.detect_and_describe(grey, FEATURES)
-    return Sight.of(grey, lens.normalise(found.uv), found.descriptors, depth=depth)
+    uv = found.uv - late_px(lens.camera, found.uv, speed_where(followed, found.uv))
+    return Sight.of(grey, lens.normalise(uv), found.descriptors, depth=depth)

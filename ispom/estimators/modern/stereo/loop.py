@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, covariance_at, seen_again
 from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
@@ -94,7 +95,14 @@ def _sight(setup: Setup, world: StereoMap, new: NewPair, rate: Array) -> Sight:
     points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
     xyz = np.full((len(found), 3), np.nan)
     xyz[good] = intersected(setup, world, points, rate)
-    return Sight.of(new.left, setup.camera.normalise(found.uv), found.descriptors, xyz)
+    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, rate), found.descriptors, xyz)
+
+
+def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.float32], rate: Array) -> Array:
+    """Normalised (N, 2) where the middle row of a rolling shutter would have seen features (N, 2) [px]; what has no
+    disparity (N,) is far."""
+    seen = PairPoints(np.arange(len(uv)), uv, disparity_px).seen_by(setup.camera)
+    return setup.shutter.at_middle(seen, rate, setup.baseline_m)[:, :2]
 
 
 def eye_of(setup: Setup) -> Eye:

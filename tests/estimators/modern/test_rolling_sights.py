@@ -1,0 +1,59 @@
+"""What key frames show to loops, with a rolling shutter: features where the middle row would have seen them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular import loop as of_camera
+from ispom.estimators.modern.monocular.tracks import Followed
+from ispom.estimators.modern.stereo import loop as of_pair
+from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.modern.stereo.pair import NewPair
+from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.frontends.sift import detect_and_describe
+from ispom.types import Camera, Image, Rig, TrackStatus
+
+FX, ROWS_PX, READOUT_S, DISPARITY_PX = 300.0, 240, 0.03, 8
+
+
+def camera(readout_s: float) -> Camera:
+    return Camera(320, ROWS_PX, FX, FX, 159.5, 119.5, line_delay_s=readout_s / (ROWS_PX - 1))
+
+
+def texture(width: int) -> Image:
+    noise = np.random.default_rng(0).uniform(0, 255, (ROWS_PX, width))
+    return np.clip(4 * (cv2.GaussianBlur(noise, (0, 0), 2.0) - 127) + 127, 0, 255).astype(np.uint8)
+
+
+def late_s(uv: np.ndarray, readout_s: float) -> np.ndarray:
+    return readout_s * (uv[:, 1:] - (ROWS_PX - 1) / 2) / (ROWS_PX - 1)
+
+
+@pytest.mark.parametrize("readout_s", [0.0, READOUT_S])
+def test_features_of_a_camera_move_as_the_tracks_beside_them(readout_s: float) -> None:
+    """On the left and on the right half of the image at different speeds; a track that ended says nothing."""
+    uv = np.array([[60, 120], [260, 120], [160, 120]], np.float32)
+    status = np.array([TrackStatus.ALIVE, TrackStatus.ALIVE, TrackStatus.LOST], np.uint8)
+    speeds = np.array([[100, -50], [200, 30], [9000, 9000]], np.float32)
+    followed = Followed(uv, status, speeds * (readout_s > 0))
+    grey, view = texture(320), camera(readout_s)
+    sight = of_camera._sight(Lens(view, np.zeros(2)), followed, grey, 5.0)
+    found = detect_and_describe(grey, 800).uv
+    speed = np.where(found[:, :1] < 160, speeds[0], speeds[1])
+    np.testing.assert_allclose(sight.x, view.normalise(found - late_s(found, readout_s) * speed), atol=1e-5)
+
+
+@pytest.mark.parametrize("readout_s", [0.0, READOUT_S])
+def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -> None:
+    view, wide = camera(readout_s), texture(320 + DISPARITY_PX)
+    setup = ModernStereoConfig().build(Rig.stereo(view, 0.5))._setup
+    new = NewPair(0, np.ascontiguousarray(wide[:, :320]), np.ascontiguousarray(wide[:, DISPARITY_PX:]))
+    sight = of_pair._sight(setup, StereoMap(), new, np.array([0.5, 0.3, 1.0, 0.2, -0.3, 0.4]))
+    points, known = sight.xyz, np.isfinite(sight.xyz[:, 2])
+    assert known.sum() > 100
+    np.testing.assert_allclose(points[known, :2] / points[known, 2:], sight.x[known], atol=2e-5)
+    raw = view.normalise(detect_and_describe(new.left, 800).uv)
+    assert (np.abs(sight.x - raw).max() > 2 / FX) == (readout_s > 0)
