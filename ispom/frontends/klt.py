@@ -56,7 +56,7 @@ class Klt:
         """(N,) which of the places (N, 2) are too near to the image's border, or beyond it."""
         height, width = image.shape
         last = (width - 1 - self.border_px, height - 1 - self.border_px)
-        return np.asarray(((uv < self.border_px) | (uv > last)).any(1))
+        return np.asarray(~((uv >= self.border_px) & (uv <= last)).all(1))
 
     def _flow(
         self, a: Image, b: Image, uv: NDArray[np.float32], guess: NDArray[np.float32] | None

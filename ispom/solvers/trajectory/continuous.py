@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Between = Literal["linear", "spline"]
 """linear: constant velocity from a pose to the next, spherical linear rotation; spline: continuous accelerations."""
@@ -37,6 +39,8 @@ class Curve:
 
     @cached_property
     def _splines(self) -> tuple[RotationSpline, CubicSpline]:
+        from scipy.interpolate import CubicSpline  # see interpolation
+
         knots_s = (self.through.times_ns - self.through.times_ns[0]) * 1e-9
         rotations = RotationSpline(knots_s, Rotation.from_matrix(self.through.rotations))
         return rotations, CubicSpline(knots_s, self.through.translations)

@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation, Slerp
 
 from ispom.types import Trajectory
@@ -30,6 +29,8 @@ def interpolate(trajectory: Trajectory, times_ns: NDArray[np.int64], kind: Inter
             np.repeat(trajectory.translations, len(times), 0),
             trajectory.frame,
         )
+    from scipy.interpolate import make_interp_spline  # here, as it takes 15 MB that few runs need
+
     start = trajectory.times_ns[0]
     knots_s, asked_s = (trajectory.times_ns - start) * 1e-9, (times - start) * 1e-9
     degree = min(3, len(trajectory) - 1) if kind == "bspline" else 1
