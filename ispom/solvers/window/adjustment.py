@@ -89,23 +89,18 @@ class Adjusted:
     iterations: int
 
 
-def adjust(
-    window: Window, scale: float, iterations: int = 10, tolerance: float = 1e-3, relaxation: float = 1.0
-) -> Adjusted:
+def adjust(window: Window, scale: float, iterations: int = 10, tolerance: float = 1e-3) -> Adjusted:
     """Minimises the Cauchy loss of scale `scale` (normalised units) over poses from `fixed` on, points, and extras.
 
-    Ends early when a step lowers the cost by less than the share `tolerance`. Steps after the first are `relaxation`
-    times as long: weights bend the cost more than the loss does, by a third or so where errors are as wide as its
-    scale, so each step falls short by that. Below 2 longer steps still go down, as the cost with weights lies above
-    that of the loss (Salakhutdinov & Roweis 2003). The first one is mostly what is new to the window, and is not
-    lengthened. Deterministic.
+    Ends early when a step lowers the cost by less than the share `tolerance`. Deterministic.
     """
-
-    def stepped(values: Window, damping: float) -> Window:
-        longer = 1.0 if values is window else relaxation
-        return _moved(values, *(longer * step for step in _step(values, scale, damping)))
-
-    found = minimise(window, lambda values: total_cost(values, scale), stepped, iterations, tolerance)
+    found = minimise(
+        window,
+        lambda values: total_cost(values, scale),
+        lambda values, damping: _moved(values, *_step(values, scale, damping)),
+        iterations,
+        tolerance,
+    )
     distances = np.minimum(np.sqrt(found.values.squared_errors), 1e9)
     return Adjusted(found.values, found.cost_before, found.cost, distances, found.iterations)
 

@@ -65,25 +65,6 @@ def test_what_is_wrong_with_the_right_camera_is_found() -> None:
     np.testing.assert_allclose(found.translations, window.translations, atol=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_longer_steps_come_nearer_to_the_same_minimum(seed: int) -> None:
-    rng, exact = np.random.default_rng(seed), truth()
-    window = replace(exact, seen=exact.seen + 0.7 * SCALE * rng.standard_normal(exact.seen.shape))
-    minimum = adjust(window, SCALE, 100, 1e-13)
-    np.testing.assert_allclose(adjust(window, SCALE, 100, 1e-13, 1.5).cost_after, minimum.cost_after, rtol=1e-9)
-    information = Equations.of(minimum.window, SCALE).symmetric[6:, 6:]
-
-    def deviations(relaxation: float) -> float:
-        found = adjust(window, SCALE, 3, 0.0, relaxation).window
-        rho = (found.translations - minimum.window.translations)[1:]
-        turn = found.rotations[1:] @ np.swapaxes(minimum.window.rotations[1:], 1, 2)
-        phi = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], axis=1)
-        off = np.concatenate([np.hstack([rho, phi]).ravel(), found.extra - minimum.window.extra])
-        return float(off @ information @ off) ** 0.5
-
-    assert deviations(1.5) < 0.7 * deviations(1.0)
-
-
 def test_held_calibration_stays_and_a_late_shutter_then_costs_scale() -> None:
     window = replace(truth(extra=(0.3 / FOCAL, 0.0, 0.0, 0.0)), extra_sigma=np.zeros(4))
     found = adjust(disturbed(window), SCALE, 30, 1e-12).window

@@ -74,7 +74,7 @@ class ModernStereoConfig:
     """Fewer points than this, and the pair is not located."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail against the last located one before the next starts afresh from where the motion led."""
-    iterations: Annotated[int, Range(1, 30)] = 3
+    iterations: Annotated[int, Range(1, 30)] = 4
     """Of the adjustment, at each key frame."""
 
     def right_sigma(self, focal_px: float) -> Array:

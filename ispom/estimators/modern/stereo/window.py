@@ -20,11 +20,6 @@ KEPT_FRAMES = 2
 HELD_SIGMA = 1e-6
 """[m, rad] With it a window's first pose is held after a loss, as `prior.anchored` does at the beginning."""
 
-RELAXATION = 1.5
-"""See adjust. Poses and what is wrong with the right camera are then as near to the minimum after three steps (0.3
-standard deviations) as after four that are not lengthened; over 40 drives with miscalibrated pairs four, or twenty, are
-no more accurate than these three. Between 1.3 and 1.6 it makes no difference."""
-
 
 @dataclass(frozen=True, eq=False)
 class KeyFrame:
@@ -137,7 +132,7 @@ def adjusted(
     window, used, origin = _packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):
         return state, None
-    result = adjust(window, scale, iterations, relaxation=RELAXATION)
+    result = adjust(window, scale, iterations)
     window = result.window
     keys = [
         replace(key, left_from_world=Pose(r, t))
