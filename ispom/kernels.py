@@ -39,7 +39,12 @@ _caches: dict[Dispatcher, KernelCache] = {}
 
 
 def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """A decorator as `numba.njit(**options)`; what is compiled is kept."""
+    """A decorator as `numba.njit(**options)`; what is compiled is kept.
+
+    A division by zero gives infinity, in all of them: what numba compiles for one it compiles anew for another with
+    other options, and each check of a divisor takes its time.
+    """
+    options = {"error_model": "numpy"} | options
 
     def compiled(function: Callable[..., Any]) -> Dispatcher:
         dispatcher: Any = numba.njit(**options)(function)

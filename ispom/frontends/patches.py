@@ -70,7 +70,7 @@ def _sample(image, u, v, out):
             out[i * side + j] = w00 * upper[j] + w01 * upper[j + 1] + w10 * lower[j] + w11 * lower[j + 1]
 
 
-@kernel(error_model="numpy", fastmath={"contract", "reassoc"})
+@kernel(fastmath={"contract", "reassoc"})
 def _align(reference, reference_uv, image, uv, warps, iterations):
     n, side = len(uv), 2 * RADIUS_PX + 1
     score = np.full(n, -1.0)

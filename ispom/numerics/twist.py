@@ -10,7 +10,7 @@ from ispom.numerics.lie import inverse_right_jacobian, log3, rodrigues
 from ispom.numerics.vectors import matrix, scaled, store, times, vector
 
 
-@kernel(error_model="numpy")
+@kernel()
 def moved(rotations, translations, steps):
     """Poses (N, 3, 3), (N, 3) after left twists (N, 6) = (rho, phi): exp(phi) R, and exp(phi) t + rho."""
     rotations_after, translations_after = np.empty_like(rotations), np.empty_like(translations)
@@ -41,7 +41,7 @@ def twist_of(pose: Pose) -> Array:
     return _log(np.array(pose.rotation[None], order="C"), np.array(pose.translation[None], order="C"))
 
 
-@kernel(error_model="numpy")
+@kernel()
 def _log(rotations, translations):
     """(6,) (rho, phi) of the first pose."""
     phi, out = log3(matrix(rotations, 0)), np.empty((2, 3))

@@ -94,7 +94,7 @@ def _median(values: Array) -> float:
     return float(np.partition(values, middle)[middle])
 
 
-@kernel(error_model="numpy")
+@kernel()
 def _normal(xyz, seen, r, t, baseline, scale, h, g, distances):
     """Fills the normal equations (6, 6) and (6,), and the distances (N,) of the points from where they were seen."""
     h[:], g[:] = 0.0, 0.0

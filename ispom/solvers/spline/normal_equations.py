@@ -59,7 +59,7 @@ class Eliminated(NamedTuple):
     """(M, RIG) parts of the right side of the rig."""
 
 
-@kernel(error_model="numpy")
+@kernel()
 def reduce(knots, observed, depth_prior, loss, damping, with_rig, moved):
     """Hessian (n, n) and right side (n,) of spline and rig, without the points; and what finds the points' step.
 

@@ -64,7 +64,7 @@ def empty_rows():
     return Rows(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 6)), np.empty((3, 3)))
 
 
-@kernel(error_model="numpy")
+@kernel()
 def squared_errors(observed):
     """(O,) squares of the reprojection errors, in standard deviations."""
     out = np.empty(len(observed.exposures))

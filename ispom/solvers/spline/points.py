@@ -9,7 +9,7 @@ from ispom.solvers.spline.normal_equations import gain, spread_over_knots
 from ispom.solvers.spline.observation import RIG
 
 
-@kernel(error_model="numpy")
+@kernel()
 def point_steps(step, knots, exposures, owners, eliminated):
     """Back-substitution: steps (M, 3) of the points that go with a step (n,) of spline and rig."""
     poses, left = np.zeros((len(knots.first), 6)), eliminated.sides.copy()
@@ -46,7 +46,7 @@ def _multiply(left, block):
     left[0], left[1], left[2] = gain(block, left[0], left[1], left[2])
 
 
-@kernel(error_model="numpy")
+@kernel()
 def point_sensitivity(chosen, knots, exposures, owners, eliminated):
     """(K, 3, n): how each of the chosen points (K,) follows the unknowns of spline and rig."""
     g, number = 6 * knots.count, np.full(len(eliminated.inverses), -1)
@@ -66,7 +66,7 @@ def point_sensitivity(chosen, knots, exposures, owners, eliminated):
     return out
 
 
-@kernel(error_model="numpy")
+@kernel()
 def point_pulls(knots, exposures, owners, eliminated):
     """(M, n): what each point adds to the right side of spline and rig, once it is eliminated."""
     g, steps = 6 * knots.count, eliminated.sides.copy()

@@ -96,7 +96,7 @@ def _observed(
     )
 
 
-@kernel(error_model="numpy")
+@kernel()
 def _equations(observed, loss, follow, moved):
     """Information (6, 6) of the pose, the noise (6, 6) in its right side, how that follows the window (6, n); weights.
 

@@ -62,7 +62,7 @@ def curved(observed: Observed, scale: float, least_share: float) -> Curved:
     return out
 
 
-@kernel(error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _curve(observed, scale, least_share, out):
     longest = longest_track(observed.owners)
     errors, half, slope = np.empty((longest, 2)), np.empty((3, POSE * longest + LENS)), np.empty(POSE + LENS)
@@ -182,7 +182,7 @@ def _eliminate(begin, end, own, observed, half, reduced):
                 row[at + s] -= x * half[0, POSE * n + s] + y * half[1, POSE * n + s] + z * half[2, POSE * n + s]
 
 
-@kernel(error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def left_out(observed, found, moved):
     """(M, D) scores as they would be, to first order, had each track had no part in where poses and corrections are:
     it moves them by `moved` (M, D)."""

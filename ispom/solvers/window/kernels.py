@@ -90,7 +90,7 @@ here on the gradient by q (3), the derivatives by q and the first correction (3)
 (W) as a multiple of that by the first."""
 
 
-@kernel(error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def reduce_points(scale, damping, reduced, eliminated, observed):
     """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
     longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
@@ -216,7 +216,7 @@ def _minus_symmetric(m, s):
     return minus(m[0], a), minus(m[1], b), minus(m[2], c)
 
 
-@kernel(error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def point_steps(cameras, owners, eliminated, pose_step, extra_step):
     """Back-substitution: (M, 3) steps of the points that go with those of the poses (C, 6) and corrections (E,)."""
     left = -eliminated.gradients

@@ -42,7 +42,7 @@ class Leftovers(NamedTuple):
     """(K,) observations of the tracks summed."""
 
 
-@kernel(error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def leftovers(observed, scale, least_views, gross):
     """Leftovers of the tracks of `least_views` or more, without those with an error of `gross` scales."""
     n_seen, rows = len(observed.cameras), 3 if observed.baseline != 0.0 else 2

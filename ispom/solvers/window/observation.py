@@ -42,7 +42,7 @@ def longest_track(owners):
     return longest
 
 
-@kernel(error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def squared_errors(observed):
     """(K,) over all images; inf behind the camera."""
     out, wrong = np.empty(len(observed.cameras)), correction(observed.extra)
@@ -67,7 +67,7 @@ def in_camera(observed, k):
     return plus(times(matrix(observed.rotations, c), point), vector(observed.translations, c))
 
 
-@kernel(error_model="numpy")
+@kernel()
 def robust_cost(squares, scale):
     """Half the sum of log(1 + squared error in scales)."""
     total, product_of_32, per = 0.0, 1.0, 1.0 / (scale * scale)
