@@ -139,7 +139,7 @@ def adjusted(
         for key, r, t in zip(state.keys, _proper(window.rotations), window.translations, strict=True)
     ]
     bad = result.distances > threshold
-    for c in np.unique(window.cameras[bad]):
+    for c in np.flatnonzero(np.bincount(window.cameras[bad])):
         keep = np.ones(len(keys[c].ids), bool)
         keep[origin[bad & (window.cameras == c)]] = False
         keys[c] = replace(keys[c], ids=keys[c].ids[keep], seen=keys[c].seen[keep])
@@ -159,8 +159,8 @@ def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale:
     past = tuple(replace(k, ids=k.ids[m], seen=k.seen[m]) for k, m in zip(state.keys, gone, strict=True))
     window, _, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
     prior = marginalise(window, np.ones(len(window.points), bool), scale)
-    rest = (replace(k, ids=k.ids[~m], seen=k.seen[~m]) for k, m in zip(state.keys[1:], gone[1:], strict=True))
-    return replace(state, keys=tuple(rest), prior=prior)
+    rest = (replace(k, ids=k.ids[~m], seen=k.seen[~m]) for k, m in zip(state.keys[1:newest], gone[1:], strict=False))
+    return replace(state, keys=(*rest, *state.keys[newest:]), prior=prior)
 
 
 def _packed(
