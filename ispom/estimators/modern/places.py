@@ -52,6 +52,8 @@ class Place:
     """(6, 6) of camera_from_world's left twist."""
     rate: Array | None = None
     """(6,) of camera_from_world's change (rho [m/s], phi [rad/s]; left), of a pair."""
+    moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+    """Of one camera with a rolling shutter: where tracks were (M, 2) [px], and how fast (M, 2) [px/s]."""
     features: sift.Features | None = None
     """Of the first image, at the camera's pixels, once they were needed."""
 

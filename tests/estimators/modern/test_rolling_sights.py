@@ -1,6 +1,8 @@
-"""What key frames show to loops, with a rolling shutter: features where the middle row would have seen them."""
+"""What key frames with a rolling shutter show to loops and to lost cameras: where the middle row would have seen it."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,12 +10,16 @@ import pytest
 
 from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular import loop as of_camera
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.recognise import _intersected, at_middle
 from ispom.estimators.modern.monocular.tracks import Followed
+from ispom.estimators.modern.places import Place
 from ispom.estimators.modern.stereo import loop as of_pair
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.pair import NewPair
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.frontends.sift import detect_and_describe
+from ispom.geometry import Pose
 from ispom.types import Camera, Image, Rig, TrackStatus
 
 FX, ROWS_PX, READOUT_S, DISPARITY_PX = 300.0, 240, 0.03, 8
@@ -57,3 +63,27 @@ def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -
     np.testing.assert_allclose(points[known, :2] / points[known, 2:], sight.x[known], atol=2e-5)
     raw = view.normalise(detect_and_describe(new.left, 800).uv)
     assert (np.abs(sight.x - raw).max() > 2 / FX) == (readout_s > 0)
+
+
+def test_points_of_places_are_met_where_their_middle_rows_saw_them() -> None:
+    """By three places that turn as fast as their tracks say."""
+    view, rng = camera(READOUT_S), np.random.default_rng(1)
+    setup = ModernMonocularConfig().build(Rig.single(view))._setup
+    xyz = np.column_stack([rng.uniform((-2, -1.5), (2, 1.5), (60, 2)), rng.uniform(5, 9, 60)])
+    places, seen = list[Place](), list[np.ndarray]()
+    for k, speed in enumerate(np.array([[150.0, 80.0], [-90.0, 120.0], [60.0, -150.0]])):
+        pose = Pose(translation=np.array([0.2 * k, 0.1 * k, 0.0]))
+        middle = view.project(pose.inverse().apply(xyz))
+        rolled = middle + late_s(middle, READOUT_S) / (1 - view.line_delay_s * speed[1]) * speed
+        moving = rolled[::3].astype(np.float32), np.tile(speed.astype(np.float32), (20, 1))
+        place = Place.of(k, pose.inverse(), (np.zeros((ROWS_PX, 320), np.uint8),), None)
+        places.append(replace(place, moving=moving))
+        seen.append(rolled)
+    seen[0][0] = seen[1][0] = np.nan  # by the last one alone
+    found, known = _intersected(setup, np.zeros(2), places, seen, setup.sigma)
+    assert known[1:].all() and not known[0]
+    np.testing.assert_allclose(found[1:], xyz[1:], rtol=2e-3, atol=2e-3)
+    blind = [replace(place, moving=None) for place in places]
+    bent, _ = _intersected(setup, np.zeros(2), blind, seen, setup.sigma)
+    assert np.median(np.linalg.norm(bent - xyz, axis=1)) > 0.1
+    assert at_middle(setup, blind[0], seen[0]) is seen[0]

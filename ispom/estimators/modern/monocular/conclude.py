@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,12 +67,12 @@ def next_state(
         state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
         state.covariance if outcome.covariance is None else outcome.covariance,
         state.settled.extended(outcome.settled),
-        _places(state.places, outcome, new),
+        _places(state.places, outcome, new, setup.camera.line_delay_s != 0),
         disagreeing=outcome.disagreeing,
     )
 
 
-def _places(places: Places, outcome: Outcome, new: NewImage) -> Places:
+def _places(places: Places, outcome: Outcome, new: NewImage, rolls: bool) -> Places:
     """With what a key frame of the map saw, and the others' poses as they are now; none in a new segment."""
     world, pose = outcome.map, outcome.pose
     if outcome.restarted:
@@ -79,7 +80,11 @@ def _places(places: Places, outcome: Outcome, new: NewImage) -> Places:
     if world is None or pose is None or not outcome.key_frame:
         return places
     known = {k.time_ns: p.inverse() for k, p in zip(world.keys, world.poses, strict=True)}
-    return places.revised(known).with_place(Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance))
+    place = Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance)
+    alive = outcome.followed.status == TrackStatus.ALIVE
+    if rolls:
+        place = replace(place, moving=(outcome.followed.uv[alive], outcome.followed.speed[alive]))
+    return places.revised(known).with_place(place)
 
 
 def as_step(

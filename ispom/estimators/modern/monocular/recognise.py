@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
+from ispom.estimators.modern.monocular.tracks import nearest_speed
 from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, plausible
+from ispom.estimators.modern.rolling import late_px
 from ispom.frontends import sift
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose, skew
@@ -134,6 +136,14 @@ def depth_confirmed(
     return (largest[1] > least) | (largest[0] <= least)
 
 
+def at_middle(setup: Setup, place: Place, uv: Array) -> Array:
+    """Where the middle row would have seen what a place has at (N, 2) [px]; NaN for NaN."""
+    if place.moving is None:
+        return uv
+    at = uv.astype(np.float32)
+    return uv - late_px(setup.camera, at, nearest_speed(*place.moving, at))
+
+
 def _plausible(place: Place, xyz: Array, found: Resection) -> NDArray[np.bool_]:
     """Which (N,) of the points agree with the pose, and can do so."""
     then, now = place.camera_from_world.apply(xyz), found.camera_from_world.apply(xyz)
@@ -147,7 +157,8 @@ def _seen(setup: Setup, extra: Array, place: Place, index: NDArray[np.int64], ot
     if other is place:
         return here.uv[index].astype(float)
     motion = other.camera_from_world @ place.camera_from_world.inverse()
-    x, y = (corrected(setup.camera.normalise(uv), extra) for uv in (here.uv[index], there.uv))
+    both = at_middle(setup, place, here.uv[index]), at_middle(setup, other, there.uv)
+    x, y = (corrected(setup.camera.normalise(uv), extra) for uv in both)
     lines = np.column_stack([x, np.ones(len(x))]) @ (skew(motion.translation) @ motion.rotation).T
     lines /= np.maximum(np.hypot(*lines[:, :2].T), 1e-12)[:, None]
     out = np.full((len(index), 2), np.nan)
@@ -164,7 +175,8 @@ def _seen(setup: Setup, extra: Array, place: Place, index: NDArray[np.int64], ot
 def _agreeing(setup: Setup, extra: Array, place: Place, uv: Array, xyz: Array, limit: float) -> Array:
     """(N, 2) [px] where a place has points (N, 3), NaN also where it has something else there. `limit` normalised."""
     near = place.camera_from_world.apply(xyz)
-    off = corrected(setup.camera.normalise(uv), extra) - near[:, :2] / np.maximum(near[:, 2:], 1e-9)
+    x = corrected(setup.camera.normalise(at_middle(setup, place, uv)), extra)
+    off = x - near[:, :2] / np.maximum(near[:, 2:], 1e-9)
     return np.where((np.linalg.norm(off, axis=1) < limit)[:, None] & (near[:, 2:] > 0), uv, np.nan)
 
 
@@ -184,7 +196,7 @@ def _intersected(
 
 def _rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array], sigma: float) -> InverseDepths:
     """Along the rays of the last place, which has all the points."""
-    stacked = np.stack(seen[::-1])
+    stacked = np.stack([at_middle(setup, p, uv) for p, uv in zip(places[::-1], seen[::-1], strict=True)])
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
     poses = [p.camera_from_world for p in places[::-1]]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])

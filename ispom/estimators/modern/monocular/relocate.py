@@ -11,7 +11,7 @@ from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.first_map import anchored_prior
 from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
 from ispom.estimators.modern.monocular.map import Map
-from ispom.estimators.modern.monocular.recognise import Recognised, recognised
+from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.tracks import Followed
@@ -30,7 +30,9 @@ def relocated(
     (last_ns, last), grey = state.recent[-1], state.live.grey
     if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
         return state, world, None
-    before = (state.places.at(last_ns) or Place.of(last_ns, last.inverse(), (grey,), None)).described()
+    moving = (state.live.uv, state.live.speed) if setup.camera.line_delay_s else None
+    newest = replace(Place.of(last_ns, last.inverse(), (grey,), None), moving=moving)
+    before = (state.places.at(last_ns) or newest).described()
     now = sift.detect_and_describe(new.grey, FEATURES)
     places, found = recognised(setup, state.places, world.extra, new, now, before, state.missed)
     state = replace(state, places=places)
@@ -78,7 +80,7 @@ def joined(
     if not {p.time_ns for p, _ in found.views} & {k.time_ns for k in world.keys}:
         state = replace(state, settled=state.settled.extended(world.trajectory()))
         world = _from_places(world, found)
-    seen = {p.time_ns: uv for p, uv in found.views}
+    seen = {p.time_ns: at_middle(setup, p, uv) for p, uv in found.views}
     keys = tuple(_seeing(setup, k, ids, seen[k.time_ns]) if k.time_ns in seen else k for k in world.keys)
     world = replace(world, keys=keys, points=world.points.merged(ScenePoints(ids, found.xyz)))
     _, before = found.views[-1]

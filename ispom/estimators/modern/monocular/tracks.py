@@ -204,11 +204,17 @@ def as_tracks(
 
 def speed_where(followed: Followed, fresh: NDArray[np.float32]) -> NDArray[np.float32]:
     """(M, 2) [px/s] of fresh points at (M, 2): that of the nearest track."""
-    alive = np.flatnonzero(followed.status == TrackStatus.ALIVE)
-    if not len(alive) or not followed.speed.any():
-        return np.zeros((len(fresh), 2), np.float32)
-    nearest = ((fresh[:, None] - followed.uv[alive][None]) ** 2).sum(axis=2).argmin(axis=1)
-    return followed.speed[alive][nearest]
+    alive = followed.status == TrackStatus.ALIVE
+    return nearest_speed(followed.uv[alive], followed.speed[alive], fresh)
+
+
+def nearest_speed(
+    tracks_uv: NDArray[np.float32], speed: NDArray[np.float32], uv: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(M, 2) [px/s] at (M, 2) [px]: that (N, 2) of the nearest of the tracks at (N, 2)."""
+    if not speed.any():
+        return np.zeros((len(uv), 2), np.float32)
+    return speed[((uv[:, None] - tracks_uv[None]) ** 2).sum(axis=2).argmin(axis=1)]
 
 
 def next_live_tracks(
