@@ -8,6 +8,7 @@ import numpy as np
 
 from ispom.estimators.modern.monocular.map import Map
 from ispom.geometry import Array, Pose
+from ispom.numerics.twist import twist_of
 
 COASTING_S = 2.0
 """Time constant [s] with which an unobserved velocity fades: a vehicle's speed changes on that scale."""
@@ -23,7 +24,7 @@ def coasted(recent: tuple[tuple[int, Pose], ...], time_ns: int) -> Pose:
     if before_ns == last_ns:
         return last
     share = COASTING_S * -np.expm1(-(time_ns - last_ns) * 1e-9 / COASTING_S) / ((last_ns - before_ns) * 1e-9)
-    return last @ Pose.exp((before.inverse() @ last).log() * share)
+    return last @ Pose.exp(twist_of(before.inverse() @ last) * share)
 
 
 def coasted_covariance(covariance: Array, before_from_now: Pose) -> Array:
