@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ispom.estimator import Estimator
+from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.recognise import FEWEST, depth_confirmed
@@ -119,6 +120,28 @@ def test_a_frame_after_a_gap_is_located_in_the_unit_of_before(flight: Sequence, 
     steps, error_m = video(flight, exposures, [*range(36), *range(66, 72)])
     assert {s.status for s in steps[36:]} == {Status.TRACKING} and not any(s.restarted for s in steps)
     assert error_m[36:].max() < 0.05, "of 1.4 m"
+
+
+def test_the_last_frame_before_a_gap_becomes_a_key_frame(flight: Sequence, exposures: list[Exposure]) -> None:
+    """Tracks without a place get one by it, the poses stay; where no frame is missing nothing changes."""
+    frames = [e for e in exposures if isinstance(e, VideoFrame)]
+    estimator = ModernMonocularConfig().build(flight.rig)
+    state = estimator.start()
+    for frame in frames[:36]:
+        state, _ = estimator.step(state, frame)
+    setup, world, last_ns = estimator._setup, state.map, frames[35].time_ns
+    assert world is not None and world.keys[-1].time_ns < last_ns
+    for i in (36, 37):
+        assert remembered(setup, state, frames[i].time_ns) is state
+    after = remembered(setup, state, frames[38].time_ns)
+    assert after.map is not None and after.map.keys[-1].time_ns == last_ns
+    assert after.places.kept[-1].time_ns == last_ns
+    assert remembered(setup, after, frames[38].time_ns) is after
+    before, now = (np.isfinite(m.known(state.live.ids)[:, 0]).sum() for m in (world, after.map))
+    assert now > before + 20
+    was, stays = estimator.finish(state), estimator.finish(after)
+    assert was.times_ns.tolist() == stays.times_ns.tolist()
+    np.testing.assert_allclose(stays.translations, was.translations, rtol=0, atol=1e-12)
 
 
 def test_a_frame_that_keeps_few_of_its_tracks_is_located_by_descriptors_as_well(

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens
+from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.begin import begin
 from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
 from ispom.estimators.modern.monocular.covariance import LOSS
@@ -86,6 +87,7 @@ class ModernMonocular:
         exposure = self._size.reduced(exposure)
         assert isinstance(exposure, VideoFrame)
         setup, watch, before = self._setup, Stopwatch(), state
+        state = remembered(setup, state, exposure.time_ns)
         new = _followed(setup, state, exposure.time_ns, as_grey(exposure.image))
         for sight in seen_anew(setup.camera, state.live, new.followed):
             state = state.placed_anew(*sight)

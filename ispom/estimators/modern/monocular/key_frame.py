@@ -64,20 +64,35 @@ class Extended:
     decisions: tuple[Decision, ...]
 
 
-def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
-    """New points where the parallax suffices, and windowed bundle adjustment."""
-    known, sigma, f = world.points.ids, setup.sigma, setup.camera.fx
-    world = replace(world, keys=(*world.keys, frame))
+@dataclass(frozen=True, eq=False)
+class WithKeyFrame:
+    """The map with one more key frame, not yet adjusted."""
+
+    map: Map
+    moving: NDArray[np.int64]
+    """Tracks without a point that are no images of a still one."""
+
+
+def with_key_frame(setup: Setup, world: Map, frame: TrackedFrame) -> WithKeyFrame:
+    """New points where the parallax suffices; poses and points that were there stay."""
+    sigma, world = setup.sigma, replace(world, keys=(*world.keys, frame))
     open_ids = frame.ids[~np.isfinite(world.known(frame.ids)[:, 0])]
     new = intersected(world, open_ids, sigma)
     wide = (new.parallax_rad > setup.point_parallax_rad) & (new.significance > MIN_SIGNIFICANCE)
     good = wide & (new.depth > 0) & (new.worst < INLIER * sigma)
     points = world.points.merged(ScenePoints(open_ids[good], new.xyz_in_world[good]))
-    world, bundle, before = adjusted(replace(world, points=points), sigma, ITERATIONS)
-    world = replace(world, noise=world.noise.after(bundle, sigma))
     moving = (wide | (new.depth <= 0)) & (new.worst > MOVING * sigma)
+    return WithKeyFrame(replace(world, points=points), open_ids[moving])
+
+
+def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
+    """New points where the parallax suffices, and windowed bundle adjustment."""
+    known, sigma, f = world.points.ids, setup.sigma, setup.camera.fx
+    grown = with_key_frame(setup, world, frame)
+    world, bundle, before = adjusted(grown.map, sigma, ITERATIONS)
+    world = replace(world, noise=world.noise.after(bundle, sigma))
     outliers = np.setdiff1d(before.ids, world.points.ids)
-    dropped = np.concatenate([open_ids[moving], outliers])
+    dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     went = (
