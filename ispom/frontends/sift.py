@@ -62,6 +62,13 @@ def match_near(a: Features, b: Features, expected: Array, distance_px: float, al
 
     Each of `b` once. Similarity is the product of the descriptors, at least `alike`. NaN is expected nowhere.
     """
+    return each_once(*all_near(a, b, expected, distance_px, alike))
+
+
+def all_near(
+    a: Features, b: Features, expected: Array, distance_px: float, alike: float
+) -> tuple[NDArray[np.int64], Array]:
+    """The same with some of `b` several times: index pairs (M, 2), and their similarity (M,)."""
     pairs, best = np.zeros((0, 2), np.int64), np.zeros(0)
     for start in range(0, len(a), ROWS_AT_ONCE):
         rows = slice(start, start + ROWS_AT_ONCE)
@@ -73,7 +80,12 @@ def match_near(a: Features, b: Features, expected: Array, distance_px: float, al
         good = score > alike
         pairs = np.concatenate([pairs, np.stack([start + np.flatnonzero(good), nearest[good]], axis=1)])
         best = np.concatenate([best, score[good]])
-    order = np.argsort(-best, kind="stable")
+    return pairs, best
+
+
+def each_once(pairs: NDArray[np.int64], similarity: Array) -> NDArray[np.int64]:
+    """Of index pairs (M, 2) the most similar one of each second index."""
+    order = np.argsort(-similarity, kind="stable")
     _, first = np.unique(pairs[order, 1], return_index=True)
     return pairs[np.sort(order[first])]
 

@@ -14,6 +14,9 @@ from ispom.solvers.multiview.inverse_depth import intersect
 
 OTHERS = 3
 """Nodes before, and after, from which a sight is met: three quarters of its depth away at most."""
+AROUND = 2
+"""Nodes before a place, and after it, with which it is compared: of what one camera sees from one node a third has a
+depth, and of that a tenth is recognised where the view is turned by 25 degrees: 8 points by themselves, 17 together."""
 MAX_OFF, INLIER = 2.0, 4.0
 """Deviations of a feature: from an epipolar line, and from the point where rays meet."""
 MIN_SIGNIFICANCE = 3.0
@@ -46,6 +49,25 @@ def _before(nodes: tuple[Node, ...]) -> list[Node]:
         last = replace(parent, odometry=last.odometry @ step_between(parent, last)[0].pose.inverse())
         found.append(last)
     return found
+
+
+def surroundings(nodes: tuple[Node, ...], place: Node) -> Sight:
+    """What a place shows and the AROUND nodes before and after it do, all that has a depth, in the place's camera."""
+    at = next(i for i, n in enumerate(nodes) if n.time_ns == place.time_ns)
+    others, last = _before(nodes[: at + 1])[:AROUND], place
+    for node in nodes[at + 1 : at + 1 + AROUND]:
+        if not node.seen or node.parent_ns != last.time_ns:
+            break
+        last = replace(node, odometry=last.odometry @ step_between(last, node)[0].pose)
+        others.append(last)
+    shown = [n.sight.with_depth() for n in (place, *others)]
+    ways = [place.odometry.inverse() @ n.odometry for n in (place, *others)]
+    return replace(
+        place.sight,
+        x=np.concatenate([s.x for s in shown]),
+        descriptors=np.concatenate([s.descriptors for s in shown]),
+        xyz=np.concatenate([w.apply(s.xyz.astype(float)) for w, s in zip(ways, shown, strict=True)]).astype(np.float32),
+    )
 
 
 def _met(eye: Eye, node: Node, others: list[Node]) -> Sight:

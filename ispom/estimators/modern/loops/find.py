@@ -6,6 +6,7 @@ import numpy as np
 
 from ispom.estimators.modern.loops.nodes import Loop, Node, step_between
 from ispom.geometry import Similarity, rotation_angle_rad
+from ispom.solvers.pose_graph import FREEDOM, Edge, joined, reversed_edge
 
 PAIR_DRIFT, SINGLE_DRIFT = 0.02, 0.06
 """Error of odometry, as a share of the way, that is always possible: three times that of a pair and of one camera on
@@ -28,6 +29,11 @@ MAJORITY = 2 / 3
 """Of the views that tell of a loop: where more tell of others, houses look alike."""
 AGREEING_DEPTHS, AGREEING_DEG, AGREEING_SCALE = 0.1, 2.0, 0.1
 """By how much what they tell of the last pose may differ, beside what odometry drifts between them."""
+
+MOST_UNLIKELY = 14.07
+"""The squared deviations of that difference, by what both views and the odometry between them claim: 95 % of seven
+degrees of freedom. Of 600 pairs of true views none had more than 9.6; of four that were 0.4-0.9 m off, by 26 to 64
+points, up to 41."""
 
 
 def candidates(nodes: tuple[Node, ...], node: Node, drift: float) -> tuple[int, ...]:
@@ -79,6 +85,25 @@ def agreeing(nodes: tuple[Node, ...], proposed: tuple[Loop, ...], loop: Loop, dr
             np.linalg.norm(off.pose.translation) <= near
             and turned <= AGREEING_DEG
             and abs(np.log(off.scale)) <= AGREEING_SCALE
+            and _unlikely(at, one, loop) <= MOST_UNLIKELY
         ):
             found.append(one)
     return tuple(found)
+
+
+def _unlikely(at: dict[int, Node], one: Loop, loop: Loop) -> float:
+    """Squared deviations of what one loop tells from what the other does; 0 of itself."""
+    if one is loop:
+        return 0.0
+    here, there = _odometry(at[loop.first_ns], at[one.first_ns]), _odometry(at[one.then_ns], at[loop.then_ns])
+    told = joined(joined(here, Edge(0, 0, one.first_from_then, one.covariance)), there)
+    off = told.first_from_then.inverse() @ loop.first_from_then
+    error = np.concatenate([off.pose.translation, off.pose.rotvec, [np.log(off.scale)]])
+    return float(error @ np.linalg.solve(told.covariance + loop.covariance, error))
+
+
+def _odometry(a: Node, b: Node) -> Edge:
+    """a_from_b."""
+    if a is b:
+        return Edge(0, 0, Similarity(), np.zeros((FREEDOM, FREEDOM)))
+    return Edge(0, 0, *step_between(a, b)) if a.time_ns < b.time_ns else reversed_edge(_odometry(b, a))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispom.estimators.modern.loops.checks import LOOP_POINTS, LOOP_SHIFT, LOOP_VIEWS
-from ispom.estimators.modern.loops.depths import with_depths
+from ispom.estimators.modern.loops.depths import surroundings, with_depths
 from ispom.estimators.modern.loops.find import (
     MAJORITY,
     PAIR_DRIFT,
@@ -35,13 +35,14 @@ from ispom.estimators.modern.loops.nodes import (
     with_poses,
 )
 from ispom.estimators.modern.loops.sight import Eye, Sight
-from ispom.estimators.modern.loops.verify import FEWEST, way_between
+from ispom.estimators.modern.loops.verify import FEWEST, Way, way_between
 from ispom.geometry import Array, Pose, Similarity, rotation_angle_rad
 from ispom.solvers.pose_graph import carried, spread
 from ispom.types import Decision
 
 AT_A_TIME = 6
-"""Places compared in an exposure, at 1-4 ms each; most nodes are followed by the next one after two exposures."""
+"""Places compared in an exposure, at 1-4 ms each, or 6-12 ms with what lies around them; most nodes are followed by the
+next one after two exposures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
         return loops, ()
     then = loops.nodes[-1]
     places = [node_at(loops.nodes, t) for t in loops.waiting[:AT_A_TIME]]
-    ways = [(p, way) for p in places if (way := way_between(eye, p.sight, then.sight)) is not None]
+    ways = _ways(eye, loops.nodes, places, then)
     loops = replace(loops, waiting=loops.waiting[AT_A_TIME:])
     found = [(p, way) for p, way in ways if possible(p, then, way.first_from_then, drift)]
     points = LOOP_POINTS.of(max((way.count for _, way in found or ways), default=0), FEWEST)
@@ -122,6 +123,18 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
     if not views.passed:
         return loops, (points, views)
     return _closed(loops, same, drift, bool(eye.baseline), poses, (points, views))
+
+
+def _ways(eye: Eye, nodes: tuple[Node, ...], places: list[Node], then: Node) -> list[tuple[Node, Way]]:
+    """To those places that a node shows again: of a pair by all that they show, of one camera, which knows the depth of
+    a third of it, also by what is seen around them."""
+    found = list[tuple[Node, Way]]()
+    for place in places:
+        shown = place.sight if eye.baseline else surroundings(nodes, place)
+        way = way_between(eye, shown, then.sight, together=not eye.baseline)
+        if way is not None:
+            found.append((place, way))
+    return found
 
 
 def _with_key(loops: Loops, eye: Eye, key: KeyFrameSeen, drift: float) -> Loops:

@@ -21,6 +21,9 @@ most features fail it."""
 FEWEST = 25
 """Points that agree: of 735 pairs of sights of unlike places in three towns one had 16, and one 61, of two facades that
 are alike. That odometry can have come back there, and that views agree, is asked besides (find.py)."""
+MATCHED, MATCHED_TOGETHER = 12, 15
+"""Of them, those that are found by their descriptors alone; the second of what several key frames show together, where
+chance has more to match: of 1750 pairs of unlike places one had 13, one 12, three 11."""
 INLIER = 4.0
 """Deviations of a feature's place within which it agrees with a pose."""
 FEWEST_SCALES = 12
@@ -42,23 +45,26 @@ class Way:
     """Points that agree."""
 
 
-def way_between(eye: Eye, first: Sight, then: Sight) -> Way | None:
-    """The relative pose, where both show one place."""
+def way_between(eye: Eye, first: Sight, then: Sight, together: bool = False) -> Way | None:
+    """The relative pose, where both show one place; `together`: the first one is what several key frames show."""
     known = first.with_depth()
     before, now, xyz = known.features(eye.fx), then.features(eye.fx), known.xyz.astype(float)
-    limit = INLIER * eye.sigma
+    limit, least = INLIER * eye.sigma, MATCHED_TOGETHER if together else MATCHED
     pairs = sift.match(before, now, MAX_RATIO)
     found = resect(xyz[pairs[:, 0]], then.x[pairs[:, 1]].astype(float), limit)
-    if found is None or _good(found.inliers, xyz[pairs[:, 0]], found.camera_from_world).sum() < FEWEST // 2:
+    if found is None or _good(found.inliers, xyz[pairs[:, 0]], found.camera_from_world).sum() < least:
         return None
     expected = eye.in_sight(found.camera_from_world.apply(xyz))
-    pairs = sift.match_near(before, now, eye.fx * expected, eye.fx * limit, MIN_ALIKE)
+    near, alike = sift.all_near(before, now, eye.fx * expected, eye.fx * limit, MIN_ALIKE)
+    pairs = sift.each_once(near, alike)
     points, x = xyz[pairs[:, 0]], then.x[pairs[:, 1]].astype(float)
     found = refine_pose(points, x, found.camera_from_world, limit)
     if found is None:
         return None
     good = _good(found.inliers, points, found.camera_from_world)
-    if good.sum() < FEWEST or not confirmed(good, expected, FEWEST):
+    # What several show of one point is expected, and found, as often as they show it.
+    again = np.ones(len(near), bool) if together else good
+    if good.sum() < FEWEST or not confirmed(again, expected, FEWEST):
         return None
     return _measured(eye, first, points[good], x[good], then.xyz[pairs[good, 1]].astype(float), found.camera_from_world)
 
