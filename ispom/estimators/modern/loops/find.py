@@ -27,8 +27,9 @@ WITHIN = 12
 """Of the last so many nodes."""
 MAJORITY = 2 / 3
 """Of the views that tell of a loop: where more tell of others, houses look alike."""
-AGREEING_DEPTHS, AGREEING_DEG, AGREEING_SCALE = 0.1, 2.0, 0.1
-"""By how much what they tell of the last pose may differ, beside what odometry drifts between them."""
+AGREEING_DEPTHS, AGREEING_DEG = 0.1, 2.0
+"""By how much what they tell of the last pose may differ, beside what odometry drifts between them; of the unit, which
+some views know to 1 % and others to 10 %, by what they claim."""
 
 MOST_UNLIKELY = 14.07
 """The squared deviations of that difference, by what both views and the odometry between them claim: 95 % of seven
@@ -84,7 +85,6 @@ def agreeing(nodes: tuple[Node, ...], proposed: tuple[Loop, ...], loop: Loop, dr
         if (
             np.linalg.norm(off.pose.translation) <= near
             and turned <= AGREEING_DEG
-            and abs(np.log(off.scale)) <= AGREEING_SCALE
             and _unlikely(at, one, loop) <= MOST_UNLIKELY
         ):
             found.append(one)
