@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.scatter import Curvature
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import moved
+from ispom.solvers.motion_only import fit_pose
 from ispom.solvers.window.adjustment import Equations, Window, adjust, covariance, marginalise, total_cost
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 from tests.estimators.modern.test_noise import VIEWS, flown
@@ -111,10 +114,46 @@ def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
             true = replace(true, seen=exact.seen + worse * (true.seen - exact.seen))
         done = adjust(true, scale, 30, 1e-8).window
         off, at = twists(done, true)[-1], slice(-POSE - LENS, -LENS)
-        root = Curvature.of(done, scale).spread(scale, 1.0)[at]
+        root = Curvature.of(done, scale).spread(scale, 1.0).root[at]
         nees.append(off @ np.linalg.solve(root @ root.T, off))
     low, high = band(6, len(nees), 0.999)
     assert low < np.mean(nees) < high
+
+
+@pytest.mark.parametrize("kind", ["alike", "walk"])
+def test_the_covariance_of_a_frame_located_in_the_map_is_that_of_its_errors(kind: str) -> None:
+    """Also where what is wrong with a track in the map's last view is wrong with it in the frame, too."""
+    nees, newest = [], VIEWS - 1
+    for seed in range(40):
+        true = made(seed, *((0.0, ERROR) if kind == "walk" else (ERROR, 0.0)))
+        lasting = np.isin(np.arange(len(true.points)), true.owners[true.cameras < newest])
+        seen = (true.cameras == newest) & lasting[true.owners]
+        window = without_newest(true, lasting)
+        done = adjust(window, SCALE, 30, 1e-8).window
+        ids = np.arange(len(done.points))
+        owners = (np.cumsum(lasting) - 1)[true.owners[seen]]
+        pose, xyz, x = Pose(true.rotations[-1], true.translations[-1]), done.points[owners], true.seen[seen, :2]
+        motion = fit_pose(xyz, x, pose, 2 * SCALE, 4 * SCALE)
+        assert motion is not None
+        covariance = MapUncertainty.of(done, ids, SCALE, 1.0).of_pose(owners, xyz, x, motion, 2 * SCALE)
+        off = (pose @ motion.camera_from_world.inverse()).log()
+        nees.append(off @ np.linalg.solve(covariance, off))
+    low, high = band(6, len(nees), 0.999)
+    assert low < np.mean(nees) < high
+
+
+def without_newest(whole: Window, lasting: NDArray[np.bool_]) -> Window:
+    """Without the newest pose, and with the `lasting` (M,) points alone."""
+    kept = (whole.cameras < len(whole.rotations) - 1) & lasting[whole.owners]
+    return replace(
+        whole,
+        rotations=whole.rotations[:-1],
+        translations=whole.translations[:-1],
+        points=whole.points[lasting],
+        cameras=whole.cameras[kept],
+        owners=(np.cumsum(lasting) - 1)[whole.owners[kept]],
+        seen=whole.seen[kept],
+    )
 
 
 @pytest.mark.parametrize(("scale", "gross"), [(100 * ERROR, False), (SCALE, True)])

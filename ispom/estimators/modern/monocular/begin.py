@@ -55,7 +55,7 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     world = begun_by_motions(setup, found.map, (*start.sights, last))
     problem = bundle_problem(world)
     noise = world.noise.after(adjust(problem.window, setup.sigma, iterations=0), setup.sigma)
-    uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma, noise, setup.noise)
+    uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma, noise.shared)
     return replace(
         outcome,
         status=Status.TRACKING,

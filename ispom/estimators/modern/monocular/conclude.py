@@ -134,8 +134,8 @@ def _calibration(setup: Setup, after: ModernMonocularState) -> dict[str, Array]:
     if after.map is None:
         return {}
     found = {"lens": after.map.extra, "noise": after.map.noise.as_calibration(setup.noise)}
-    if after.uncertainty is not None and after.uncertainty.extra.any():
-        found["lens_covariance"] = after.uncertainty.extra @ after.uncertainty.extra.T
+    if after.uncertainty is not None and after.uncertainty.lens.any():
+        found["lens_covariance"] = after.uncertainty.lens
     return found
 
 

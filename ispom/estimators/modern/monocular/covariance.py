@@ -2,6 +2,11 @@
 
 All to first order, by how the cost of the window curves and how far its gradient scatters (`scatter`), in the gauge
 that the map holds: the pose of its first frame is the world, the distance to the last frame of its start the unit.
+
+A frame that is located in the map is one more view of the same tracks. What is wrong with a track there mostly was so
+in the last key frame, too, and has moved the map the same way: so each track says all that it has to say, by way of the
+map and in the frame, before its square is taken. By the two apart, poses ahead of a young map were taken for sure by a
+quarter too much.
 """
 
 from __future__ import annotations
@@ -11,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.scatter import Curvature
-from ispom.estimators.modern.noise import TrackNoise
+from ispom.estimators.modern.monocular.scatter import LEAST_SHARE, Curvature, Spread
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
@@ -29,12 +33,12 @@ class MapUncertainty:
 
     ids: NDArray[np.int64]
     """(M,) ascending, of the points that the last key frame sees."""
-    conditional: Array
-    """(M, 3, 3) covariance of each point where poses and camera are given."""
-    sensitivity: Array
-    """(M, 3, D) how each point moves with D independent unit errors of poses and camera."""
-    extra: Array
-    """(2, D) how the camera's correction does."""
+    by_poses: Array
+    """(M, 3, D) how each point moves with poses and camera."""
+    spread: Spread
+    """Of these; `pulls` (M, D) are those of the tracks of the points."""
+    shared: float
+    """Tracks pull together so many times as much as each by itself."""
     pose: Array
     """(6, 6) covariance of the last key frame's pose, twist on the right of world_from_camera."""
     scale_sigma: float
@@ -43,52 +47,63 @@ class MapUncertainty:
     """The same against the step before; `scale_sigma` where there is none."""
 
     @staticmethod
-    def of(window: Window, ids: NDArray[np.int64], sigma: float, noise: TrackNoise, setting: float) -> MapUncertainty:
-        """Of a window with points `ids` (M,); `sigma`: width of the loss, `setting`: error of a track before any data;
-        normalised."""
+    def of(window: Window, ids: NDArray[np.int64], sigma: float, shared: float) -> MapUncertainty:
+        """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
         curved = Curvature.of(window, sigma)
-        root = curved.spread(sigma, noise.shared)
-        all_poses = root @ root.T
-        conditional, mixed = curved.found.conditional[young], curved.found.mixed[young]
-        sensitivity = -(conditional @ mixed).reshape(-1, mixed.shape[2]) @ root
+        spread = curved.spread(sigma, shared)
+        all_poses = spread.root @ spread.root.T
         last = slice(POSE * (c - 1), POSE * c)
         return MapUncertainty(
             ids[young],
-            conditional * noise.variance(setting) / sigma**2,
-            sensitivity.reshape(mixed.shape),
-            root[-LENS:],
+            -(curved.found.conditional[young] @ curved.found.mixed[young]),
+            Spread(spread.root, spread.pulls[young]),
+            shared,
             all_poses[last, last],
             *_of_steps(window, all_poses),
         )
 
-    def of_pose(self, ids: NDArray[np.int64], xyz: Array, motion: PoseFit, noise: float) -> Array:
-        """(6, 6) covariance of a pose located by points (N,), at (N, 3), with errors `noise`; twist on the right.
+    @property
+    def lens(self) -> Array:
+        """(2, 2) covariance of the camera's correction."""
+        root = self.spread.root[-LENS:]
+        return root @ root.T
 
-        That of the last key frame, which it is no less, where none of the points was seen there.
+    def of_pose(self, ids: NDArray[np.int64], xyz: Array, seen: Array, motion: PoseFit, scale: float) -> Array:
+        """(6, 6) covariance of a pose located by points (N,), at (N, 3), seen at (N, 2); twist on the right.
+
+        `scale`: width of the loss by which it was located, normalised. That of the last key frame, which it is no less,
+        where none of the points was seen there.
         """
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         use = motion.inliers & (self.ids[place] == ids)
         if not use.any():
             return self.pose
-        place, in_camera = place[use], motion.camera_from_world.apply(xyz[use])
+        place, in_camera, n = place[use], motion.camera_from_world.apply(xyz[use]), int(use.sum())
         by_place, by_pose, by_extra = _derivatives(in_camera)
-        n = len(place)
-        design = by_pose.reshape(2 * n, POSE)
-        own = _inverse(design.T @ design)
-        gain = np.swapaxes(by_pose, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
-        shared = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.sensitivity[place].reshape(3 * n, -1)
-        shared += design.T @ by_extra.reshape(2 * n, LENS) @ self.extra
-        alone = (gain @ self.conditional[place] @ np.swapaxes(gain, 1, 2)).sum(axis=0)
-        return own * noise**2 + own @ (alone + shared @ shared.T) @ own
+        errors = in_camera[:, :2] / in_camera[:, 2:] - seen[use]
+        weighted = by_pose / (1 + (errors**2).sum(axis=1) / scale**2)[:, None, None]
+        design, slopes = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
+        own = _inverse(by_pose.reshape(2 * n, POSE).T @ design, 2 / scale**2 * slopes.T @ slopes)
+        gain = np.swapaxes(weighted, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
+        follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[place].reshape(3 * n, -1)
+        follow[:, -LENS:] += design.T @ by_extra.reshape(2 * n, LENS)
+        # Six of the errors' degrees of freedom went into the pose.
+        slopes /= np.sqrt(max(1 - POSE / (2 * n), LEAST_SHARE))
+        both, of_map = slopes.T @ self.spread.pulls[place] @ follow.T, follow @ self.spread.root
+        return own @ (of_map @ of_map.T + self.shared * (slopes.T @ slopes + both + both.T)) @ own
 
 
-def _inverse(information: Array) -> Array:
-    """Of a symmetric matrix that has no negative eigenvalues, but for directions in which it is 0."""
-    values, vectors = np.linalg.eigh(information)
+def _inverse(held: Array, bent: Array) -> Array:
+    """Of the second derivatives held - bent; a direction keeps at least LEAST_SHARE of `held`, which has no negative
+    eigenvalues, and none where that is 0."""
+    values, vectors = np.linalg.eigh(held)
     known = values > 1e-15 * values[-1]
-    return vectors[:, known] / values[known] @ vectors[:, known].T
+    root = vectors[:, known] / np.sqrt(values[known])
+    share, turn = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ bent @ root)
+    found = root @ turn
+    return found / np.maximum(share, LEAST_SHARE) @ found.T
 
 
 def _derivatives(in_camera: Array) -> tuple[Array, Array, Array]:

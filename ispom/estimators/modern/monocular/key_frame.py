@@ -101,7 +101,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
         checks.OUTLIERS.of(len(outliers), len(before.ids)),
         checks.NOISE.of(f * world.noise.sigma(setup.noise), setup.noise_px, *world.noise.told(f)),
     )
-    uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma, world.noise, setup.noise)
+    uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma, world.noise.shared)
     scale, drift = _scale(world, known, sigma, uncertainty)
     return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(world)))
 

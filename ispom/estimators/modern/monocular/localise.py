@@ -29,6 +29,8 @@ from ispom.solvers.multiview.resection import resect
 from ispom.solvers.multiview.rotation import rotate
 from ispom.types import TrackStatus
 
+WIDTH = INLIER / 2
+"""Of the loss by which a frame is located, over the map's."""
 MIN_LOCATED = 15
 """Fewer points that agree with a pose are a loss: a pose has 6 unknowns, and with two equations a point so many leave
 it determined four times over where a third of them is wrong alike."""
@@ -49,6 +51,8 @@ class Localisation:
     """(N,) ascending, of the points seen."""
     xyz: Array
     """(N, 3)."""
+    seen: Array
+    """(N, 2) where, normalised and corrected."""
 
     @property
     def count(self) -> int:
@@ -78,15 +82,15 @@ def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed
         followed, compared = set_right(setup, live, world, new, followed, motion.camera_from_world.inverse())
         return replace(located_by(setup, live, world, followed, motion.camera_from_world.inverse()), compared=compared)
     ids, xyz, x = _seen(setup, live, world, followed)
-    return Localisation(followed, compared, None, ids, xyz)
+    return Localisation(followed, compared, None, ids, xyz, x)
 
 
 def located_by(setup: Setup, live: LiveTracks, world: Map, followed: Followed, world_from_guess: Pose) -> Localisation:
     """The pose that these tracks give, from a good guess."""
     ids, xyz, x = _seen(setup, live, world, followed)
     limit = INLIER * setup.sigma
-    motion = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), limit / 2, limit)
-    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz)
+    motion = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit)
+    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x)
 
 
 def pose_of(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:

@@ -25,6 +25,16 @@ LEAST_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
+class Spread:
+    """How far poses and corrections are off."""
+
+    root: Array
+    """(D, D) how they move with D independent unit errors: times itself transposed it is their covariance."""
+    pulls: Array
+    """(M, D) how each track moves them, with all its errors."""
+
+
+@dataclass(frozen=True, eq=False)
 class Curvature:
     """Derivatives of the cost of a window's observations, D = 6 C + 2: by left twists of poses, and by corrections."""
 
@@ -43,14 +53,15 @@ class Curvature:
         """With that of the window's prior; tracks pull together `shared` times as much as each by itself."""
         return self._with_prior(self.found.scores, shared)
 
-    def spread(self, sigma: float, shared: float) -> Array:
-        """(D, D) how poses and corrections move with D independent unit errors: times itself transposed it is their
-        covariance."""
+    def spread(self, sigma: float, shared: float) -> Spread:
+        """With the window's prior; tracks pull together `shared` times as much as each by itself."""
         root, middle = self._factors(sigma)
-        scatter = self._with_prior(self.left_out(root.T @ middle @ root), shared).scatter
+        inverse = root.T @ middle @ root
+        scores = self.left_out(inverse)
+        scatter = self._with_prior(scores, shared).scatter
         # By the normal equations: beside what is held, 1e12 times as sure, the digits of all else would be lost.
         values, vectors = np.linalg.eigh(root @ scatter @ root.T)
-        return root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        return Spread(root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0))), -scores @ inverse)
 
     def inverse(self, sigma: float) -> Array:
         """(D, D) of the second derivatives, those of the window's prior included."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
-from ispom.estimators.modern.monocular.localise import MIN_LOCATED, SURE, Localisation, localise, moving_tracks
+from ispom.estimators.modern.monocular.localise import MIN_LOCATED, SURE, WIDTH, Localisation, localise, moving_tracks
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
 from ispom.estimators.modern.monocular.recognise import FEWEST
@@ -73,9 +73,7 @@ def track_map(
     )
     # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
     if again is None and not any(test.passed for test in tests):
-        covariance = state.uncertainty.of_pose(
-            found.ids, found.xyz, found.motion, float(np.sqrt(world.noise.variance(setup.noise)))
-        )
+        covariance = state.uncertainty.of_pose(found.ids, found.xyz, found.seen, found.motion, WIDTH * setup.sigma)
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
         watch.lap("locate")
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)
