@@ -64,6 +64,7 @@ class Place:
         images: tuple[Image, ...],
         covariance: Array | None,
         rate: Array | None = None,
+        moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
     ) -> Place:
         """With the images reduced where they are large."""
         height, width = images[0].shape
@@ -72,7 +73,7 @@ class Place:
             size = (round(width * reduction), round(height * reduction))
             # At every key frame, so it must be quick; by less than half, hence without much aliasing.
             images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_LINEAR), np.uint8) for i in images)
-        return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, rate)
+        return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, rate, moving)
 
     def reduced(self, uv: Array) -> Array:
         """Pixels (N, 2) of the camera as those of the reduced images."""

@@ -8,7 +8,7 @@ from ispom.estimators.modern.monocular.key_frame import with_key_frame
 from ispom.estimators.modern.monocular.marginalise import shortened
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState
-from ispom.estimators.modern.monocular.tracks import unrolled
+from ispom.estimators.modern.monocular.tracks import moving, unrolled
 from ispom.estimators.modern.places import Place
 from ispom.estimators.tracked_frame import TrackedFrame
 
@@ -34,6 +34,6 @@ def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> Moder
     others = tuple(b for b in world.relative_frames if b.time_ns != last_ns)
     world = with_key_frame(setup, replace(world, relative_frames=others), frame).map
     world, settled = shortened(world, live.ids, setup.key_frames, setup.sigma)
-    moving = (live.uv, live.speed) if setup.camera.line_delay_s else None
-    place = replace(Place.of(last_ns, last.inverse(), (live.grey,), state.covariance), moving=moving)
+    moved = moving(setup.camera, live.uv, live.speed)
+    place = Place.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved)
     return replace(state, map=world, settled=state.settled.extended(settled), places=state.places.with_place(place))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
-from ispom.estimators.modern.monocular.tracks import as_tracks, next_live_tracks, speed_where
+from ispom.estimators.modern.monocular.tracks import as_tracks, moving, next_live_tracks, speed_where
 from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.buckets import detect_spread
@@ -67,12 +66,12 @@ def next_state(
         state.uncertainty if outcome.uncertainty is None else outcome.uncertainty,
         state.covariance if outcome.covariance is None else outcome.covariance,
         state.settled.extended(outcome.settled),
-        _places(state.places, outcome, new, setup.camera.line_delay_s != 0),
+        _places(setup, state.places, outcome, new),
         disagreeing=outcome.disagreeing,
     )
 
 
-def _places(places: Places, outcome: Outcome, new: NewImage, rolls: bool) -> Places:
+def _places(setup: Setup, places: Places, outcome: Outcome, new: NewImage) -> Places:
     """With what a key frame of the map saw, and the others' poses as they are now; none in a new segment."""
     world, pose = outcome.map, outcome.pose
     if outcome.restarted:
@@ -80,11 +79,11 @@ def _places(places: Places, outcome: Outcome, new: NewImage, rolls: bool) -> Pla
     if world is None or pose is None or not outcome.key_frame:
         return places
     known = {k.time_ns: p.inverse() for k, p in zip(world.keys, world.poses, strict=True)}
-    place = Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance)
     alive = outcome.followed.status == TrackStatus.ALIVE
-    if rolls:
-        place = replace(place, moving=(outcome.followed.uv[alive], outcome.followed.speed[alive]))
-    return places.revised(known).with_place(place)
+    moved = moving(setup.camera, outcome.followed.uv[alive], outcome.followed.speed[alive])
+    return places.revised(known).with_place(
+        Place.of(new.time_ns, pose.inverse(), (new.grey,), outcome.covariance, moving=moved)
+    )
 
 
 def as_step(

@@ -14,7 +14,7 @@ from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised
 from ispom.estimators.modern.monocular.setup import Setup
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
-from ispom.estimators.modern.monocular.tracks import Followed
+from ispom.estimators.modern.monocular.tracks import Followed, moving
 from ispom.estimators.modern.places import FEATURES, Place
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.frontends import sift
@@ -30,8 +30,8 @@ def relocated(
     (last_ns, last), grey = state.recent[-1], state.live.grey
     if not setup.relocalise or grey is None or not has_contrast(new.grey, grey):
         return state, world, None
-    moving = (state.live.uv, state.live.speed) if setup.camera.line_delay_s else None
-    newest = replace(Place.of(last_ns, last.inverse(), (grey,), None), moving=moving)
+    moved = moving(setup.camera, state.live.uv, state.live.speed)
+    newest = Place.of(last_ns, last.inverse(), (grey,), None, moving=moved)
     before = (state.places.at(last_ns) or newest).described()
     now = sift.detect_and_describe(new.grey, FEATURES)
     places, found = recognised(setup, state.places, world.extra, new, now, before, state.missed)

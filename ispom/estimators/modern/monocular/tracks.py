@@ -181,6 +181,13 @@ def projected(
     return np.where(ok[:, None], uv, otherwise).astype(np.float32)
 
 
+def moving(
+    camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+    """What a Place has to know of tracks (N, 2) [px] and their speeds [px/s]; None unless the shutter rolls."""
+    return (uv, speed) if camera.line_delay_s else None
+
+
 def tracked_frame(camera: Camera, live: LiveTracks, followed: Followed, time_ns: int) -> TrackedFrame:
     """The points alive in the new image."""
     alive = followed.status == TrackStatus.ALIVE
