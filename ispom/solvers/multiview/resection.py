@@ -56,7 +56,10 @@ def resect(
     if found is None or 2 * found.inliers.sum() < len(index):
         # OpenCV poses its inliers by EPnP, which of a plane may give the mirrored pose.
         some = np.asarray(index, np.int64).ravel()
-        solved, rvec, tvec = cv2.solvePnP(xyz[some], x[some], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+        try:
+            solved, rvec, tvec = cv2.solvePnP(xyz[some], x[some], np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+        except cv2.error:  # it refuses points that all but coincide
+            return found
         found = _refined(xyz, x, rvec, tvec, threshold, scale) if solved else found
     return found
 

@@ -81,3 +81,13 @@ def test_a_pose_is_found_by_more_than_the_points_that_lie_close_together() -> No
         assert found is not None
         worst = max(worst, float(np.linalg.norm(found.camera_from_world.inverse().translation - place)))
     assert worst < 0.6, "of 9 m, where the other samples end 2 m off once"
+
+
+@pytest.mark.parametrize("solve", [resect, resect_optimised])
+def test_points_that_all_but_coincide_give_no_error(solve: Solver) -> None:
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        xyz, x = np.array([0, 0, 2.0]) + 1e-5 * rng.normal(size=(12, 3)), rng.uniform(-0.05, 0.05, (12, 2))
+        for at in (xyz, np.broadcast_to(xyz[0], xyz.shape)):
+            found = solve(at, x, 0.05)
+            assert found is None or found.inliers.sum() >= 6
