@@ -14,6 +14,9 @@ from ispom.types import Camera, Image
 
 RADIUS_PX = 5
 """Half the side of a patch: 11 x 11 pixels."""
+SIDE, ROW, WIDE = 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 2, 2 * RADIUS_PX + 3
+"""Pixels of a patch along each side; of its rows in memory, the last of which counts nothing, so that a patch goes many
+pixels at a time from end to end; and with a border for its gradient."""
 
 
 def align(
@@ -25,9 +28,9 @@ def align(
     image there, -1..1; -1 where a patch reaches out of an image or has no texture.
     """
     return _align(
-        reference,
+        np.ascontiguousarray(reference),
         np.ascontiguousarray(reference_uv, np.float64),
-        image,
+        np.ascontiguousarray(image),
         np.array(uv, np.float64),
         np.ascontiguousarray(warps),
         iterations,
@@ -50,94 +53,117 @@ def warps_of(camera: Camera, rotations: Array, translations: Array, xyz_in_camer
 
 
 @part
-def _at(image, u, v):
-    x, y = int(u), int(v)
-    a, b = u - x, v - y
-    return (1 - b) * ((1 - a) * image[y, x] + a * image[y, x + 1]) + b * (
-        (1 - a) * image[y + 1, x] + a * image[y + 1, x + 1]
-    )
+def _reaches_out(k, uv, warps, shape):
+    """Whether the patch k of the reference, with a border for its gradient, does."""
+    reach = RADIUS_PX + 1
+    for cy in (-reach, reach):
+        for cx in (-reach, reach):
+            u = uv[k, 0] + warps[k, 0, 0] * cx + warps[k, 0, 1] * cy
+            v = uv[k, 1] + warps[k, 1, 0] * cx + warps[k, 1, 1] * cy
+            if not (0 <= u < shape[1] - 1 and 0 <= v < shape[0] - 1):
+                return True
+    return False
 
 
 @part
-def _sample(image, u, v, out):
-    """The patch of an image around a place within it, row after row."""
-    x, y, side = int(u) - RADIUS_PX, int(v) - RADIUS_PX, 2 * RADIUS_PX + 1
-    a, b = u - int(u), v - int(v)
-    w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
-    for i in range(side):
-        upper, lower = image[y + i, x : x + side + 1], image[y + i + 1, x : x + side + 1]
-        for j in range(side):
-            out[i * side + j] = w00 * upper[j] + w01 * upper[j + 1] + w10 * lower[j] + w11 * lower[j + 1]
+def _warp(k, pixels, columns, uv, warps, places, room, out):
+    """Fills the patch k of the reference with its border (WIDE^2); row after row, as the `pixels` of the image are."""
+    px, py, across, down, a, b = uv[k, 0], uv[k, 1], room[0], room[1], room[2], room[3]
+    xx, xy, yx, yy = warps[k, 0, 0], warps[k, 0, 1], warps[k, 1, 0], warps[k, 1, 1]
+    for i in range(len(out)):
+        u, v = px + xx * across[i] + xy * down[i], py + yx * across[i] + yy * down[i]
+        x, y = np.int32(u), np.int32(v)
+        a[i], b[i], places[i] = u - x, v - y, y * columns + x
+    for i in range(len(out)):  # by itself: only this cannot go many at a time
+        at = np.uintp(places[i])
+        below = at + np.uintp(columns)
+        room[4, i], room[5, i] = pixels[at], pixels[at + np.uintp(1)]
+        room[6, i], room[7, i] = pixels[below], pixels[below + np.uintp(1)]
+    for i in range(len(out)):
+        upper = (1 - a[i]) * room[4, i] + a[i] * room[5, i]
+        out[i] = (1 - b[i]) * upper + b[i] * ((1 - a[i]) * room[6, i] + a[i] * room[7, i])
+
+
+@part
+def _derive(wide, patch, gx, gy):
+    """Fills a patch and its gradient from the one with a border."""
+    for i in range(SIDE):
+        for j in range(SIDE):
+            at, to = (i + 1) * WIDE + j + 1, i * ROW + j
+            patch[to] = wide[at]
+            gx[to] = 0.5 * (wide[at + 1] - wide[at - 1])
+            gy[to] = 0.5 * (wide[at + WIDE] - wide[at - WIDE])
+
+
+@part
+def _copy(pixels, columns, x, y, out):
+    """The ROW x ROW pixels from column x and row y on."""
+    for i in range(ROW):
+        at = np.uintp((y + i) * columns + x)
+        for j in range(ROW):
+            out[i * ROW + j] = pixels[at + np.uintp(j)]
 
 
 @kernel(fastmath={"contract", "reassoc"})
 def _align(reference, reference_uv, image, uv, warps, iterations):
-    n, side = len(uv), 2 * RADIUS_PX + 1
+    n, area, last = len(uv), SIDE * SIDE, RADIUS_PX + 1
     score = np.full(n, -1.0)
-    wide, patch = np.empty((side + 2, side + 2)), np.empty((side, side))
-    gx, gy = np.empty((side, side)), np.empty((side, side))
-    area = side * side
-    now, flat, flat_x, flat_y = np.empty(area), patch.reshape(area), gx.reshape(area), gy.reshape(area)
+    places, room, wide, now = (
+        np.empty(WIDE * WIDE, np.int32),
+        np.empty((8, WIDE * WIDE)),
+        np.empty(WIDE * WIDE),
+        np.zeros(ROW * ROW + 1),
+    )
+    for i in range(WIDE * WIDE):
+        room[0, i], room[1, i] = i % WIDE - last, i // WIDE - last
+    patch, gx, gy, counts = np.zeros(SIDE * ROW), np.zeros(SIDE * ROW), np.zeros(SIDE * ROW), np.ones(SIDE * ROW)
+    counts[SIDE::ROW] = 0.0
+    origin, pixels = reference.reshape(reference.size), image.reshape(image.size)
     for k in range(n):
-        # The patch with a border, for its gradient.
-        inside = True
-        reach = RADIUS_PX + 1
-        for cy in (-reach, reach):
-            for cx in (-reach, reach):
-                u = reference_uv[k, 0] + warps[k, 0, 0] * cx + warps[k, 0, 1] * cy
-                v = reference_uv[k, 1] + warps[k, 1, 0] * cx + warps[k, 1, 1] * cy
-                if not (0 <= u < reference.shape[1] - 1 and 0 <= v < reference.shape[0] - 1):
-                    inside = False
-        if not inside:
+        if _reaches_out(k, reference_uv, warps, reference.shape):
             continue
-        for i in range(side + 2):
-            for j in range(side + 2):
-                cx, cy = j - reach, i - reach
-                wide[i, j] = _at(
-                    reference,
-                    reference_uv[k, 0] + warps[k, 0, 0] * cx + warps[k, 0, 1] * cy,
-                    reference_uv[k, 1] + warps[k, 1, 0] * cx + warps[k, 1, 1] * cy,
-                )
+        _warp(k, origin, np.int32(reference.shape[1]), reference_uv, warps, places, room, wide)
+        _derive(wide, patch, gx, gy)
         mean, mx, my = 0.0, 0.0, 0.0
-        for i in range(side):
-            for j in range(side):
-                patch[i, j] = wide[i + 1, j + 1]
-                gx[i, j] = 0.5 * (wide[i + 1, j + 2] - wide[i + 1, j])
-                gy[i, j] = 0.5 * (wide[i + 2, j + 1] - wide[i, j + 1])
-                mean += patch[i, j]
-                mx += gx[i, j]
-                my += gy[i, j]
+        for i in range(len(patch)):
+            mean += patch[i]
+            mx += gx[i]
+            my += gy[i]
         mean, mx, my = mean / area, mx / area, my / area
         # Without its mean everything is free of the brightness offset.
-        hxx, hxy, hyy, power = 0.0, 0.0, 0.0, 0.0
-        for i in range(side):
-            for j in range(side):
-                patch[i, j] -= mean
-                gx[i, j] -= mx
-                gy[i, j] -= my
-                hxx += gx[i, j] * gx[i, j]
-                hxy += gx[i, j] * gy[i, j]
-                hyy += gy[i, j] * gy[i, j]
-                power += patch[i, j] * patch[i, j]
+        for i in range(len(patch)):
+            patch[i] -= mean * counts[i]
+            gx[i] -= mx * counts[i]
+            gy[i] -= my * counts[i]
+        hxx, hxy, hyy, power, px, py = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(len(patch)):
+            hxx += gx[i] * gx[i]
+            hxy += gx[i] * gy[i]
+            hyy += gy[i] * gy[i]
+            power += patch[i] * patch[i]
+            px += gx[i] * patch[i]
+            py += gy[i] * patch[i]
         det = hxx * hyy - hxy * hxy
         if det < 1e-3 * (hxx + hyy) * (hxx + hyy) or power < area:
             continue
         u, v = uv[k, 0], uv[k, 1]
         for _ in range(iterations + 1):
-            if not (
-                RADIUS_PX <= u < image.shape[1] - RADIUS_PX - 1 and RADIUS_PX <= v < image.shape[0] - RADIUS_PX - 1
-            ):
+            if not (RADIUS_PX <= u < image.shape[1] - last and RADIUS_PX <= v < image.shape[0] - last):
                 score[k] = -1.0
                 break
-            _sample(image, u, v, now)
-            bx, by, total, squares, product = 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in range(area):
-                total += now[i]
-                squares += now[i] * now[i]
-                product += now[i] * flat[i]
-                difference = now[i] - flat[i]
-                bx += flat_x[i] * difference
-                by += flat_y[i] * difference
+            x, y = int(u), int(v)
+            a, b = u - x, v - y
+            w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+            _copy(pixels, image.shape[1], x - RADIUS_PX, y - RADIUS_PX, now)
+            bx, by, total, squares, product = -px, -py, 0.0, 0.0, 0.0
+            for i in range(len(patch)):
+                value = w00 * now[i] + w01 * now[i + 1] + w10 * now[i + ROW] + w11 * now[i + ROW + 1]
+                value *= counts[i]
+                total += value
+                squares += value * value
+                product += value * patch[i]
+                bx += gx[i] * value
+                by += gy[i] * value
             variance = squares - total * total / area
             score[k] = product / np.sqrt(power * variance) if variance > 1e-6 else -1.0
             du, dv = (hyy * bx - hxy * by) / det, (hxx * by - hxy * bx) / det
