@@ -5,31 +5,25 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import lru_cache
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Header
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.camera import MAX_PIXELS
 from ispom.io.files import names, read_bytes
 from ispom.sequences.decoder_output import silenced
+from ispom.sequences.image_header import MAX_BYTES, header_size, is_whole
 from ispom.types import Image
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
-FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "PPM", "WEBP")
-"""By content, whatever the name says."""
-MAX_BYTES = 8 * MAX_PIXELS
-_PNG_START, _PNG_END = b"\x89PNG", b"IEND\xaeB`\x82"
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 SAMPLES = 8
 """Images of a folder that tell the range of all."""
-_TAIL = 4096
-"""Some cameras write this much behind the end of a JPEG."""
+DEFECTIVE = 0.1
+"""Per cent of the pixels at either end that may be defective, and tell nothing about that range."""
 
 
 def read_grey(path: Path, size: tuple[int, int] | None = None) -> Image:
@@ -50,15 +44,16 @@ def decode(
     where: str,
     size: tuple[int, int] | None = None,
     flag: int = cv2.IMREAD_ANYCOLOR,
-    white: Callable[[], float] | None = None,
+    span: Callable[[], tuple[float, float]] | None = None,
 ) -> Image:
     """The image (H, W) or RGB (H, W, 3) of a file's bytes, read-only.
 
-    Where its values are no bytes, `white()` is what becomes 255; without it, the largest value of their kind does, or
-    of floats 1. UnreadableImage, beginning with `where`, where it is not whole, InputError where it is not of `size`.
+    Where its values are no bytes, `span()` is what becomes 0 and 255; without it, 0 and the largest value of their kind
+    do, or of floats 1. UnreadableImage, beginning with `where`, where it is not whole, InputError where it is not of
+    `size`.
     """
     claimed = header_size(content, where)
-    if claimed is None or not _is_whole(content):
+    if claimed is None or not is_whole(content):
         raise UnreadableImage(f"{where} is not a whole image (truncated or damaged): restore it")
     _require(where, claimed, size, turned=True)
     try:
@@ -70,60 +65,60 @@ def decode(
         raise UnreadableImage(f"{where} is not a whole image (truncated or damaged): restore it")
     _require(where, image.shape[1::-1], size)
     if image.dtype != np.uint8:
-        image = _as_bytes(image, None if white is None else white())
+        image = _as_bytes(image, None if span is None else span())
     image = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
     image.setflags(write=False)
     return image
 
 
-def _as_bytes(image: NDArray[Any], white: float | None) -> Image:
-    if white is None:
-        white = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
-    if np.issubdtype(image.dtype, np.integer):
+def _as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
+    if span is None:
+        span = 0.0, np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
+    black, white = span
+    if black == 0 and np.issubdtype(image.dtype, np.integer):
         return np.clip(image // ((int(white) + 1) // 256), 0, 255).astype(np.uint8)
-    scaled = np.nan_to_num(image * (255.0 / white), nan=0.0, posinf=255.0, neginf=0.0)
+    scaled = np.nan_to_num((image - black) * (255.0 / (white - black)), nan=0.0, posinf=255.0, neginf=0.0)
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
 
 @lru_cache(maxsize=64)
-def white_of(folder: Path) -> float:
-    """The largest value that the images of a recording may have, where they are no bytes: of 12-bit ones 4095.
+def span_of(folder: Path) -> tuple[float, float]:
+    """What is black and white in the images of a recording, where they are no bytes: of 12-bit ones 0 and 4095.
 
-    From SAMPLES of a folder's images, as one image may be a dark one: the least of 1 (floats) and of 2^8, 2^10 ... 2^16
-    less one that none of them exceeds. The same for all its images, so that their brightness can be compared.
+    From SAMPLES of a folder's images, as one image may be a dark one: 0, and the least of 1 (floats) and of 2^8,
+    2^10 ... 2^16 less one that none of them exceeds. Of thermal cameras, whose values lie in a small part of that and
+    far from 0, twice that part. The same for all its images, so that their brightness can be compared.
     """
+    values = [found for found in map(_values, _samples(folder)) if found is not None and len(found)]
+    if not values:
+        return 0.0, 2.0**16 - 1
+    highest = max(float(found.max()) for found in values)
+    if highest <= 1.0 and any(np.issubdtype(found.dtype, np.floating) for found in values):
+        return 0.0, 1.0
+    ends = [np.percentile(found, (DEFECTIVE, 100 - DEFECTIVE)) for found in values]
+    low, high = float(min(low for low, _ in ends)), float(max(high for _, high in ends))
+    if high / 2 <= low < high:
+        return low - (high - low) / 2, high + (high - low) / 2
+    return 0.0, next((2.0**bits - 1 for bits in (8, 10, 12, 14) if highest < 2**bits), 2.0**16 - 1)
+
+
+def _samples(folder: Path) -> list[Path]:
     paths = [folder / name for name in names(folder) if Path(name).suffix.lower() in IMAGE_SUFFIXES]
-    highest, floats = 0.0, False
-    for path in (paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, SAMPLES).round().astype(int))):
-        try:
-            content = read_bytes(path, MAX_BYTES)
-            claimed = header_size(content, str(path))
-        except InputError:
-            continue
-        if claimed is None or claimed[0] * claimed[1] > MAX_PIXELS or not _is_whole(content):
-            continue
-        with silenced():
-            image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-        if image is not None and image.dtype != np.uint8 and np.isfinite(image).any():
-            floats |= bool(np.issubdtype(image.dtype, np.floating))
-            highest = max(highest, float(image[np.isfinite(image)].max()))
-    if floats and highest <= 1.0:
-        return 1.0
-    return next((2.0**bits - 1 for bits in (8, 10, 12, 14) if highest < 2**bits), 2.0**16 - 1)
+    return [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, SAMPLES).round().astype(int))]
 
 
-def header_size(content: bytes, where: str) -> tuple[int, int] | None:
-    """(width, height) that the header of one of FORMATS claims; None where there is none. Decodes nothing.
-
-    InputError, beginning with `where`, where it claims hundreds of millions of pixels.
-    """
+def _values(path: Path) -> NDArray[Any] | None:
+    """The finite values of an image; None where it holds bytes, or cannot be read."""
     try:
-        with Header.open(BytesIO(content), formats=FORMATS) as header:
-            return header.size
-    except Header.DecompressionBombError:
-        raise InputError(f"{where} claims more pixels than any camera has: restore the image") from None
-    except Exception:  # its parsers raise whatever the damage leads to
+        content = read_bytes(path, MAX_BYTES)
+        claimed = header_size(content, str(path))
+    except InputError:
         return None
+    if claimed is None or claimed[0] * claimed[1] > MAX_PIXELS or not is_whole(content):
+        return None
+    with silenced():
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
+    return None if image is None or image.dtype == np.uint8 else image[np.isfinite(image)]
 
 
 def require_size(path: Path, size: tuple[int, int]) -> None:
@@ -154,7 +149,7 @@ def _read(path: Path, size: tuple[int, int] | None, flag: int) -> Image:
         content = read_bytes(path, MAX_BYTES)
     except InputError as fault:
         raise UnreadableImage(fault.args[0]) from None
-    return decode(content, str(path), size, flag, lambda: white_of(path.parent))
+    return decode(content, str(path), size, flag, lambda: span_of(path.parent))
 
 
 def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, turned: bool = False) -> None:
@@ -165,12 +160,3 @@ def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, t
     elif found != size and not (turned and found[::-1] == size):
         cure = "restore the image, or correct the calibration"
         raise InputError(f"{where} is {found[0]} x {found[1]}, not {size[0]} x {size[1]} as its camera: {cure}")
-
-
-def _is_whole(content: bytes) -> bool:
-    """Whether the end is there; decoders give a cut file's upper part as if it were the whole."""
-    if content.startswith(_PNG_START):
-        return content.rstrip(b"\0").endswith(_PNG_END)
-    if content.startswith(_JPEG_START):
-        return _JPEG_END in content[2:][-_TAIL:]
-    return bool(content)

@@ -19,6 +19,8 @@ from ispom.types import Camera, Image
 NOMINAL_HZ = 30.0
 MIN_HZ, MAX_HZ = 1e-3, 1e5
 MAX_OFFSET_S = float(MAX_TIME_S)
+SLOW_S = 10.0
+"""Images farther apart than this are hardly those of one motion: their times may be in milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,9 @@ class Clock:
             found = increasing_times_ns(self.times, read_rows(self.times, 1))
             if len(found) != count:
                 raise InputError(f"{self.times} has {len(found)} times for {count} images: give one per image")
-            return self._moved(found, what), ""
+            apart_s = float(np.median(np.diff(found))) * 1e-9 if count > 1 else 0.0
+            note = f"{self.times}: images are {apart_s:g} s apart: are these times in seconds?"
+            return self._moved(found, what), note if apart_s >= SLOW_S else ""
         if self.rate_hz is None and otherwise_ns is not None:
             return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.sequences.images import IMAGE_SUFFIXES, decode, header_size, read_image
+from ispom.sequences.image_header import header_size
+from ispom.sequences.images import IMAGE_SUFFIXES, decode, read_image
 
 PNG = cv2.imencode(".png", np.random.default_rng(1).integers(0, 255, (64, 96), np.uint8))[1].tobytes()
 
@@ -90,3 +91,22 @@ def test_images_of_floats_are_read(white: float, tmp_path: Path) -> None:
     first, second = (read_image(path) for path in written(tmp_path, ".tiff", [dark, bright]))
     np.testing.assert_allclose(second, 255 * RAMP, atol=1)
     assert first[3, 4] == 0 and abs(int(first[-1, -1]) - 51) <= 1
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.int16, np.int32, np.float32, np.float64])
+def test_tiffs_in_colour_are_read_whatever_their_values(kind: type, tmp_path: Path) -> None:
+    colours = (200 * np.dstack([RAMP, RAMP[::-1], 0.5 * RAMP])).astype(kind)
+    (path,) = written(tmp_path, ".tiff", [colours])
+    np.testing.assert_array_equal(read_image(path, (96, 64)), np.rint(colours[..., ::-1]).astype(np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "kind"), [(29000, 31000, np.uint16), (7400, 8400, np.uint16), (285, 310, float)]
+)
+def test_thermal_images_use_the_range_that_they_have(low: float, high: float, kind: type, tmp_path: Path) -> None:
+    hot = (low + (high - low) * RAMP).astype(np.float32 if kind is float else kind)
+    cold = (low + (high - low) * RAMP / 2).astype(hot.dtype)
+    hot[0, 0], cold[5, 5] = 0, 60000
+    first, second = (read_image(path) for path in written(tmp_path, ".tiff", [cold, hot]))
+    assert np.ptp(second[1:]) >= 110 and 50 <= np.ptp(first[6:]) <= 70
+    assert (second[0, 0], first[5, 5]) == (0, 255)

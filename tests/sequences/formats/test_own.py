@@ -59,6 +59,13 @@ def test_a_file_of_times_counts_more_than_the_rate(tmp_path: Path) -> None:
     assert open_sequence(str(folder)).times_ns[[0, 2, 5]].tolist() == [1_500_000_000, 1_750_000_000, 4_000_000_001]
 
 
+def test_times_that_are_hardly_seconds_are_told(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    for apart, told in ((33.3, True), (0.0333, False)):
+        (folder / "times.txt").write_text("".join(f"{apart * i:.4f}\n" for i in range(6)))
+        assert any("33.3 s apart: are these times in seconds?" in n for n in open_sequence(str(folder)).notes) == told
+
+
 def test_without_times_a_rate_is_assumed_and_told(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     camera = folder / "camera.yaml"
