@@ -35,10 +35,10 @@ class TrackedFrame:
         return len(common(self.ids, other.ids)[0])
 
     def without(self, ids: NDArray[np.int64]) -> TrackedFrame:
-        """Without some of its points."""
+        """Without some of its points (M,), ascending."""
         if not len(ids):
             return self
-        kept = ~np.isin(self.ids, ids)
+        kept = places(ids, self.ids) < 0
         return self if kept.all() else replace(self, ids=self.ids[kept], x=self.x[kept])
 
     def placed_anew(self, ids: NDArray[np.int64], x: Array) -> TrackedFrame:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.numerics.reductions import both, lengths
 from ispom.types import Image, TrackStatus
 
 
@@ -47,7 +48,7 @@ class Klt:
         points (N, 2) of `start`."""
         back, found = self._flow(end, start, found_uv, uv)
         status = np.full(len(uv), TrackStatus.ALIVE, np.uint8)
-        status[np.linalg.norm(back - uv, axis=1) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
+        status[lengths(back - uv) > self.max_forward_backward_px] = TrackStatus.FORWARD_BACKWARD
         status[~found] = TrackStatus.LOST
         status[self._outside(end, found_uv)] = TrackStatus.OUT_OF_IMAGE
         return status
@@ -56,7 +57,7 @@ class Klt:
         """(N,) which of the places (N, 2) are too near to the image's border, or beyond it."""
         height, width = image.shape
         last = (width - 1 - self.border_px, height - 1 - self.border_px)
-        return np.asarray(~((uv >= self.border_px) & (uv <= last)).all(1))
+        return ~both((uv >= self.border_px) & (uv <= np.array(last, np.float32)))
 
     def _flow(
         self, a: Image, b: Image, uv: NDArray[np.float32], guess: NDArray[np.float32] | None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
 from ispom.numerics.cholesky import factor, solve_factored
+from ispom.numerics.reductions import median
 from ispom.numerics.reprojection import add_by_twist, gradient_by_point, hessian_by_point, subtract_by_twists
 from ispom.numerics.twist import moved
 from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
@@ -56,42 +57,58 @@ def fit_pose(
         seen = pair
     xyz, seen = np.ascontiguousarray(xyz, np.float64), np.ascontiguousarray(seen, np.float64)
     rotation, translation = np.array(guess.rotation[None], order="C"), np.array(guess.translation[None], order="C")
-    held, since = np.zeros((6, 6)) if prior is None else prior, np.zeros(6)
+    held, since, pull = np.zeros((6, 6)) if prior is None else np.ascontiguousarray(prior), np.zeros(6), np.zeros(6)
     blocks, side, distances = np.empty((1, 1, 6, 6)), np.empty((1, 6)), np.empty(len(xyz))
-    information, gradient = blocks[0, 0], side[0]
-    depth = float(np.median(np.abs(xyz @ guess.rotation[2] + guess.translation[2])))
-
-    def normal(wide: float) -> None:
-        _normal(xyz, seen, rotation, translation, float(baseline), wide, blocks, side, distances)
-
-    normal(1.0)
+    baseline, depth = float(baseline), median(np.abs(xyz @ guess.rotation[2] + guess.translation[2]))
+    _normal(xyz, seen, rotation, translation, baseline, 1.0, blocks, side, distances)
     wide = max(scale, min(widest, _median(distances)))
     for _ in range(ITERATIONS):
         # As wide as the errors still are: from a poor guess all points pull, in the end only those that agree.
-        normal(wide)
-        damped = information + held
-        damped.flat[::7] += 1e-9 * max(float(information.trace()), 1e-12)
-        step = -solve_factored(factor(damped), gradient + held @ since)
-        if not np.isfinite(step).all():
+        _normal(xyz, seen, rotation, translation, baseline, wide, blocks, side, distances)
+        if prior is not None:
+            pull = prior @ since
+        rotation, translation, way, turn = _stepped(rotation, translation, blocks, side, held, pull, since)
+        if way == np.inf:
             return None
-        rotation, translation = moved(rotation, translation, step[None])
-        since += step
-        size = np.abs(step)
-        still = size[3:].max() < 0.01 * scale and size[:3].max() < 0.01 * scale * depth
-        if still and wide == scale:
+        if wide == scale and turn < 0.01 * scale and way < 0.01 * scale * depth:
             break
         wide = max(scale, min(wide / 2, _median(distances))) if wide > 2 * scale else scale
-    normal(scale)
+    _normal(xyz, seen, rotation, translation, baseline, scale, blocks, side, distances)
     inliers = distances <= threshold
     if inliers.sum() < LEAST:
         return None
-    return PoseFit(Pose(rotation[0], translation[0]), distances, inliers, information + held)
+    return PoseFit(Pose(rotation[0], translation[0]), distances, inliers, blocks[0, 0] + held)
 
 
 def _median(values: Array) -> float:
     """The upper one of an even number."""
     middle = len(values) // 2
     return float(np.partition(values, middle)[middle])
+
+
+@kernel()
+def _stepped(r, t, h, g, held, pull, since):
+    """The pose after a step by these normal equations, with those of the guess: its information (6, 6) and its gradient
+    (6,). Also the step's largest parts, way and turn: inf where there is no step. `since` (6,) grows by it."""
+    damped, trace = h[0, 0] + held, 0.0
+    for i in range(6):
+        trace += h[0, 0, i, i]
+    for i in range(6):
+        damped[i, i] += 1e-9 * max(trace, 1e-12)
+    step = solve_factored(factor(damped), g[0] + pull)
+    way, turn, total = 0.0, 0.0, 0.0
+    for i in range(6):
+        step[i] = -step[i]
+        since[i] += step[i]
+        total += abs(step[i])
+        if i < 3:
+            way = max(way, abs(step[i]))
+        else:
+            turn = max(turn, abs(step[i]))
+    if not total < np.inf:
+        return r, t, np.inf, np.inf
+    after, there = moved(r, t, step.reshape(1, 6))
+    return after, there, way, turn
 
 
 @kernel()

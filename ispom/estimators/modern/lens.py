@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
+from ispom.numerics.reductions import squares
 from ispom.types import Camera
 
 FOCAL_SIGMA, RADIAL_SIGMA = 0.003, 0.01
@@ -20,7 +21,7 @@ def corrected(x: Array, extra: Array) -> Array:
         return x
     out = x
     for _ in range(3):
-        out = x / (1 + extra[0] + extra[1] * (out**2).sum(axis=1, keepdims=True))
+        out = x / (1 + extra[0] + extra[1] * squares(out))[:, None]
     return out
 
 
@@ -40,6 +41,5 @@ class Lens:
         if not self.extra.any():
             return self.camera.project(xyz_in_camera)
         z = np.where(xyz_in_camera[:, 2] > 1e-9, xyz_in_camera[:, 2], np.nan)[:, None]
-        square = ((xyz_in_camera[:, :2] / z) ** 2).sum(axis=1, keepdims=True)
-        stretch = 1 + self.extra[0] + self.extra[1] * square
+        stretch = (1 + self.extra[0] + self.extra[1] * squares(xyz_in_camera[:, :2] / z))[:, None]
         return self.camera.project(np.column_stack([xyz_in_camera[:, :2] * stretch, xyz_in_camera[:, 2]]))

@@ -58,6 +58,8 @@ class Speeds:
 def late_px(camera: Camera, uv: NDArray[np.float32], speed: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N, 2) [px] by how far points at (N, 2), with `speed` (N, 2) [px/s], went between the exposures of the middle row
     and of their own; 0 for a shutter that does not roll."""
+    if not camera.line_delay_s:
+        return np.zeros((len(uv), 2), np.float32)
     rows = uv[:, 1:] - (camera.height - 1) / 2
     return (camera.line_delay_s * rows * speed).astype(np.float32)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Array
+from ispom.numerics.reductions import lengths, median, squares
 from ispom.solvers.rigid import horn
 
 
@@ -28,13 +29,13 @@ def dominant_rotation(x1: Array, x2: Array, scale: float, iterations: int = 5, w
         w = np.sqrt(weight)[:, None]
         # Mirrored copies keep the centroids at the origin, so that Horn's method fits the rotation alone.
         rotation, _ = horn(np.concatenate([w * rays1, -w * rays1]), np.concatenate([w * rays2, -w * rays2]))
-        weight = given / (1 + ((rotate(rotation, x1) - x2) ** 2).sum(1) / scale**2)
+        weight = given / (1 + squares(rotate(rotation, x1) - x2) / scale**2)
     return rotation
 
 
 def median_displacement(rotation: Array, x1: Array, x2: Array) -> float:
     """Median distance, in normalised units, between where the rotation alone puts points and where they are."""
-    return float(np.median(np.linalg.norm(rotate(rotation, x1) - x2, axis=1)))
+    return median(lengths(rotate(rotation, x1) - x2))
 
 
 def _rays(x: Array) -> Array:

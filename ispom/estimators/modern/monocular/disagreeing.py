@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, Moved
 from ispom.estimators.modern.motions import LEAST
 from ispom.frontends.patches import align
+from ispom.numerics.places import places
+from ispom.numerics.reductions import lengths
 from ispom.types import Image, Tracks, TrackStatus
 
 ENOUGH = LEAST // 2
@@ -38,9 +40,9 @@ class Disagreeing:
     """Images to come in which no motion is sought."""
 
     @property
-    def lasting(self) -> NDArray[np.int64]:
-        """(M,) the ids of those that count."""
-        return self.ids[self.age >= LASTING]
+    def lasting(self) -> NDArray[np.bool_]:
+        """(N,) which ones count."""
+        return self.age >= LASTING
 
     @property
     def expected(self) -> Moved:
@@ -54,14 +56,14 @@ class Disagreeing:
         kept = np.flatnonzero((found.status == TrackStatus.ALIVE) & (self.age < LONGEST))
         still = np.broadcast_to(np.eye(2), (len(kept), 2, 2))
         back, score = align(now, found.now[kept], before, self.uv[kept], still)
-        kept = kept[(score > 0) & (np.linalg.norm(back - self.uv[kept], axis=1) < BACK_PX)]
+        kept = kept[(score > 0) & (lengths(back - self.uv[kept]) < BACK_PX)]
         uv = found.now[kept]
         return Disagreeing(self.ids[kept], uv, uv - self.uv[kept], self.age[kept] + 1, max(self.rest - 1, 0))
 
     def joined(self, live: LiveTracks, followed: Followed, most: int) -> Disagreeing:
         """With the tracks that end now; none where there are too few, the newest where there are too many."""
         ended = (followed.status == TrackStatus.EPIPOLAR) | (followed.status == TrackStatus.REPROJECTION)
-        ended &= ~np.isin(live.ids, self.ids)
+        ended &= places(self.ids, live.ids) < 0
         ids = np.concatenate([self.ids, live.ids[ended]])
         if len(ids) < ENOUGH:
             return Disagreeing()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -108,11 +109,11 @@ class ModernMonocular:
             watch.lap("loops")
         return after, self._size.enlarged(step)
 
-    @property
+    @cached_property
     def _size(self) -> TrackedSize:
         return TrackedSize.of(self.rig.camera("video"), self.config.max_width_px)
 
-    @property
+    @cached_property
     def _setup(self) -> Setup:
         c = self.config
         return Setup(

@@ -23,6 +23,8 @@ from ispom.estimators.modern.monocular.tracks import (
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
+from ispom.numerics.places import common
+from ispom.numerics.reductions import lengths
 from ispom.solvers import motion_only
 from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.multiview.resection import resect
@@ -76,18 +78,22 @@ def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Local
 def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed) -> Localisation:
     """The pose that the tracks give once their patches of origin are found again."""
     assert new.predicted is not None
-    _, xyz, x = _seen(setup, live, world, followed)
+    places = world.known(live.ids)
+    _, xyz, x = _seen(setup, live, world, followed, places)
     motion, compared = pose_of(xyz, x, new.predicted, INLIER * setup.sigma), np.zeros(len(followed.status), bool)
     if motion is not None:
-        followed, compared = set_right(setup, live, world, new, followed, motion.camera_from_world.inverse())
-        return replace(located_by(setup, live, world, followed, motion.camera_from_world.inverse()), compared=compared)
-    ids, xyz, x = _seen(setup, live, world, followed)
+        pose = motion.camera_from_world.inverse()
+        followed, compared = set_right(setup, live, world, new, followed, pose, places)
+        return replace(located_by(setup, live, world, followed, pose, places), compared=compared)
+    ids, xyz, x = _seen(setup, live, world, followed, places)
     return Localisation(followed, compared, None, ids, xyz, x)
 
 
-def located_by(setup: Setup, live: LiveTracks, world: Map, followed: Followed, world_from_guess: Pose) -> Localisation:
-    """The pose that these tracks give, from a good guess."""
-    ids, xyz, x = _seen(setup, live, world, followed)
+def located_by(
+    setup: Setup, live: LiveTracks, world: Map, followed: Followed, world_from_guess: Pose, places: Array | None = None
+) -> Localisation:
+    """The pose that these tracks give, from a good guess. `places` (N, 3) as `Map.known` of them, where it is there."""
+    ids, xyz, x = _seen(setup, live, world, followed, world.known(live.ids) if places is None else places)
     limit = INLIER * setup.sigma
     motion = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit)
     return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x)
@@ -106,23 +112,23 @@ def pose_of(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseF
     return found
 
 
-def _seen(setup: Setup, live: LiveTracks, world: Map, followed: Followed) -> tuple[NDArray[np.int64], Array, Array]:
+def _seen(
+    setup: Setup, live: LiveTracks, world: Map, followed: Followed, places: Array
+) -> tuple[NDArray[np.int64], Array, Array]:
     """Points of the map (N,), (N, 3), and where they are seen (N, 2), normalised and corrected."""
-    alive = followed.status == TrackStatus.ALIVE
-    xyz = world.known(live.ids[alive])
-    known = np.isfinite(xyz[:, 0])
-    x = corrected(setup.camera.normalise(unrolled(setup.camera, followed)[alive][known]), world.extra)
-    return live.ids[alive][known], xyz[known], x
+    some = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isfinite(places[:, 0]))
+    x = corrected(setup.camera.normalise(unrolled(setup.camera, followed)[some]), world.extra)
+    return live.ids[some], places[some], x
 
 
 def set_right(
-    setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed, pose: Pose
+    setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed: Followed, pose: Pose, places: Array
 ) -> tuple[Followed, NDArray[np.bool_]]:
-    """Points of the map that tracking lost or misplaced are looked for where the pose puts them."""
+    """Points of the map, at (N, 3), that tracking lost or misplaced are looked for where the pose puts them."""
     lens = Lens(setup.camera, world.extra)
     late = late_px(setup.camera, followed.uv, followed.speed)
-    expected = projected(lens, world.known(live.ids), pose, followed.uv - late) + late
-    misplaced = np.linalg.norm(expected - followed.uv, axis=1) > INLIER * setup.loss_px
+    expected = projected(lens, places, pose, followed.uv - late) + late
+    misplaced = lengths(expected - followed.uv) > INLIER * setup.loss_px
     lost = followed.status != TrackStatus.ALIVE
     expected = np.where((misplaced | lost)[:, None], expected, followed.uv)
     origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
@@ -130,16 +136,16 @@ def set_right(
 
 
 def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:
-    """Those of the tracks `ids` (M,), where both frames have them, that are no images of a still point.
+    """Those of the tracks `ids` (M,) ascending, where both frames have them, that are no images of a still point.
 
     They are farther than `limit` (normalised) from their epipolar line, which begins where an infinitely far point is.
     """
     assert key.world_from_camera is not None and frame.world_from_camera is not None
-    ids = np.intersect1d(key.ids, ids, assume_unique=True)
+    ids = ids[common(ids, key.ids)[0]]
     motion = frame.world_from_camera.inverse() @ key.world_from_camera
     far = rotate(motion.rotation, key.at(ids))
     line = motion.translation[:2] - far * motion.translation[2]
-    line /= np.maximum(np.linalg.norm(line, axis=1, keepdims=True), 1e-12)
+    line /= np.maximum(lengths(line), 1e-12)[:, None]
     moved = frame.at(ids) - far
-    along = np.maximum((moved * line).sum(axis=1, keepdims=True), 0.0)
-    return ids[np.linalg.norm(moved - along * line, axis=1) > limit]
+    along = np.maximum(moved[:, 0] * line[:, 0] + moved[:, 1] * line[:, 1], 0.0)[:, None]
+    return ids[lengths(moved - along * line) > limit]

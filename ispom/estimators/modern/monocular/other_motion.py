@@ -31,8 +31,7 @@ def with_other_motion(setup: Setup, state: ModernMonocularState, outcome: Outcom
         return outcome
     followed = state.disagreeing.followed(live.grey, new.grey, new.followed.others)
     x = setup.camera.normalise(followed.uv - late_px(setup.camera, followed.uv, followed.speed(live, new.time_ns)))
-    lasting = np.isin(followed.ids, followed.lasting)
-    frame = TrackedFrame(new.time_ns, followed.ids[lasting], x[lasting], pose)
+    frame = TrackedFrame(new.time_ns, followed.ids[followed.lasting], x[followed.lasting], pose)
     agreeing = (outcome.followed.status == TrackStatus.ALIVE) & np.isfinite(outcome.residual_px)
     test, moving = None, NONE
     if not followed.rest:

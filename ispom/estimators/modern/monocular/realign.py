@@ -14,6 +14,7 @@ from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
+from ispom.numerics.reductions import both, lengths
 from ispom.types import Image, TrackStatus
 
 BACK = Klt(levels=1)
@@ -46,14 +47,13 @@ def realigned(
     in_camera = pose.inverse().apply(scene)
     height, width = grey.shape
     last = (width - BORDER_PX - 1, height - BORDER_PX - 1)
-    inside = np.asarray((expected >= BORDER_PX) & (expected < last)).all(axis=1)
+    inside = both((expected >= BORDER_PX) & (expected < last))
     usable = [(time_ns, image) for time_ns, image in live.origins if time_ns in origins]
     origin = places(np.array([t for t, _ in usable], np.int64), live.origin_ns)
     mine = np.flatnonzero((origin >= 0) & inside & (in_camera[:, 2] > 0))
     compared = np.zeros(len(uv), bool)
     if len(mine):
-        motions = [origins[time_ns].inverse() @ pose for time_ns, _ in usable]
-        turns, ways = np.stack([m.rotation for m in motions]), np.stack([m.translation for m in motions])
+        turns, ways = _motions(tuple(origins[time_ns] for time_ns, _ in usable), pose)
         warps = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], in_camera[mine])
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         fit = (area > MIN_WARP) & (area < MAX_WARP)
@@ -61,7 +61,7 @@ def realigned(
         found, score = _aligned(
             [image for _, image in usable], origin[mine], live.origin_uv[mine], grey, expected[mine], warps
         )
-        good = (score > MIN_CORRELATION) & (np.linalg.norm(found - expected[mine], axis=1) < MAX_SHIFT_PX)
+        good = (score > MIN_CORRELATION) & (lengths(found - expected[mine]) < MAX_SHIFT_PX)
         uv[mine[good]] = found[good]
         status[mine[~good & (status[mine] == TrackStatus.ALIVE)]] = TrackStatus.LOST
         status[mine[good]] = TrackStatus.ALIVE
@@ -71,6 +71,13 @@ def realigned(
         bright = as_bright(grey, live.grey) if followed.bright is None else followed.bright
         status[other] = BACK.checked(live.grey, bright, live.uv[other], uv[other])
     return replace(followed, uv=uv, status=status), compared
+
+
+def _motions(origins: tuple[Pose, ...], pose: Pose) -> tuple[Array, Array]:
+    """origin_from_camera (K, 3, 3), (K, 3) of poses world_from_camera."""
+    back = np.stack([p.rotation.T for p in origins])
+    ways = back @ (pose.translation - np.stack([p.translation for p in origins]))[:, :, None]
+    return back @ pose.rotation, ways[..., 0]
 
 
 def _aligned(

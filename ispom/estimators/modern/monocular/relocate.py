@@ -64,7 +64,7 @@ def _tracks_at(
     """The tracks there are, found again by their patches where a pose puts them; which ones (N,) were compared."""
     lost = np.full(len(state.live.ids), TrackStatus.LOST, np.uint8)
     followed = Followed(state.live.uv, lost, np.zeros_like(state.live.uv))
-    return set_right(setup, state.live, world, new, followed, world_from_camera)
+    return set_right(setup, state.live, world, new, followed, world_from_camera, world.known(state.live.ids))
 
 
 def joined(

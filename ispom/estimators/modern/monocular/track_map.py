@@ -40,7 +40,7 @@ def track_map(
     """
     found = localise(setup, state.live, world, new)
     decisions, again = tuple[Decision, ...](), None
-    known = int(np.isfinite(world.known(state.live.ids)[:, 0]).sum())
+    known = np.count_nonzero(world.points.places(state.live.ids) >= 0)
     if not found.agreeing or found.count < MOST * known:
         tracked = len(state.live.ids)
         other, grown, again = relocated(setup, state, world, new)

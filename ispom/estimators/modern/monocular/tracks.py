@@ -15,6 +15,7 @@ from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
 from ispom.frontends.sift import detect_and_describe, match
 from ispom.geometry import Array, Pose
+from ispom.numerics.reductions import both, squares
 from ispom.types import Camera, Image, Tracks, TrackStatus
 
 
@@ -166,7 +167,7 @@ def scene_points(lens: Lens, uv: NDArray[np.float32], xyz_in_world: Array, world
         return np.full((len(uv), 3), np.nan)
     if len(unknown):
         near = uv[known].astype(float)
-        nearness = uv[unknown] @ near.T - 0.5 * (near**2).sum(axis=1)  # the nearest has the largest
+        nearness = uv[unknown] @ near.T - 0.5 * squares(near)  # the nearest has the largest
         depth[unknown] = depth[known[np.argmax(nearness, axis=1)]]
     ray = np.column_stack([lens.normalise(uv), np.ones(len(uv))])
     return world_from_camera.apply(ray * depth[:, None])
@@ -177,8 +178,8 @@ def projected(
 ) -> NDArray[np.float32]:
     """Places (N, 2) [px] of points (N, 3); `otherwise` where they have none."""
     uv = lens.project(world_from_camera.inverse().apply(xyz_in_world))
-    ok = np.asarray(np.isfinite(uv).all(axis=1) & (np.abs(uv) < 1e5).all(axis=1))
-    return np.where(ok[:, None], uv, otherwise).astype(np.float32)
+    near = both(np.abs(uv) < 1e5)  # what is nowhere is not
+    return np.where(near[:, None], uv, otherwise).astype(np.float32)
 
 
 def moving(
@@ -241,7 +242,7 @@ def next_live_tracks(
     if n:
         origin_ns[~compared], origin_uv[~compared] = time_ns, followed.uv[~compared]
     origin_ns = np.concatenate([origin_ns[alive], np.full(n, time_ns)])
-    used = set(np.unique(origin_ns).tolist())
+    used = set(origin_ns.tolist())
     images = (*live.origins, (time_ns, grey))
     return LiveTracks(
         grey,
@@ -251,7 +252,7 @@ def next_live_tracks(
         live.time_ns,
         np.concatenate([followed.speed[alive], speed_where(followed, fresh)]),
         time_ns,
-        np.concatenate([~live.flow[alive].any(axis=1), np.zeros(n, bool)]),
+        np.concatenate([both(live.flow[alive] == 0), np.zeros(n, bool)]),
         origin_ns,
         np.concatenate([origin_uv[alive], fresh]),
         tuple(item for item in images if item[0] in used),
