@@ -10,13 +10,17 @@ from ispom.estimator import Estimator
 from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.localise import Localisation, contradicted
+from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import FEWEST, depth_confirmed
 from ispom.estimators.modern.monocular.scatter import Spread
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.tracked_frame import ScenePoints
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import PoseFit
 from ispom.solvers.trajectory.alignment import umeyama
-from ispom.types import Exposure, Frame, Sequence, Status, Step, StereoPair, Tracks, VideoFrame
+from ispom.types import Camera, Exposure, Frame, Rig, Sequence, Status, Step, StereoPair, Tracks, VideoFrame
 from tests.alone import alone
 
 
@@ -181,6 +185,35 @@ def test_a_depth_counts_that_two_views_besides_speak_for() -> None:
     assert depth_confirmed(xyz, Pose(), [(wide, seen), (near, seen)], least).tolist() == [False, True]
     assert depth_confirmed(xyz, Pose(), [(wide, seen), (wider, hidden), (near, seen)], least).tolist() == [False, True]
     assert depth_confirmed(xyz, Pose(), [(wide, seen), (wider, seen), (near, seen)], least).tolist() == [True, True]
+
+
+def test_descriptors_are_no_argument_against_all_tracks_that_a_turn_left_in_sight() -> None:
+    """Where most of what is in sight agrees to a fifth of a pixel, they may add to it, but not lead elsewhere."""
+    rng = np.random.default_rng(2)
+    rig = Rig.single(Camera(384, 288, 300.0, 300.0, 191.5, 143.5))
+    setup, ids = ModernMonocularConfig().build(rig)._setup, np.arange(100)
+    in_camera = np.column_stack([rng.uniform(-0.6, 0.6, 100), rng.uniform(-0.4, 0.4, 100), np.ones(100)])
+    in_camera *= rng.uniform(15, 50, (100, 1))
+    turn = Pose.from_rotvec(np.array([0.0, 0.6, 0.0]), np.zeros(3))
+    shown = np.abs(turn.apply(in_camera)[:, 0]) < 0.55 * turn.apply(in_camera)[:, 2]
+    assert 30 < shown.sum() < 50, "the turn takes others out of the image"
+    world = Map((), ScenePoints(ids, in_camera), None)
+
+    none = Followed(np.zeros((0, 2), np.float32), np.zeros(0, np.uint8), np.zeros((0, 2), np.float32))
+
+    def located(camera_from_world: Pose, use: np.ndarray) -> Localisation:
+        near = turn.apply(in_camera[use])
+        seen = near[:, :2] / near[:, 2:] + rng.normal(0, 0.2 / 300, (len(near), 2))
+        fit = PoseFit(camera_from_world, np.zeros(len(near)), np.ones(len(near), bool), np.eye(6))
+        return Localisation(none, np.zeros(0, bool), fit, ids[use], in_camera[use], seen)
+
+    live, found = LiveTracks(ids=ids), located(turn, shown)
+    near = located(Pose(turn.rotation, np.array([0.003, 0.0, 0.003])), shown)
+    away = located(Pose(turn.rotation, np.array([0.1, 0.0, 0.0])), shown)
+    assert not contradicted(setup, live, world, found, near) and contradicted(setup, live, world, found, away)
+    few = shown & (np.cumsum(shown) <= 0.4 * shown.sum())
+    assert not contradicted(setup, live, world, located(turn, few), away), "on one thing that moves"
+    assert not contradicted(setup, live, world, replace(found, motion=None), away)
 
 
 def test_a_camera_that_was_carried_off_is_found_at_any_earlier_key_frame(

@@ -20,6 +20,7 @@ from ispom.estimators.modern.monocular.tracks import (
     projected,
     unrolled,
 )
+from ispom.estimators.modern.places import in_sight
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose
@@ -36,9 +37,16 @@ WIDTH = INLIER / 2
 MIN_LOCATED = 15
 """Fewer points that agree with a pose are a loss: a pose has 6 unknowns, and with two equations a point so many leave
 it determined four times over where a third of them is wrong alike."""
+MOST = 0.5
+"""Of the points tracked: where fewer agree with a pose the camera has jumped. They may lie on one thing that moves, or
+at one side of the image, and are compared with what descriptors show."""
 SURE = 2 * MIN_LOCATED
 """So many must agree with a pose that descriptors alone find, as nothing foretold it: fewer may agree by chance, or lie
 close together on one thing. By fewer, poses were up to 0.4 m off, and what was seen next was placed by them."""
+TOO_FAR = 2.0
+"""Times the error of tracks by their own pose, at which another pose is none for them. Right ones leave 1.0 to 1.3
+times as much; one by 54 points that descriptors placed wrongly left 4.6 times as much to 46 tracks that all agreed:
+it took a 14th of the true step, and with it the unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +73,13 @@ class Localisation:
     def agreeing(self) -> bool:
         """Whether they are enough."""
         return self.count >= MIN_LOCATED
+
+    def error_of(self, camera_from_world: Pose) -> float:
+        """Root mean square distance, normalised, that a pose leaves to the points that agree here."""
+        assert self.motion is not None
+        near = camera_from_world.apply(self.xyz[self.motion.inliers])
+        off = near[:, :2] / near[:, 2:] - self.seen[self.motion.inliers]
+        return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
 def localise(setup: Setup, live: LiveTracks, world: Map, new: NewImage) -> Localisation:
@@ -133,6 +148,19 @@ def set_right(
     expected = np.where((misplaced | lost)[:, None], expected, followed.uv)
     origins = {k.time_ns: p for k, p in zip(world.keys, world.poses, strict=True)}
     return realigned(lens, live, new.grey, followed, expected, new.scene, pose, origins)
+
+
+def contradicted(setup: Setup, live: LiveTracks, world: Map, found: Localisation, again: Localisation) -> bool:
+    """Whether a pose that descriptors gave, `again`, is none for the tracks, most of which agree with `found` where
+    that leaves them in sight: others went out of the image as it turned, and say nothing against it."""
+    if found.motion is None or again.motion is None or not found.agreeing:
+        return False
+    near = found.motion.camera_from_world.apply(world.known(live.ids))
+    near = near[np.isfinite(near[:, 0])]
+    shown = in_sight(setup.camera, near, Lens(setup.camera, world.extra).project(near))
+    if found.count < MOST * np.isfinite(shown[:, 0]).sum():
+        return False
+    return found.error_of(again.motion.camera_from_world) > TOO_FAR * found.error_of(found.motion.camera_from_world)
 
 
 def moving_tracks(key: TrackedFrame, frame: TrackedFrame, ids: NDArray[np.int64], limit: float) -> NDArray[np.int64]:

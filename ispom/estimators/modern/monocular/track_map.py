@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.key_frame import extended, key_frame_tests
-from ispom.estimators.modern.monocular.localise import MIN_LOCATED, SURE, WIDTH, Localisation, localise, moving_tracks
+from ispom.estimators.modern.monocular.localise import (
+    MIN_LOCATED,
+    MOST,
+    SURE,
+    WIDTH,
+    Localisation,
+    contradicted,
+    localise,
+    moving_tracks,
+)
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.marginalise import limited, shortened, what_left
 from ispom.estimators.modern.monocular.recognise import FEWEST
@@ -26,10 +35,6 @@ from ispom.types import Decision, Status, TrackStatus
 MOST_SHOWN_PX = 1e4
 """A point just behind the camera has no bound to its error."""
 
-MOST = 0.5
-"""Of the points tracked: where fewer agree with a pose the camera has jumped. They may lie on one thing that moves, or
-at one side of the image, and are compared with what descriptors show."""
-
 
 def track_map(
     setup: Setup, state: ModernMonocularState, world: Map, new: NewImage, watch: Stopwatch
@@ -44,7 +49,7 @@ def track_map(
     if not found.agreeing or found.count < MOST * known:
         tracked = len(state.live.ids)
         other, grown, again = relocated(setup, state, world, new)
-        if again is not None and again.count <= found.count:
+        if again is not None and (again.count <= found.count or contradicted(setup, state.live, world, found, again)):
             again = None
         if again is not None:
             state, world, found = other, grown, again
