@@ -75,6 +75,8 @@ class Disagreeing:
 
     def explained(self, ids: NDArray[np.int64]) -> Disagreeing:
         """Some of them (M,) are followed on for as long again."""
+        if not len(ids):
+            return self
         return replace(self, age=np.where(np.isin(self.ids, ids), LASTING, self.age))
 
     def speed(self, live: LiveTracks, time_ns: int) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
 from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
 from ispom.geometry import rotation_angle_rad
-from ispom.numerics.places import common
+from ispom.numerics.places import common, places
 from ispom.types import Decision
 
 ITERATIONS = 5
@@ -91,7 +91,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     grown = with_key_frame(setup, world, frame)
     world, bundle, before = adjusted(grown.map, sigma, ITERATIONS)
     world = replace(world, noise=world.noise.after(bundle, sigma))
-    outliers = np.setdiff1d(before.ids, world.points.ids)
+    outliers = before.ids[places(world.points.ids, before.ids) < 0]
     dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
@@ -124,7 +124,9 @@ def _scale(
     against = f"of this step against the one before {100 * uncertainty.step_scale_sigma:.2g} %"
     since = checks.SCALE_DRIFT.of(100 * uncertainty.scale_sigma, MAX_DRIFT, against)
     pair = replace(world, keys=world.keys[-2:])
-    ids = np.intersect1d(np.intersect1d(pair.keys[0].ids, pair.keys[1].ids), np.intersect1d(known, world.points.ids))
+    ids = pair.keys[0].ids
+    for others in (pair.keys[1].ids, known, world.points.ids):
+        ids = ids[places(others, ids) >= 0]
     found = intersected(pair, ids, sigma)
     sure = (found.depth > 0) & (found.significance > 10)
     if sure.sum() < 8:

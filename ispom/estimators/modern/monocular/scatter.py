@@ -18,7 +18,7 @@ from ispom.geometry import Array
 from ispom.solvers.window.adjustment import Equations, Window
 from ispom.solvers.window.curvature import Curved, curved, left_out
 from ispom.solvers.window.observation import Observed
-from ispom.solvers.window.prior import LENS, POSE, Sandwich
+from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
 
 LEAST_SHARE = 0.1
 """Of the curvature with weights held: a point that keeps less says nothing of poses, and no direction keeps less."""
@@ -51,14 +51,14 @@ class Curvature:
 
     def sandwich(self, shared: float) -> Sandwich:
         """With that of the window's prior; tracks pull together `shared` times as much as each by itself."""
-        return self._with_prior(self.found.scores, shared)
+        return Sandwich(self._curvature(), self._scatter(self.found.scores, shared))
 
     def spread(self, sigma: float, shared: float) -> Spread:
         """With the window's prior; tracks pull together `shared` times as much as each by itself."""
         root, middle = self._factors(sigma)
         inverse = root.T @ middle @ root
         scores = self.left_out(inverse)
-        scatter = self._with_prior(scores, shared).scatter
+        scatter = self._scatter(scores, shared)
         # By the normal equations: beside what is held, 1e12 times as sure, the digits of all else would be lost.
         values, vectors = np.linalg.eigh(root @ scatter @ root.T)
         return Spread(root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0))), -scores @ inverse)
@@ -68,19 +68,33 @@ class Curvature:
         root, middle = self._factors(sigma)
         return root.T @ middle @ root
 
-    def _with_prior(self, scores: Array, shared: float) -> Sandwich:
-        curved, scatter, prior = self.found.reduced.copy(), shared * scores.T @ scores, self.window.prior
-        if prior is not None:
-            kept = prior.sandwich or Sandwich(prior.hessian, prior.hessian)
-            at = np.concatenate([np.arange(POSE * len(prior.rotations)), np.arange(len(curved) - LENS, len(curved))])
-            curved[np.ix_(at, at)] += kept.curvature
-            scatter[np.ix_(at, at)] += kept.scatter
-        return Sandwich(curved, scatter)
+    def _curvature(self) -> Array:
+        """(D, D) with that of the prior."""
+        prior = self.window.prior
+        if prior is None:
+            return self.found.reduced.copy()
+        kept = prior.hessian if prior.sandwich is None else prior.sandwich.curvature
+        return self._with_prior(self.found.reduced, prior, kept)
+
+    def _scatter(self, scores: Array, shared: float) -> Array:
+        """(D, D) of the gradient, with that of the prior."""
+        prior, own = self.window.prior, shared * scores.T @ scores
+        if prior is None:
+            return own
+        return self._with_prior(own, prior, prior.hessian if prior.sandwich is None else prior.sandwich.scatter)
+
+    @staticmethod
+    def _with_prior(own: Array, prior: Prior, kept: Array) -> Array:
+        """(D, D) `own` plus what is kept of the prior's poses, which are the first, and of the corrections."""
+        at = np.concatenate([np.arange(POSE * len(prior.rotations)), np.arange(len(own) - LENS, len(own))])
+        out = own.copy()
+        out[np.ix_(at, at)] += kept
+        return out
 
     def _factors(self, sigma: float) -> tuple[Array, Array]:
         """(D, D) each, of `inverse`: the first that of the normal equations' Cholesky factor."""
         held = Equations.of(self.window, sigma).symmetric
-        found = self._with_prior(self.found.scores, 1.0).curvature
+        found = self._curvature()
         fixed = np.flatnonzero(self.window.extra_sigma <= 0) + len(found) - LENS
         found[fixed, fixed] = held[fixed, fixed]
         try:
