@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array, so3_log
+from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, inverse_factored, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.lie import logs
 from ispom.solvers.spline.curve import Sampled, add_smoothness
 from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
 from ispom.solvers.spline.observation import RIG, Observed, slope, squared_errors
@@ -214,7 +215,7 @@ def _squares(problem: SplineProblem, sampled: Sampled) -> Array:
 def _prior_residual(problem: SplineProblem, sampled: Sampled) -> Array:
     """(6,) of the pose that holds the world: rotation in the rig, position."""
     e, pose = problem.prior.exposure, problem.prior.world_from_rig
-    turn = so3_log(pose.rotation.T @ sampled.rotations[e])
+    turn = logs((pose.rotation.T @ sampled.rotations[e])[None])[0]
     return np.concatenate([turn, sampled.positions[e] - pose.translation])
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
-from ispom.geometry import Array, so3_exp, so3_log
+from ispom.geometry import Array, so3_exp
 from ispom.numerics.cholesky import factor, solve_factored
+from ispom.numerics.lie import logs
 from ispom.solvers.spline.curve import ORDER, Spline
 
 STIFFNESS = 1e-4
@@ -24,7 +24,7 @@ def fitted(times_s: Array, rotations: Array, positions: Array, spacing_s: float,
     lower = factor(basis.T @ basis + STIFFNESS * bend.T @ bend)
     for _ in range(passes):
         # A knot turns the poses near it about as much as it moves them.
-        turns = so3_log(np.swapaxes(sampled.rotations, 1, 2) @ rotations)
+        turns = logs(np.swapaxes(sampled.rotations, 1, 2) @ rotations)
         sides = basis.T @ np.column_stack([turns, positions - sampled.positions])
         steps = np.stack([solve_factored(lower, np.ascontiguousarray(side)) for side in sides.T], axis=1)
         spline = spline.moved(steps.ravel())
@@ -37,7 +37,7 @@ def misfits(spline: Spline, times_s: Array, rotations: Array, positions: Array) 
     sampled = spline.at(times_s)
     inverse = np.swapaxes(sampled.rotations, 1, 2)
     shift = np.einsum("eij,ej->ei", inverse, positions - sampled.positions)
-    return np.column_stack([shift, so3_log(inverse @ rotations)])
+    return np.column_stack([shift, logs(inverse @ rotations)])
 
 
 def _on_the_way(times_s: Array, rotations: Array, positions: Array, spacing_s: float) -> Spline:
@@ -45,10 +45,13 @@ def _on_the_way(times_s: Array, rotations: Array, positions: Array, spacing_s: f
     start = times_s[0] - 0.25 * spacing_s
     count = int(np.floor((times_s[-1] - start) / spacing_s)) + ORDER
     at = np.clip(start + spacing_s * (np.arange(count) - 1), times_s[0], times_s[-1])
-    turned = Slerp(times_s, Rotation.from_matrix(rotations))(at).as_matrix()
+    turns = logs(np.swapaxes(rotations[:-1], 1, 2) @ rotations[1:])
+    before = np.clip(np.searchsorted(times_s, at, "right") - 1, 0, len(turns) - 1)
+    share = (at - times_s[before]) / np.diff(times_s)[before]
+    turned = rotations[before] @ so3_exp(share[:, None] * turns[before])
     moved = np.column_stack([np.interp(at, times_s, positions[:, k]) for k in range(3)])
     # A knot's spline passes beside it by a sixth of the bend there.
-    steps = Rotation.from_matrix(np.swapaxes(turned[:-1], 1, 2) @ turned[1:]).as_rotvec()
+    steps = logs(np.swapaxes(turned[:-1], 1, 2) @ turned[1:])
     turned[1:-1] = turned[1:-1] @ so3_exp(-np.diff(steps, axis=0) / 6)
     moved[1:-1] -= np.diff(moved, 2, axis=0) / 6
     return Spline(float(start), spacing_s, np.ascontiguousarray(turned), moved)

@@ -11,6 +11,7 @@ from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.geometry import Array
+from ispom.numerics.reductions import median
 from ispom.solvers.spline.continuous import Solution
 from ispom.solvers.spline.observation import RIG
 from ispom.solvers.spline.problem import SplineProblem
@@ -56,7 +57,7 @@ def _medians(errors: Array, exposure: NDArray[np.int64], count: int) -> Array:
     order = np.argsort(exposure, kind="stable")
     edges = np.searchsorted(exposure[order], np.arange(count + 1))
     at = [errors[order[a:b]] for a, b in pairwise(edges.tolist())]
-    return np.array([np.median(found) if len(found) else np.nan for found in at])
+    return np.array([median(found) if len(found) else np.nan for found in at])
 
 
 def rig_covariance(window: JointWindow) -> Array:
