@@ -13,6 +13,7 @@ from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError
 from ispom.evaluation.ate import Alignment
 from ispom.evaluation.sensitivity.perturbation import Perturbation
+from ispom.frontends.pair_look import with_pair_note
 from ispom.io.files import expanded, is_folder
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
@@ -85,7 +86,7 @@ class SourceOptions:
 
     def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
         """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
-        return open_sequence(
+        sequence = open_sequence(
             source,
             stereo_every=self.stereo_every,
             video_scale=self.video_scale,
@@ -94,6 +95,7 @@ class SourceOptions:
             camera=self.camera,
             policy=policy,
         )
+        return sequence if source.startswith("sim:") else with_pair_note(sequence)  # those of a simulation are right
 
 
 @dataclass(frozen=True, kw_only=True)
