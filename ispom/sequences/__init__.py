@@ -18,7 +18,7 @@ from ispom.sequences.formats.live import looks_live, open_live
 from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
-from ispom.sequences.formats.video import looks_like_video, open_video
+from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.recording import Recording
@@ -42,6 +42,7 @@ ONE_CAMERA = (
 )
 """The same, of kinds whose calibration is a file of its own, so that another may take its place."""
 
+ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SETTINGS = frozenset({".yaml", ".yml"})
 """Suffixes of files that lie beside recordings."""
 
@@ -118,9 +119,11 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
         if looks_like(path):
             return opened(path, calibration)
     if not is_folder(path):
+        if path.suffix.lower() in ARCHIVES:
+            raise InputError(f"{path} is an archive: unpack it, and give the folder that it holds")
         raise InputError(
-            f"{path} is a file of no known kind: give a video, a sequence.yaml, or the folder of a drive, such as "
-            "kitti/sequences/06"
+            f"{path} is a file of no known kind: give a video ({', '.join(sorted(VIDEO_SUFFIXES))}), a sequence.yaml, "
+            "or the folder of a drive, such as kitti/sequences/06"
         )
     if not names(path):
         raise InputError(f"{path} is an empty folder: give the folder of a drive, such as kitti/sequences/06")

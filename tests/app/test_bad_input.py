@@ -22,6 +22,7 @@ from ispom.types import Rig
 from tests import doubles
 from tests.alone import METHODS
 from tests.sequences.kitti_folder import make_drive
+from tests.sequences.own_folders import make_video
 
 
 def fakes(config: Config, methods: tuple[str, ...], rig: Rig) -> Ensemble:
@@ -86,7 +87,21 @@ def test_a_link_to_nothing_is_no_file_that_is_not_there(
 
 def test_a_file_of_no_known_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.txt").touch()
-    assert "notes.txt is a file of no known kind: give a video" in sentence(capsys, f"{tmp_path}/notes.txt")
+    assert "notes.txt is a file of no known kind: give a video (.avi, .m4v, " in sentence(
+        capsys, f"{tmp_path}/notes.txt"
+    )
+
+
+@pytest.mark.parametrize("name", ["drive.zip", "drive.TAR.GZ", "drive.7z"])
+def test_an_archive(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / name).write_bytes(b"PK")
+    assert f"{name} is an archive: unpack it" in sentence(capsys, f"{tmp_path}/{name}")
+
+
+def test_a_video_whose_images_nothing_here_decodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = make_video(tmp_path)
+    film.write_bytes(film.read_bytes().replace(b"MJPG", b"VP90"))
+    assert "no image that can be decoded (VP90): restore the file, or convert it" in sentence(capsys, str(film))
 
 
 def test_a_video_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

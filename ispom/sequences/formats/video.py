@@ -154,7 +154,12 @@ class _Film:
             count += 1
         self._restart()
         if not count:
-            raise InputError(f"{self._path} holds no image that can be decoded: restore the file")
+            code = int(self._decoder.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little", signed=True).decode("latin-1")
+            kind = f" ({code})" if code.isprintable() else ""
+            raise InputError(
+                f"{self._path} holds no image that can be decoded{kind}: restore the file, or convert it, to H.264 for "
+                "example"
+            )
         return count, self._fewer(count, claimed)
 
     def _fewer(self, count: int, claimed: int) -> str:
