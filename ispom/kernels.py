@@ -29,6 +29,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
+from ispom import parts
 from ispom.caches import cache_folder
 
 log = logging.getLogger(__name__)
@@ -63,7 +64,7 @@ def part(function: Callable[..., Any]) -> Any:
     """
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True, "_nrt": False}
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(**options)(function)
+    return numba.njit(pipeline_class=parts.PartCompiler, **options)(function)
 
 
 def kernels() -> list[Dispatcher]:
@@ -166,8 +167,9 @@ class KernelCache(_Cache):
     def _name(self) -> str:
         """The function, and a digest of all that its machine code depends on but its signature."""
         made_from = [numba.__version__, sys.version, _processor()]
-        parts = [repr(made_from).encode(), _source(__file__), *_sources(self._function, set())]
-        return f"{self._function.__module__}.{self._function.__qualname__}-{_digest(b''.join(parts)).hex()}"
+        own = _source(__file__), _source(parts.__file__)
+        inputs = [repr(made_from).encode(), *own, *_sources(self._function, set())]
+        return f"{self._function.__module__}.{self._function.__qualname__}-{_digest(b''.join(inputs)).hex()}"
 
 
 def _sources(function: FunctionType, seen: set[FunctionType]) -> Iterator[bytes]:

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LAYERS = (
-    {"blas", "caches", "child", "errors", "geometry"},
+    {"blas", "caches", "child", "errors", "geometry", "parts"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list"},
     {"numerics"},
