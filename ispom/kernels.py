@@ -28,6 +28,7 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
+from numpy.typing import NDArray
 
 from ispom import parts
 from ispom.caches import cache_folder
@@ -65,6 +66,17 @@ def part(function: Callable[..., Any]) -> Any:
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True, "_nrt": False}
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(pipeline_class=parts.PartCompiler, **options)(function)
+
+
+def read_only(values: NDArray) -> NDArray:
+    """A view of them, or a copy where they have gaps, for kernels that only read it.
+
+    Numba compiles a kernel anew for arrays with gaps, and for those that may (not) be written to: a recording's images
+    may not, and the first run over it would wait.
+    """
+    found = np.ascontiguousarray(values).view()
+    found.flags.writeable = False
+    return found
 
 
 def kernels() -> list[Dispatcher]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Array
-from ispom.kernels import kernel, part
+from ispom.kernels import kernel, part, read_only
 from ispom.types import Camera, Image
 
 RADIUS_PX = 5
@@ -28,11 +28,11 @@ def align(
     image there, -1..1; -1 where a patch reaches out of an image or has no texture.
     """
     return _align(
-        np.ascontiguousarray(reference),
-        np.ascontiguousarray(reference_uv, np.float64),
-        np.ascontiguousarray(image),
+        read_only(reference),
+        read_only(np.asarray(reference_uv, np.float64)),
+        read_only(image),
         np.array(uv, np.float64),
-        np.ascontiguousarray(warps),
+        read_only(warps),
         iterations,
     )
 

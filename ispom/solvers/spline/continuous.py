@@ -198,7 +198,7 @@ def _free(problem: SplineProblem) -> NDArray[np.int64]:
 
 def _observed(problem: SplineProblem, sampled: Sampled) -> Observed:
     o, p, rig = problem.observations, problem.points, problem.rig
-    return Observed(
+    return Observed.of(
         sampled.rotations, sampled.positions, *rig.arrays(), rig.baseline_m, o.exposure, o.camera, o.owner, o.seen,
         o.inverse_sigma, p.anchors_r, p.anchors_t, p.values,
     )  # fmt: skip

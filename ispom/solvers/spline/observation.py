@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array
-from ispom.kernels import kernel, part
+from ispom.kernels import kernel, part, read_only
 from ispom.numerics.reprojection import gradient_by_point
 from ispom.numerics.vectors import cross, dot, matrix, minus, plus, scaled, store, times, times_transposed, vector
 
@@ -42,6 +42,12 @@ class Observed(NamedTuple):
     anchors_r: Array
     anchors_t: Array
     points: Array
+
+    @classmethod
+    def of(cls, *values: Any) -> Observed:
+        """All arrays of one kind, so that kernels are compiled once."""
+        alike: list[Any] = [read_only(value) if isinstance(value, np.ndarray) else value for value in values]
+        return cls(*alike)
 
 
 class Rows(NamedTuple):

@@ -79,11 +79,11 @@ def _observed(
     """One exposure of one camera, which sees each point once."""
     count = len(seen)
     none, per = np.zeros(count, np.int64), np.tile([1 / sigma, 1 / sigma, 0.0], (count, 1))
-    return Observed(
-        np.ascontiguousarray(world_from_rig.rotation)[None],
-        np.ascontiguousarray(world_from_rig.translation)[None],
-        np.ascontiguousarray(rig_from_camera.rotation)[None],
-        np.ascontiguousarray(rig_from_camera.translation)[None],
+    return Observed.of(
+        world_from_rig.rotation[None],
+        world_from_rig.translation[None],
+        rig_from_camera.rotation[None],
+        rig_from_camera.translation[None],
         0.0,
         none,
         none,
