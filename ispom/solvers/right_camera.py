@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.geometry import Array
+from ispom.kernels import kernel, part
 
 TERMS: tuple[str, ...] = (
     "offset_x", "offset_y", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "down", "ahead",
@@ -30,48 +31,82 @@ def by_column(seen: Array, disparity: Array, late: Array | None = None) -> Array
 
     `late` (N, 2): how x and y grow with the lag, see `drift`; without it the lag does nothing. 0 where a place is NaN.
     """
-    x, y = seen.T
-    square, decentring = x * x + y * y, 2 * x * y
-    out = np.zeros((PAIR, len(x)))
-    out[OFFSET_X] = 1.0
-    out[PITCH], out[YAW], out[ROLL], out[FOCAL] = x * y, -x * x, y, x
-    out[K1], out[K2] = square * x, square * square * x
-    out[P1], out[P2] = decentring, square + 2 * x * x
-    out[Q1], out[Q2] = square * out[P1], square * out[P2]
-    out[AHEAD] = x * disparity
-    if late is not None:
-        out[LAG] = late[:, 0]
-    out[:, np.isnan(x)] = 0.0
-    return np.ascontiguousarray(out.T)
+    late = np.zeros((len(seen), 2)) if late is None else late
+    return _by_column(np.ascontiguousarray(seen), np.ascontiguousarray(disparity), np.ascontiguousarray(late))
+
+
+@kernel()
+def _by_column(seen, disparity, late):
+    out = np.zeros((len(seen), PAIR))
+    for n in range(len(seen)):
+        fill_column(out, n, seen[n, 0], seen[n, 1], disparity[n], late[n, 0])
+    return out
+
+
+@part
+def fill_column(out, n, x, y, disparity, late):
+    """Row n of `by_column`, zeros before."""
+    if x != x:
+        return
+    square, decentring = x * x + y * y, 2.0 * x * y
+    out[n, OFFSET_X] = 1.0
+    out[n, PITCH], out[n, YAW], out[n, ROLL], out[n, FOCAL] = x * y, -x * x, y, x
+    out[n, K1], out[n, K2] = square * x, square * square * x
+    out[n, P1], out[n, P2] = decentring, square + 2.0 * x * x
+    out[n, Q1], out[n, Q2] = square * out[n, P1], square * out[n, P2]
+    out[n, AHEAD], out[n, LAG] = x * disparity, late
 
 
 def by_row(seen: Array, disparity: Array, late: Array) -> Array:
     """(N, E) the same of y."""
-    x, y = seen.T
-    square = x * x + y * y
-    out = np.zeros((PAIR, len(x)))
-    out[OFFSET_Y] = 1.0
-    out[PITCH], out[YAW], out[ROLL], out[FOCAL] = y * y, -x * y, -x, y
-    out[K1], out[K2] = square * y, square * square * y
-    out[P1], out[P2] = square + 2 * y * y, 2 * x * y
-    out[Q1], out[Q2] = square * out[P1], square * out[P2]
-    out[DOWN], out[AHEAD], out[LAG] = -disparity, y * disparity, late[:, 1]
-    return np.ascontiguousarray(out.T)
+    return _by_row(np.ascontiguousarray(seen), np.ascontiguousarray(disparity), np.ascontiguousarray(late))
+
+
+@kernel()
+def _by_row(seen, disparity, late):
+    out = np.zeros((len(seen), PAIR))
+    for n in range(len(seen)):
+        x, y = seen[n, 0], seen[n, 1]
+        square = x * x + y * y
+        out[n, OFFSET_Y] = 1.0
+        out[n, PITCH], out[n, YAW], out[n, ROLL], out[n, FOCAL] = y * y, -x * y, -x, y
+        out[n, K1], out[n, K2] = square * y, square * square * y
+        out[n, P1], out[n, P2] = square + 2.0 * y * y, 2.0 * x * y
+        out[n, Q1], out[n, Q2] = square * out[n, P1], square * out[n, P2]
+        out[n, DOWN], out[n, AHEAD], out[n, LAG] = -disparity[n], y * disparity[n], late[n, 1]
+    return out
 
 
 def drift(xyz: Array, rates: Array, lag: float, baseline: float) -> Array:
     """(N, 2) how much x and y in the right image grow per second of lag, of points (N, 3) of the left camera.
 
-    `rates` (N, 6): change of camera_from_world (rho [m/s], phi [rad/s]; left). About `lag`: it is not quite linear.
+    `rates` (N, 6), or (1, 6) of all: change of camera_from_world (rho [m/s], phi [rad/s]; left). About `lag`: it is not
+    quite linear.
     """
-    z = np.maximum(xyz[:, 2], 1e-6)[:, None]
-    right = xyz[:, :2] - (baseline, 0.0)
+    return _drift(np.ascontiguousarray(xyz), np.ascontiguousarray(rates), float(lag), float(baseline))
+
+
+@kernel()
+def _drift(xyz, rates, lag, baseline):
+    out = np.empty((len(xyz), 2))
+    for n in range(len(xyz)):
+        out[n, 0], out[n, 1] = drift_of((xyz[n, 0], xyz[n, 1], xyz[n, 2]), rates, min(n, len(rates) - 1), lag, baseline)
+    return out
+
+
+@part
+def drift_of(point, rates, n, lag, baseline):
+    """`drift` of one point by the rate of row n."""
+    x, y, depth = point
+    z = 1e-6 if depth < 1e-6 else depth
     step = lag if abs(lag) > LEAST_S else LEAST_S
-    turn, x, y = rates[:, 3:].T, xyz[:, 0], xyz[:, 1]
-    across = turn[1] * xyz[:, 2] - turn[2] * y, turn[2] * x - turn[0] * xyz[:, 2], turn[0] * y - turn[1] * x
-    change = rates[:, :3] + np.stack(across, axis=1)
-    later = (right + step * change[:, :2]) / np.maximum(z + step * change[:, 2:], 0.5 * z)
-    return (later - right / z) / step
+    a, b, c = rates[n, 3], rates[n, 4], rates[n, 5]
+    right = x - baseline
+    dx = rates[n, 0] + (b * depth - c * y)
+    dy = rates[n, 1] + (c * x - a * depth)
+    dz = rates[n, 2] + (a * y - b * x)
+    later = max(z + step * dz, 0.5 * z)
+    return ((right + step * dx) / later - right / z) / step, ((y + step * dy) / later - y / z) / step
 
 
 def row_evidence(

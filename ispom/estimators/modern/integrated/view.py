@@ -66,7 +66,7 @@ class View:
         parallel = self.disparity + by_column(right, self.disparity) @ extra
         depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
         near = np.column_stack([self.seen, np.ones(len(self.seen))]) * depth[:, None]
-        late = drift(near, np.broadcast_to(self.rate, (len(near), 6)), extra[LAG], baseline_m)
+        late = drift(near, self.rate[None], extra[LAG], baseline_m)
         return parallel + extra[LAG] * late[:, 0]
 
 

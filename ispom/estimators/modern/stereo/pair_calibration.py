@@ -18,7 +18,7 @@ LEAST_DISPARITY = 1 / 2000
 
 def with_ideal_right(setup: Setup, world: StereoMap, near: Array, seen: Array, rate: Array) -> Array:
     """Observations (N, 3) with the right x of a perfect pair, where points are `near` (N, 3) in the left camera."""
-    late = drift(near, np.broadcast_to(rate, (len(near), 6)), world.extra[LAG], setup.baseline_m)
+    late = drift(near, rate[None], world.extra[LAG], setup.baseline_m)
     return np.column_stack(
         [seen[:, :2], seen[:, 2] - by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], late) @ world.extra]
     )
@@ -41,7 +41,7 @@ def with_rows(setup: Setup, world: StereoMap, near: Array, lower: Array, rate: A
     if world.prior is None or not setup.self_calibration:
         return world
     seen = (near[:, :2] - (setup.baseline_m, 0.0)) / np.maximum(near[:, 2:], 1e-6)
-    late = drift(near, np.broadcast_to(rate, (len(near), 6)), world.extra[LAG], setup.baseline_m)
+    late = drift(near, rate[None], world.extra[LAG], setup.baseline_m)
     disparity = setup.baseline_m / np.maximum(near[:, 2], 1e-6)
     factors, known = by_row(seen, disparity, late), known_of_pair(world, setup.extra_sigma)
     factors = np.where(near[:, 2:] > 1e-6, factors, np.nan)

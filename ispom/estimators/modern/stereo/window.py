@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.noise import TrackNoise
+from ispom.estimators.modern.stereo.packing import pack
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.right_camera import LAG, PAIR, by_column, drift
+from ispom.solvers.right_camera import LAG, PAIR
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance, marginalise
 from ispom.solvers.window.prior import POSE, Prior, anchored
 
@@ -167,35 +168,35 @@ def _packed(
     state: StereoMap, baseline: float, extra_sigma: Array
 ) -> tuple[Window, NDArray[np.int64], NDArray[np.int64]]:
     """The window's arrays; which points of the map are in it; and where in its key frame each observation stands."""
-    point = state.places(np.concatenate([k.ids for k in state.keys]))
-    seen, sizes = np.concatenate([k.at_middle(baseline) for k in state.keys]), [len(k.ids) for k in state.keys]
-    camera = np.repeat(np.arange(len(state.keys)), sizes)
-    origin = np.arange(len(point)) - np.repeat(np.cumsum([0, *sizes[:-1]]), sizes)
-    count = np.bincount(point[point >= 0], minlength=len(state.ids))
-    # A point seen once says nothing: with a disparity it has as many unknowns as observations.
-    good = np.flatnonzero((point >= 0) & (count[point] >= 2))
-    good = good[np.argsort(point[good], kind="stable")]
-    begins = np.diff(point[good], prepend=-1) > 0
-    used, owners = point[good[begins]], np.cumsum(begins) - 1
-    rotations = np.stack([k.left_from_world.rotation for k in state.keys])
-    translations = np.stack([k.left_from_world.translation for k in state.keys])
-    seen_from = camera[good]
-    near = np.einsum("kij,kj->ki", rotations[seen_from], state.xyz[point[good]]) + translations[seen_from]
-    rates, seen = np.stack([k.rate for k in state.keys])[seen_from], seen[good]
+    keys, sizes = state.keys, np.array([len(k.ids) for k in state.keys])
+    rotations = np.stack([k.left_from_world.rotation for k in keys])
+    translations = np.stack([k.left_from_world.translation for k in keys])
+    packed = pack(
+        state.ids,
+        state.xyz,
+        np.concatenate([k.ids for k in keys]),
+        sizes,
+        np.concatenate([k.at_middle(baseline) for k in keys]),
+        rotations,
+        translations,
+        np.stack([k.rate for k in keys]),
+        float(state.extra[LAG]),
+        float(baseline),
+    )
     window = Window(
         rotations,
         translations,
-        state.xyz[used],
-        seen_from,
-        owners,
-        seen,
+        state.xyz[packed.used],
+        packed.cameras,
+        packed.owners,
+        packed.seen,
         baseline,
         state.extra,
         extra_sigma,
-        by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], drift(near, rates, state.extra[LAG], baseline)),
+        packed.factors,
         state.prior,
     )
-    return window, used, origin[good]
+    return window, packed.used, packed.origin
 
 
 def variance_factor(state: StereoMap, scale: float) -> float:
