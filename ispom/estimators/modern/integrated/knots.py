@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated import checks
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.view import located_poses, times_s
+from ispom.geometry import Array
 from ispom.solvers.spline.curve import ORDER
 from ispom.solvers.spline.fit import fitted, misfits
 from ispom.types import Decision
@@ -23,11 +25,40 @@ MIN_FREEDOM = 2
 """Degrees of freedom of a misfit that says something."""
 
 
+@dataclass(frozen=True, eq=False)
+class Located:
+    """Poses by which the knots are chosen."""
+
+    times_s: Array
+    """(E,)."""
+    rotations: Array
+    """(E, 3, 3)."""
+    positions: Array
+    """(E, 3)."""
+    new: NDArray[np.bool_]
+    """(E,) which were located since the last adjustment; N of them."""
+    information: Array
+    """(N, 6, 6) of these."""
+
+    @staticmethod
+    def of(window: JointWindow) -> Located | None:
+        """Of the video; None where there are too few for a spline."""
+        # Pairs take no part: were the clocks apart, they would look like motion that only fine knots can follow.
+        views = tuple(replace(v, located=v.located and v.video) for v in window.views)
+        if sum(v.located for v in views) < ORDER:
+            return None
+        order, times, rotations, positions = located_poses(views, times_s(window.views, window.rig))
+        known = [window.views[i].information for i in order]
+        new = np.array([each is not None for each in known])
+        information = np.array([each for each in known if each is not None]).reshape(-1, 6, 6)
+        return Located(times, rotations, positions, new, information)
+
+
 def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[JointWindow, Decision]:
     """With the coarsest knots, in frames, that the poses since the last adjustment lie near enough to; and why."""
-    chosen, misfit = KNOT_FRAMES[-1], None
+    chosen, misfit, located = KNOT_FRAMES[-1], None, Located.of(window)
     for frames in KNOT_FRAMES[:-1]:
-        found = spline_misfit(window, knot_spacing_s(window, frames, frame_s))
+        found = None if located is None else spline_misfit(located, knot_spacing_s(window, frames, frame_s))
         misfit = misfit if found is None else found
         if found is not None and found <= max_misfit:
             chosen = frames
@@ -40,23 +71,18 @@ def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[
     return replace(window, knots=knots), checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
 
 
-def spline_misfit(window: JointWindow, spacing_s: float) -> float | None:
+def spline_misfit(located: Located, spacing_s: float) -> float | None:
     """How far the poses located since the last adjustment lie from a spline with such knots.
 
     Mean square per degree of freedom, in standard deviations of the poses; None where they are too few.
     """
-    # Pairs take no part: were the clocks apart, they would look like motion that only fine knots can follow.
-    views = tuple(replace(v, located=v.located and v.video) for v in window.views)
-    if sum(v.located for v in views) < ORDER:
-        return None
-    order, times, rotations, positions = located_poses(views, times_s(window.views, window.rig))
-    new = np.array([window.views[i].information is not None for i in order])
+    times, new = located.times_s, located.new
     freedom = new.sum() - (times[new].max() - times[new].min()) / spacing_s if new.any() else 0.0
     if freedom < MIN_FREEDOM:
         return None
-    off = misfits(fitted(times, rotations, positions, spacing_s), times, rotations, positions)[new]
-    information = np.stack([window.views[i].information for i in order[new]])
-    return float(np.einsum("ei,eij,ej->", off, information, off)) / (6 * float(freedom))
+    spline = fitted(times, located.rotations, located.positions, spacing_s)
+    off = misfits(spline, times, located.rotations, located.positions)[new]
+    return float(np.einsum("ei,eij,ej->", off, located.information, off)) / (6 * float(freedom))
 
 
 def dense_frames(window: JointWindow, frames: float, frame_s: float) -> float:
