@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens, corrected
+from ispom.estimators.modern.monocular.place_patches import patches_found
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import nearest_speed
 from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, plausible
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends import sift
-from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose, skew
 from ispom.solvers.multiview.inverse_depth import InverseDepths, intersect
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
@@ -22,9 +22,6 @@ from ispom.solvers.multiview.rotation import rotate
 
 FEATURE_ERROR = 2.0
 """Deviation of the place of a descriptor, over that of a tracked point: about a pixel."""
-MIN_CORRELATION, MAX_SHIFT_PX = 0.8, 3.0
-"""As for tracks: a patch that correlates less with that of the key frame, or is farther off, keeps its descriptor's
-place."""
 MAX_RATIO = 0.8
 """Distance of the best descriptor over that of the second best (Lowe 2004, section 7.1)."""
 MAX_OFF = 2.0
@@ -116,7 +113,9 @@ def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, no
     if 2 * sure.sum() < len(sure):
         # The lesser part of them cannot take over the map; the greater part did.
         xyz, uv, seen = xyz[sure], uv[sure], [at[sure] for at in seen]
-    uv, good = _aligned(setup, extra, place, seen[-1], xyz, uv, found.camera_from_world, new)
+    back, near = place.camera_from_world @ found.camera_from_world.inverse(), found.camera_from_world.apply(xyz)
+    aligned, good = patches_found(lens, place, seen[-1], back, near, new.grey, uv)
+    uv = np.where(good[:, None], aligned, uv).astype(np.float32)
     if good.sum() >= ALIGNED:
         xyz, uv, seen = xyz[good], uv[good], [at[good] for at in seen]
     return Recognised(tuple(zip(places, seen, strict=True)), xyz, uv, found.camera_from_world.inverse())
@@ -193,13 +192,13 @@ def _intersected(
     xyz, known = np.zeros((len(seen[0]), 3)), np.zeros(len(seen[0]), bool)
     for others in (range(len(places) - 1), *([i] for i in range(len(places) - 1))):
         chosen = [*others, len(places) - 1]
-        found = _rays_met(setup, extra, [places[i] for i in chosen], [seen[i] for i in chosen], sigma)
+        found = rays_met(setup, extra, [places[i] for i in chosen], [seen[i] for i in chosen], sigma)
         good = (found.depth > 0) & (found.worst < INLIER * sigma) & (found.significance > MIN_SIGNIFICANCE) & ~known
         xyz[good], known = found.xyz_in_world[good], known | good
     return xyz, known
 
 
-def _rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array], sigma: float) -> InverseDepths:
+def rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array], sigma: float) -> InverseDepths:
     """Along the rays of the last place, which has all the points."""
     stacked = np.stack([at_middle(setup, p, uv) for p, uv in zip(places[::-1], seen[::-1], strict=True)])
     owners, cameras = np.nonzero(np.isfinite(stacked[:, :, 0]).T)
@@ -207,23 +206,3 @@ def _rays_met(setup: Setup, extra: Array, places: list[Place], seen: list[Array]
     turns, ways = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     x = corrected(setup.camera.normalise(stacked[cameras, owners]), extra)
     return intersect(turns, ways, cameras, owners, x, stacked.shape[1], sigma)
-
-
-def _aligned(
-    setup: Setup,
-    extra: Array,
-    place: Place,
-    seen: Array,
-    xyz: Array,
-    uv: NDArray[np.float32],
-    camera_from_world: Pose,
-    new: NewImage,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Places (N, 2) [px] in the image, set right by the key frame's patches at `seen` (N, 2) [px], and which (N,) were:
-    others keep their descriptors' places."""
-    back, lens = place.camera_from_world @ camera_from_world.inverse(), Lens(setup.camera, extra)
-    near = camera_from_world.apply(xyz)
-    warps = place.reduction * warps_of(lens.camera, back.rotation[None], back.translation[None], near)
-    found, score = align(place.images[0], place.reduced(seen), new.grey, uv, warps)
-    good = (score > MIN_CORRELATION) & (np.linalg.norm(found - uv, axis=1) < MAX_SHIFT_PX)
-    return np.where(good[:, None], found, uv).astype(np.float32), good

@@ -13,6 +13,7 @@ from ispom.estimators.modern.monocular.localise import SURE, Localisation, locat
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.recognise import Recognised, at_middle, recognised
 from ispom.estimators.modern.monocular.setup import Setup
+from ispom.estimators.modern.monocular.sightings import resighted
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.tracks import Followed, moving
 from ispom.estimators.modern.places import FEATURES, Place
@@ -38,6 +39,7 @@ def relocated(
     state = replace(state, places=places)
     if found is None:
         return state, world, None
+    found = resighted(setup, places, world, found)
     joint, grown, again = _by_points(setup, state, world, new, found)
     return (joint, grown, again) if again.count >= SURE else (state, world, None)
 
