@@ -28,6 +28,7 @@ from scipy.special import chdtri
 
 from ispom.estimators.adjustment import ADJUSTED
 from ispom.geometry import Array
+from ispom.numerics.reductions import median
 from ispom.solvers.window.adjustment import Adjusted, Window
 from ispom.solvers.window.leftovers import leftovers
 from ispom.types import Check
@@ -165,7 +166,7 @@ def _said_by(done: Adjusted, scale: float) -> TrackNoise:
         left.found,
         left.weight,
         left.lengths,
-        float(np.median(done.distances[left.used])) / scale if left.used.any() else 0.0,
+        median(done.distances[left.used]) / scale if left.used.any() else 0.0,
         _cells(window, left.pulls, left.used),
         2 if window.baseline else 1,
     )

@@ -19,6 +19,7 @@ from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
+from ispom.numerics.reductions import lengths, median
 from ispom.numerics.twist import twist_of
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision
@@ -57,7 +58,7 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
     last, camera = world.keys[-1], setup.camera
     old, new = common(last.ids, points.ids)
     flow = (camera.normalise(points.uv[new]) - last.seen[old, :2]) * camera.fx
-    displacement = float(np.median(np.linalg.norm(flow, axis=1))) if len(new) else 0.0
+    displacement = median(lengths(flow)) if len(new) else 0.0
     share = len(new) / max(len(last.ids), 1)
     return (
         checks.DISPLACEMENT.of(displacement, setup.min_parallax_px),
@@ -131,7 +132,7 @@ def _adjusted(
         checks.WINDOW.of(count, setup.window, then),
     )
     f = setup.camera.fx
-    error = float(np.median(result.distances)) * f if len(result.distances) else 0.0
+    error = median(result.distances) * f if len(result.distances) else 0.0
     usual = 2 * setup.loss_px
     told = checks.NOISE.of(f * world.noise.sigma(setup.loss), setup.loss_px, *world.noise.told(f))
     return world, settled, (checks.ADJUSTED_ERROR.of(error, usual), told, *went, *corrections(setup, world))
