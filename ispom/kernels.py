@@ -16,13 +16,14 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import numba
 import numpy as np
+from llvmlite.binding import parse_bitcode
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
@@ -134,7 +135,9 @@ class KernelCache(_Cache):
             return None
         target_context.refresh()
         try:
-            found = CompileResult._rebuild(target_context, *pickle.loads(content))  # noqa: S301 (only we write there)
+            state = pickle.loads(content)  # noqa: S301 (only we write there)
+            found = CompileResult._rebuild(target_context, *state)
+            _let_module_go(found.library, *state[0])
         except Exception as fault:
             _delete(path, f"cannot be loaded ({type(fault).__name__}: {fault})")
             return None
@@ -196,6 +199,15 @@ def _sources(function: FunctionType, seen: set[FunctionType]) -> Iterator[bytes]
             yield value.tobytes()
         elif isinstance(value, int | float | complex | str | tuple):
             yield f"{name} = {value!r}".encode()
+
+
+def _let_module_go(library: Any, name: str, kind: str, code: tuple[bytes, bytes]) -> None:
+    """Of code that is loaded, LLVM holds what it was made from, too: half a megabyte each.
+
+    Only another kernel that calls this one and is compiled anew needs that: it is read again then.
+    """
+    library._shared_module = None
+    library._get_module_for_linking = partial(parse_bitcode, code[1])
 
 
 @cache
