@@ -90,12 +90,15 @@ def _median(values: Array) -> float:
 def _stepped(r, t, h, g, held, pull, since):
     """The pose after a step by these normal equations, with those of the guess: its information (6, 6) and its gradient
     (6,). Also the step's largest parts, way and turn: inf where there is no step. `since` (6,) grows by it."""
-    damped, trace = h[0, 0] + held, 0.0
+    damped, side, trace = np.empty((6, 6)), np.empty(6), 0.0
     for i in range(6):
         trace += h[0, 0, i, i]
+        side[i] = g[0, i] + pull[i]
+        for j in range(6):
+            damped[i, j] = h[0, 0, i, j] + held[i, j]
     for i in range(6):
         damped[i, i] += 1e-9 * max(trace, 1e-12)
-    step = solve_factored(factor(damped), g[0] + pull)
+    step = solve_factored(factor(damped), side)
     way, turn, total = 0.0, 0.0, 0.0
     for i in range(6):
         step[i] = -step[i]
