@@ -14,6 +14,7 @@ from ispom.numerics.reductions import median
 from ispom.numerics.reprojection import add_by_twist, gradient_by_point, hessian_by_point, subtract_by_twists
 from ispom.numerics.twist import moved
 from ispom.numerics.vectors import matrix, plus, symmetric, times, vector
+from ispom.solvers.epipolar import Rays
 
 ITERATIONS = 30
 """At most; about eight are needed from a good guess."""
@@ -41,13 +42,14 @@ def fit_pose(
     baseline: float = 0.0,
     prior: Array | None = None,
     widest: float = np.inf,
+    rays: Rays | None = None,
 ) -> PoseFit | None:
     """camera_from_world from points (N, 3) seen at normalised x, y (N, 2), or by a pair at x, y, right x (N, 3).
 
     The right x is NaN where unknown, else that of a perfect pair. Gauss-Newton with Cauchy weights of `scale`, wider at
     first, at most `widest`: what agrees with a guess is that near, where it may be the lesser part. `prior` (6, 6):
-    information of the guess itself, which holds what the points leave open. None with fewer than 6 points within
-    `threshold` at the end.
+    information of the guess itself, which holds what the points leave open. `rays` pull as well, with half a point's
+    weight. None with fewer than 6 points within `threshold` at the end.
     """
     if len(xyz) < LEAST:
         return None
@@ -57,7 +59,8 @@ def fit_pose(
         seen = pair
     xyz, seen = np.ascontiguousarray(xyz, np.float64), np.ascontiguousarray(seen, np.float64)
     rotation, translation = np.array(guess.rotation[None], order="C"), np.array(guess.translation[None], order="C")
-    held, since, pull = np.zeros((6, 6)) if prior is None else np.ascontiguousarray(prior), np.zeros(6), np.zeros(6)
+    guessed = np.zeros((6, 6)) if prior is None else np.ascontiguousarray(prior)
+    held, since, pull = guessed, np.zeros(6), np.zeros(6)
     blocks, side, distances = np.empty((1, 1, 6, 6)), np.empty((1, 6)), np.empty(len(xyz))
     baseline, depth = float(baseline), median(np.abs(xyz @ guess.rotation[2] + guess.translation[2]))
     _normal(xyz, seen, rotation, translation, baseline, 1.0, blocks, side, distances)
@@ -67,6 +70,9 @@ def fit_pose(
         _normal(xyz, seen, rotation, translation, baseline, wide, blocks, side, distances)
         if prior is not None:
             pull = prior @ since
+        if rays is not None:
+            squares, slope = rays.normal(Pose(rotation[0], translation[0]), wide)
+            held, pull = guessed + squares, guessed @ since + slope
         rotation, translation, way, turn = _stepped(rotation, translation, blocks, side, held, pull, since)
         if way == np.inf:
             return None
@@ -88,7 +94,7 @@ def _median(values: Array) -> float:
 
 @kernel()
 def _stepped(r, t, h, g, held, pull, since):
-    """The pose after a step by these normal equations, with those of the guess: its information (6, 6) and its gradient
+    """The pose after a step by these normal equations, with those of the guess and rays: information (6, 6), gradient
     (6,). Also the step's largest parts, way and turn: inf where there is no step. `since` (6,) grows by it."""
     damped, side, trace = np.empty((6, 6)), np.empty(6), 0.0
     for i in range(6):

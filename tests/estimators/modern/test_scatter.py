@@ -135,7 +135,9 @@ def test_the_covariance_of_a_frame_located_in_the_map_is_that_of_its_errors(kind
         pose, xyz, x = Pose(true.rotations[-1], true.translations[-1]), done.points[owners], true.seen[seen, :2]
         motion = fit_pose(xyz, x, pose, 2 * SCALE, 4 * SCALE)
         assert motion is not None
-        covariance = MapUncertainty.of(done, ids, SCALE, 1.0).of_pose(owners, xyz, x, motion, 2 * SCALE)
+        covariance = MapUncertainty.of(done, tuple(range(newest)), ids, SCALE, 1.0).of_pose(
+            owners, xyz, x, motion, 2 * SCALE
+        )
         off = (pose @ motion.camera_from_world.inverse()).log()
         nees.append(off @ np.linalg.solve(covariance, off))
     low, high = band(6, len(nees), 0.999)

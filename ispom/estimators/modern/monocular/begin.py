@@ -55,7 +55,8 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     world = begun_by_motions(setup, found.map, (*start.sights, last))
     problem = bundle_problem(world)
     noise = world.noise.after(adjust(problem.window, setup.sigma, iterations=0), setup.sigma)
-    uncertainty = MapUncertainty.of(problem.window, problem.ids, setup.sigma, noise.shared)
+    times_ns = tuple(k.time_ns for k in world.keys)
+    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, setup.sigma, noise.shared)
     return replace(
         outcome,
         status=Status.TRACKING,

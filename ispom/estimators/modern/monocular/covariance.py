@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.monocular.scatter import LEAST_SHARE, Curvature, Spread
+from ispom.estimators.modern.monocular.unplaced import Unplaced
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
@@ -31,6 +32,8 @@ LOSS = 1.5
 class MapUncertainty:
     """The uncertainty of a map, as long as it stays as it is."""
 
+    key_times_ns: tuple[int, ...]
+    """Of its C key frames."""
     ids: NDArray[np.int64]
     """(M,) ascending, of the points that the last key frame sees."""
     by_poses: Array
@@ -47,7 +50,9 @@ class MapUncertainty:
     """The same against the step before; `scale_sigma` where there is none."""
 
     @staticmethod
-    def of(window: Window, ids: NDArray[np.int64], sigma: float, shared: float) -> MapUncertainty:
+    def of(
+        window: Window, key_times_ns: tuple[int, ...], ids: NDArray[np.int64], sigma: float, shared: float
+    ) -> MapUncertainty:
         """Of a window with points `ids` (M,); `sigma`: width of the loss, normalised."""
         c, young = len(window.rotations), np.zeros(len(ids), bool)
         young[window.owners[window.cameras == c - 1]] = True
@@ -56,6 +61,7 @@ class MapUncertainty:
         all_poses = spread.root @ spread.root.T
         last = slice(POSE * (c - 1), POSE * c)
         return MapUncertainty(
+            key_times_ns,
             ids[young],
             -(curved.found.conditional[young] @ curved.found.mixed[young]),
             Spread(spread.root, spread.pulls[young]),
@@ -70,28 +76,44 @@ class MapUncertainty:
         root = self.spread.root[-LENS:]
         return root @ root.T
 
-    def of_pose(self, ids: NDArray[np.int64], xyz: Array, seen: Array, motion: PoseFit, scale: float) -> Array:
+    def of_pose(
+        self,
+        ids: NDArray[np.int64],
+        xyz: Array,
+        seen: Array,
+        motion: PoseFit,
+        scale: float,
+        unplaced: Unplaced | None = None,
+    ) -> Array:
         """(6, 6) covariance of a pose located by points (N,), at (N, 3), seen at (N, 2); twist on the right.
 
-        `scale`: width of the loss by which it was located, normalised. That of the last key frame, which it is no less,
-        where none of the points was seen there.
+        `scale`: width of the loss by which it was located, normalised; `unplaced`: the tracks without a point that had
+        their part in it. That of the last key frame, which it is no less, where none of the points was seen there.
         """
         place = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
-        use = motion.inliers & (self.ids[place] == ids)
+        use, pose = motion.inliers & (self.ids[place] == ids), motion.camera_from_world
         if not use.any():
             return self.pose
-        place, in_camera, n = place[use], motion.camera_from_world.apply(xyz[use]), int(use.sum())
+        place, in_camera, n = place[use], pose.apply(xyz[use]), int(use.sum())
         by_place, by_pose, by_extra = _derivatives(in_camera)
         errors = in_camera[:, :2] / in_camera[:, 2:] - seen[use]
         weighted = by_pose / (1 + (errors**2).sum(axis=1) / scale**2)[:, None, None]
         design, slopes = weighted.reshape(2 * n, POSE), (errors[:, None] @ weighted)[:, 0]
-        own = _inverse(by_pose.reshape(2 * n, POSE).T @ design, 2 / scale**2 * slopes.T @ slopes)
-        gain = np.swapaxes(weighted, 1, 2) @ (by_place @ motion.camera_from_world.rotation)
+        gain = np.swapaxes(weighted, 1, 2) @ (by_place @ pose.rotation)
         follow = gain.transpose(1, 0, 2).reshape(POSE, 3 * n) @ self.by_poses[place].reshape(3 * n, -1)
         follow[:, -LENS:] += design.T @ by_extra.reshape(2 * n, LENS)
+        held, pulls = by_pose.reshape(2 * n, POSE).T @ design, self.spread.pulls[place]
+        if unplaced is not None:
+            curved, more = unplaced.slopes(pose, scale)
+            held, slopes = held + curved, np.concatenate([slopes, more])
+            pulls = np.concatenate([pulls, np.zeros((len(more), pulls.shape[1]))])
+            if unplaced.key_ns in self.key_times_ns:
+                at = POSE * self.key_times_ns.index(unplaced.key_ns)
+                follow[:, at : at + POSE] -= curved @ (pose @ unplaced.world_from_key).adjoint
+        own = _inverse(held, 2 / scale**2 * slopes.T @ slopes)
         # Six of the errors' degrees of freedom went into the pose.
-        slopes /= np.sqrt(max(1 - POSE / (2 * n), LEAST_SHARE))
-        both, of_map = slopes.T @ self.spread.pulls[place] @ follow.T, follow @ self.spread.root
+        slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))
+        both, of_map = slopes.T @ pulls @ follow.T, follow @ self.spread.root
         return own @ (of_map @ of_map.T + self.shared * (slopes.T @ slopes + both + both.T)) @ own
 
 

@@ -101,7 +101,8 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
         checks.OUTLIERS.of(len(outliers), len(before.ids)),
         checks.NOISE.of(f * world.noise.sigma(setup.noise), setup.noise_px, *world.noise.told(f)),
     )
-    uncertainty = MapUncertainty.of(bundle.window, before.ids, sigma, world.noise.shared)
+    times_ns = tuple(k.time_ns for k in world.keys)
+    uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, sigma, world.noise.shared)
     scale, drift = _scale(world, known, sigma, uncertainty)
     return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(world)))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.lens import Lens, corrected
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.realign import realigned
-from ispom.estimators.modern.monocular.setup import INLIER, MIN_INLIER_SHARE, Setup
+from ispom.estimators.modern.monocular.setup import INLIER, MIN_INLIER_SHARE, WIDTH, Setup
 from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import (
     Followed,
@@ -20,6 +20,7 @@ from ispom.estimators.modern.monocular.tracks import (
     projected,
     unrolled,
 )
+from ispom.estimators.modern.monocular.unplaced import Unplaced, with_unplaced
 from ispom.estimators.modern.places import in_sight
 from ispom.estimators.modern.rolling import late_px
 from ispom.estimators.tracked_frame import TrackedFrame
@@ -32,8 +33,6 @@ from ispom.solvers.multiview.resection import resect
 from ispom.solvers.multiview.rotation import rotate
 from ispom.types import TrackStatus
 
-WIDTH = INLIER / 2
-"""Of the loss by which a frame is located, over the map's."""
 MIN_LOCATED = 15
 """Fewer points that agree with a pose are a loss: a pose has 6 unknowns, and with two equations a point so many leave
 it determined four times over where a third of them is wrong alike."""
@@ -63,6 +62,8 @@ class Localisation:
     """(N, 3)."""
     seen: Array
     """(N, 2) where, normalised and corrected."""
+    unplaced: Unplaced | None = None
+    """What tracks without a point say of the pose as well."""
 
     @property
     def count(self) -> int:
@@ -108,10 +109,13 @@ def located_by(
     setup: Setup, live: LiveTracks, world: Map, followed: Followed, world_from_guess: Pose, places: Array | None = None
 ) -> Localisation:
     """The pose that these tracks give, from a good guess. `places` (N, 3) as `Map.known` of them, where it is there."""
-    ids, xyz, x = _seen(setup, live, world, followed, world.known(live.ids) if places is None else places)
+    places = world.known(live.ids) if places is None else places
+    ids, xyz, x = _seen(setup, live, world, followed, places)
     limit = INLIER * setup.sigma
-    motion = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit)
-    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x)
+    motion, unplaced = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit), None
+    if motion is not None:
+        motion, unplaced = with_unplaced(setup, live, world, followed, places, motion, (xyz, x))
+    return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x, unplaced)
 
 
 def pose_of(xyz: Array, x: Array, world_from_guess: Pose, limit: float) -> PoseFit | None:

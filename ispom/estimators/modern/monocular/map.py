@@ -54,6 +54,15 @@ class Map:
         others = [(b.time_ns, of_key[b.key_ns] @ b.key_from_camera) for b in self.relative_frames]
         return [*of_key.items(), *others]
 
+    def pose_at(self, time_ns: int) -> Pose | None:
+        """world_from_camera of the last key frame, or of the last frame after it, if it is of that time."""
+        if self.keys[-1].time_ns == time_ns:
+            return self.poses[-1]
+        last = self.relative_frames[-1] if self.relative_frames else None
+        if last is None or last.time_ns != time_ns or last.key_ns != self.keys[-1].time_ns:
+            return None
+        return self.poses[-1] @ last.key_from_camera
+
     def since(self, time_ns: int) -> list[tuple[int, Pose]]:
         """Frames of the window from a time on, in order of time."""
         of_key = {k.time_ns: p for k, p in zip(self.keys, self.poses, strict=True)}

@@ -10,6 +10,8 @@ from ispom.types import Camera
 
 INLIER = 4.0
 """A point agrees with a pose, or with the map, within so many widths of the loss: 2.0 px at the default noise."""
+WIDTH = INLIER / 2
+"""Of the loss by which a frame is located, over the map's."""
 MISTRACKED = 6.0
 """Beyond so many the track of a map point ends: 3.1 px are more than tracking is off by on the same point."""
 MOVING = 8.0

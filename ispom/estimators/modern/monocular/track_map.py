@@ -13,7 +13,6 @@ from ispom.estimators.modern.monocular.localise import (
     MIN_LOCATED,
     MOST,
     SURE,
-    WIDTH,
     Localisation,
     contradicted,
     localise,
@@ -24,7 +23,7 @@ from ispom.estimators.modern.monocular.marginalise import limited, shortened, wh
 from ispom.estimators.modern.monocular.recognise import FEWEST
 from ispom.estimators.modern.monocular.recover import recover
 from ispom.estimators.modern.monocular.relocate import relocated
-from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, Setup
+from ispom.estimators.modern.monocular.setup import MISTRACKED, MOVING, WIDTH, Setup
 from ispom.estimators.modern.monocular.shutter import by_motions
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
@@ -78,7 +77,8 @@ def track_map(
     )
     # What a frame that was found again is located by is new to the map: only its adjustment says how sure the pose is.
     if again is None and not any(test.passed for test in tests):
-        covariance = state.uncertainty.of_pose(found.ids, found.xyz, found.seen, found.motion, WIDTH * setup.sigma)
+        seen = found.ids, found.xyz, found.seen, found.motion
+        covariance = state.uncertainty.of_pose(*seen, WIDTH * setup.sigma, found.unplaced)
         world, settled = limited(world.with_relative_frame(new.time_ns, frame.world_from_camera))
         watch.lap("locate")
         return state, replace(outcome, map=world, settled=tuple(settled), covariance=covariance)

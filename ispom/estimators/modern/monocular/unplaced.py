@@ -1,0 +1,121 @@
+"""What tracks without a point say of a pose: by the epipolar lines of where the last key frame saw them.
+
+In a bend the points of the map leave the image, or lie close together at its edge; then they hardly say whether the
+camera turned or went aside. The tracks in all the rest of the image do. Without them such a pose was off by 2.8
+degrees, where the points alone took it to be known to 0.2, and all points that followed were placed by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.lens import corrected
+from ispom.estimators.modern.monocular.map import Map
+from ispom.estimators.modern.monocular.setup import INLIER, WIDTH, Setup
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks, unrolled
+from ispom.geometry import Array, Pose
+from ispom.numerics.places import common
+from ispom.solvers import motion_only
+from ispom.solvers.epipolar import Rays
+from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.window.prior import POSE
+from ispom.types import TrackStatus
+
+AGREEING = 2.0
+"""Deviations from its line, of errors in two images, within which a track agrees with a pose."""
+LEAST_SHARE = 0.5
+"""Of the tracks without a point must agree with their lines, in the last image and by the pose that they help to
+find."""
+NEARER = 0.5
+"""Of the least depth of the map's points: no track is on anything nearer."""
+MOST_COST = 22.5
+"""By which the squares of the points' errors may grow for the sake of tracks without a point, in variances of a tracked
+place: so many have a chance of a thousandth by six unknowns (chi square)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unplaced:
+    """Tracks without a point, and the key frame that saw them before."""
+
+    rays: Rays
+    key_ns: int
+    world_from_key: Pose
+
+    def slopes(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
+        """(6, 6) second derivatives of their cost by a left twist, weights of the loss of width `scale` held, and
+        (M, 6) first ones of each."""
+        errors, by_twist = self.rays.errors(camera_from_world)
+        used = np.isfinite(errors[:, 0])
+        errors, by_twist = errors[used], by_twist[used]
+        weighted = by_twist / (2 + (errors**2).sum(axis=1) / scale**2)[:, None, None]
+        held = weighted.reshape(-1, POSE).T @ by_twist.reshape(-1, POSE)
+        return held, (errors[:, None] @ weighted)[:, 0]
+
+
+def with_unplaced(
+    setup: Setup,
+    live: LiveTracks,
+    world: Map,
+    followed: Followed,
+    places: Array,
+    motion: PoseFit,
+    points: tuple[Array, Array],
+) -> tuple[PoseFit, Unplaced | None]:
+    """The pose by tracks without a point, too, and those by which it is, where they are more than the points that agree
+    with it; as it was where they disagree.
+
+    `places` (N, 3) as `Map.known` of all tracks; `points` (M, 3), (M, 2) the map's, and where they are seen, by which
+    the pose was found.
+    """
+    alone = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
+    if len(alone) <= motion.inliers.sum():
+        return motion, None
+    unplaced = _unplaced(setup, live, world, followed, alone, points[0][motion.inliers])
+    if unplaced is None:
+        return motion, None
+    scale, limit, pose = WIDTH * setup.sigma, INLIER * setup.sigma, motion.camera_from_world
+    found = motion_only.fit_pose(*points, pose, scale, limit, widest=scale, rays=unplaced.rays)
+    if found is None or _cost(found, scale) - _cost(motion, scale) > MOST_COST * setup.noise**2:
+        return motion, None
+    agreeing = _agreeing(setup, unplaced.rays, found.camera_from_world)
+    return (found, unplaced) if agreeing.mean() >= LEAST_SHARE else (motion, None)
+
+
+def _unplaced(
+    setup: Setup, live: LiveTracks, world: Map, followed: Followed, alone: NDArray[np.int64], points: Array
+) -> Unplaced | None:
+    """Those of the tracks `alone` (K,) that agreed with their lines in the last image, from the last key frame before
+    it: what moves by itself, as clouds do, mostly did so then. `points` (N, 3) of the map that are seen."""
+    keys, before = [k for k in world.keys if k.time_ns < live.time_ns], world.pose_at(live.time_ns)
+    if not keys or before is None:
+        return None
+    key, world_from_key = keys[-1], keys[-1].world_from_camera
+    assert world_from_key is not None
+    mine, its = common(live.ids[alone], key.ids)
+    depths = world_from_key.inverse().apply(points)[:, 2]
+    depths = depths[depths > 0]
+    if len(mine) <= len(points) or not len(depths):
+        return None
+    mine, nearest = alone[mine], NEARER * float(depths.min())
+    first = corrected(key.x[its], world.extra)
+    last, now = (
+        corrected(setup.camera.normalise(unrolled(setup.camera, of)[mine]), world.extra) for of in (live, followed)
+    )
+    good = _agreeing(setup, Rays.of(world_from_key, first, nearest, last), before.inverse())
+    if good.mean() < LEAST_SHARE:
+        return None
+    return Unplaced(Rays.of(world_from_key, first[good], nearest, now[good]), key.time_ns, world_from_key)
+
+
+def _cost(found: PoseFit, scale: float) -> float:
+    """Sum of squares of the points' errors, each as the loss of width `scale` takes it."""
+    return float(scale**2 * np.log1p((found.distances / scale) ** 2).sum())
+
+
+def _agreeing(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
+    """Which (M,) of the tracks are on their lines."""
+    errors, _ = rays.errors(camera_from_world)
+    return np.asarray(np.linalg.norm(errors, axis=1) < AGREEING * np.sqrt(2) * setup.noise)

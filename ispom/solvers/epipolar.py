@@ -1,0 +1,88 @@
+"""Points of unknown depth: what a camera sees of them lies on the epipolar line of where another one saw them.
+
+Where the point is along its ray is no unknown of its own: for each pose it is where the ray comes nearest to what is
+seen, so that only the error across the line is left. Nearer than the scene, or farther than infinitely far, it cannot
+be: there the whole error counts, and a camera that hardly moved has two constraints of each point on how it turned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispom.geometry import Array, Pose
+from ispom.kernels import kernel
+from ispom.numerics.vectors import matrix, plus, scaled, times, vector
+
+LEAST_INVERSE_DEPTH = 1e-6
+"""Of the nearest point's: as good as infinitely far."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Points of unknown depth, seen by two cameras."""
+
+    directions: Array
+    """(M, 3) to them from the first camera, in the world; of length 1 along its optical axis."""
+    origin: Array
+    """(3,) centre of that camera, in the world."""
+    nearest: float
+    """Least depth in that camera."""
+    seen: Array
+    """(M, 2) normalised, in the second one."""
+
+    @staticmethod
+    def of(world_from_first: Pose, first: Array, nearest: float, seen: Array) -> Rays:
+        """`first`, `seen` (M, 2): normalised coordinates in the two cameras."""
+        directions = np.column_stack([first, np.ones(len(first))]) @ world_from_first.rotation.T
+        return Rays(directions, world_from_first.translation, nearest, np.ascontiguousarray(seen, np.float64))
+
+    def errors(self, camera_from_world: Pose) -> tuple[Array, Array]:
+        """(M, 2) from where the second camera saw them, and (M, 2, 6) by a left twist of its pose; inf, 0 behind it."""
+        errors, by_twist = np.empty((len(self.seen), 2)), np.zeros((len(self.seen), 2, 6))
+        turned = np.ascontiguousarray(camera_from_world.rotation[None])
+        origin = np.ascontiguousarray(camera_from_world.apply(self.origin[None]))
+        _errors(self.directions, turned, origin, 1 / self.nearest, self.seen, errors, by_twist)
+        return errors, by_twist
+
+    def normal(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
+        """(6, 6) and (6,): normal equations with Cauchy weights, in units of `scale`, of errors in both images."""
+        errors, by_twist = self.errors(camera_from_world)
+        weights = 1 / (2 * scale**2 + (errors**2).sum(axis=1))
+        weighted = (weights[:, None, None] * by_twist).reshape(-1, 6)
+        return weighted.T @ by_twist.reshape(-1, 6), np.where(np.isfinite(errors), errors, 0.0).ravel() @ weighted
+
+
+@kernel()
+def _errors(directions, rotation, origin, largest, seen, errors, by_twist):
+    """`rotation` (1, 3, 3) camera_from_world, `origin` (1, 3) in the camera, `largest` inverse depth."""
+    turn, base = matrix(rotation, 0), vector(origin, 0)
+    for m in range(len(directions)):
+        far = times(turn, vector(directions, m))
+        errors[m, 0] = errors[m, 1] = np.inf
+        if far[2] <= 1e-6:
+            continue
+        fx, fy = far[0] / far[2], far[1] / far[2]
+        lx, ly = base[0] - fx * base[2], base[1] - fy * base[2]
+        length = np.sqrt(lx * lx + ly * ly)
+        inverse, free = 0.0, False
+        if length > 0.0:
+            lx, ly = lx / length, ly / length
+            along = (seen[m, 0] - fx) * lx + (seen[m, 1] - fy) * ly
+            left = length - along * base[2]
+            inverse = along * far[2] / left if left > 0.0 else largest
+            free = 0.0 < inverse < largest
+        inverse = min(max(inverse, LEAST_INVERSE_DEPTH * largest), largest)
+        q = plus(scaled(1.0 / inverse, far), base)
+        if q[2] <= 1e-6:
+            continue
+        x, y, iz = q[0] / q[2], q[1] / q[2], 1.0 / q[2]
+        ex, ey = x - seen[m, 0], y - seen[m, 1]
+        u = iz, 0.0, -iz * x, -x * y, 1.0 + x * x, -y
+        v = 0.0, iz, -iz * y, -1.0 - y * y, x * y, x
+        # Across the line: what lies along it the depth takes up.
+        xx, xy, yy = (ly * ly, -lx * ly, lx * lx) if free else (1.0, 0.0, 1.0)
+        errors[m, 0], errors[m, 1] = xx * ex + xy * ey, xy * ex + yy * ey
+        for i in range(6):
+            by_twist[m, 0, i], by_twist[m, 1, i] = xx * u[i] + xy * v[i], xy * u[i] + yy * v[i]

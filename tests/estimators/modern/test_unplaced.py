@@ -1,0 +1,105 @@
+"""Tracks without a point beside few points of the map, on synthesised truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
+from ispom.estimators.modern.monocular.localise import Localisation, located_by
+from ispom.estimators.modern.monocular.map import Map, RelativeFrame
+from ispom.estimators.modern.monocular.scatter import Spread
+from ispom.estimators.modern.monocular.setup import WIDTH
+from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
+from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
+from ispom.evaluation.consistency import band
+from ispom.geometry import Array, Pose
+from ispom.solvers.window.prior import LENS, POSE
+from ispom.types import Camera, Rig, TrackStatus
+
+CAMERA = Camera(384, 288, 276.0, 276.0, 191.5, 143.5)
+SETUP = ModernMonocularConfig().build(Rig.single(CAMERA))._setup
+KEY = Pose.from_rotvec(np.array([0.02, -0.1, 0.01]), np.array([1.0, 0.1, -0.5]))
+"""world_from_camera of the key frame, of the last image, and of the new one: a bend."""
+LAST = KEY @ Pose.from_rotvec(np.array([0.0, 0.1, 0.005]), np.array([0.15, 0.0, 0.9]))
+NEW = KEY @ Pose.from_rotvec(np.array([0.0, 0.2, 0.01]), np.array([0.35, 0.02, 1.8]))
+POINTS, TRACKS = 40, 70
+ALIVE = int(TrackStatus.ALIVE)
+
+
+def seen(world_from_camera: Pose, xyz: Array) -> Array:
+    """(N, 2) [px]."""
+    near = world_from_camera.inverse().apply(xyz)
+    return CAMERA.project(near)
+
+
+def located(
+    seed: int, tracks: int = TRACKS, error_px: float = 0.2, drift_m: float = 0.0, key: Pose = KEY
+) -> Localisation:
+    """A frame by points at the image's edge; the other tracks, all over it, move by `drift_m` a frame of their own.
+
+    `key`: where the map has the key frame.
+    """
+    rng, other = np.random.default_rng(seed), np.random.default_rng(100 + seed)
+    edge = np.column_stack([rng.uniform(-0.62, -0.5, POINTS), rng.uniform(-0.1, 0.1, POINTS), np.ones(POINTS)])
+    points = NEW.apply(edge * rng.uniform(11, 12, (POINTS, 1)))
+    rays = np.column_stack([other.uniform(-0.4, 0.6, tracks), other.uniform(-0.4, 0.4, tracks), np.ones(tracks)])
+    others = NEW.apply(rays * other.uniform(8, 60, (tracks, 1)))
+    at, ids = [], np.arange(POINTS + tracks)
+    for i, pose in enumerate((KEY, LAST, NEW)):
+        uv = seen(pose, np.concatenate([points, others + i * drift_m * NEW.rotation[:, 1]]))
+        noise = [r.standard_normal((n, 2)) for r, n in ((rng, POINTS), (other, tracks))]
+        at.append(uv + error_px * np.concatenate(noise))
+    frame = TrackedFrame(0, ids, CAMERA.normalise(at[0]), key)
+    between = RelativeFrame(10**8, 0, key.inverse() @ LAST)
+    world = Map((frame,), ScenePoints(ids[:POINTS], points), None, (between,))
+    live = LiveTracks(ids=ids, uv=at[1].astype(np.float32), speed=np.zeros((len(ids), 2), np.float32), time_ns=10**8)
+    followed = Followed(
+        at[2].astype(np.float32), np.full(len(ids), ALIVE, np.uint8), np.zeros((len(ids), 2), np.float32)
+    )
+    return located_by(SETUP, live, world, followed, LAST)
+
+
+def off(found: Localisation) -> Array:
+    """(6,) twist on the right of world_from_camera."""
+    assert found.motion is not None
+    return (NEW.inverse() @ found.motion.camera_from_world.inverse()).log()
+
+
+def test_tracks_without_a_point_tell_how_the_camera_turned() -> None:
+    few, many = ([np.degrees(off(located(seed, n))[4]) for seed in range(10)] for n in (0, TRACKS))
+    assert np.std(many) < 0.2 * np.std(few)
+
+
+def test_points_that_are_more_need_no_help() -> None:
+    assert located(0, POINTS).unplaced is None and located(0).unplaced is not None
+
+
+@pytest.mark.parametrize("drift_m", [0.3, 1.0])
+def test_what_moves_by_itself_as_clouds_do_has_no_part(drift_m: float) -> None:
+    for seed in range(5):
+        with_clouds, alone = located(seed, drift_m=drift_m), located(seed, 0)
+        assert np.abs(off(with_clouds) - off(alone)).max() < 0.01
+
+
+@pytest.mark.parametrize("unsure_rad", [0.0, 1e-3])
+def test_the_covariance_is_that_of_the_errors(unsure_rad: float) -> None:
+    """Of tracks, and of the key frame from which the others are seen."""
+    nees, held = [], np.zeros((POSE + LENS, POSE + LENS))
+    held[:POSE, :POSE] = np.diag([0.0, 0.0, 0.0, unsure_rad, unsure_rad, unsure_rad])
+    root = Spread(held, np.zeros((POINTS, POSE + LENS)))
+    known = MapUncertainty((0,), np.arange(POINTS), np.zeros((POINTS, 3, POSE + LENS)), root, 1.0, np.eye(6), 0, 0)
+    for seed in range(40):
+        twist = held[:POSE, :POSE] @ np.random.default_rng(1000 + seed).standard_normal(POSE)
+        found = located(seed, key=(Pose.exp(twist) @ KEY.inverse()).inverse())
+        assert found.motion is not None and found.unplaced is not None
+        args = found.ids, found.xyz, found.seen, found.motion
+        covariance = known.of_pose(*args, WIDTH * SETUP.sigma, found.unplaced)
+        nees.append(off(found) @ np.linalg.solve(covariance, off(found)))
+        alone = known.of_pose(*args, WIDTH * SETUP.sigma, replace(found.unplaced, key_ns=5))
+        assert unsure_rad == 0 or np.trace(alone[3:, 3:]) < np.trace(covariance[3:, 3:])
+    low, high = band(6, len(nees), 0.999)
+    assert low < np.mean(nees) < high
