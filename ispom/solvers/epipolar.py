@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispom.geometry import Array, Pose
-from ispom.kernels import kernel
+from ispom.kernels import kernel, read_only
 from ispom.numerics.vectors import matrix, plus, scaled, times, vector
 
 LEAST_INVERSE_DEPTH = 1e-6
@@ -36,14 +36,14 @@ class Rays:
     def of(world_from_first: Pose, first: Array, nearest: float, seen: Array) -> Rays:
         """`first`, `seen` (M, 2): normalised coordinates in the two cameras."""
         directions = np.column_stack([first, np.ones(len(first))]) @ world_from_first.rotation.T
-        return Rays(directions, world_from_first.translation, nearest, np.ascontiguousarray(seen, np.float64))
+        return Rays(directions, world_from_first.translation, nearest, seen)
 
     def errors(self, camera_from_world: Pose) -> tuple[Array, Array]:
         """(M, 2) from where the second camera saw them, and (M, 2, 6) by a left twist of its pose; inf, 0 behind it."""
         errors, by_twist = np.empty((len(self.seen), 2)), np.zeros((len(self.seen), 2, 6))
-        turned = np.ascontiguousarray(camera_from_world.rotation[None])
-        origin = np.ascontiguousarray(camera_from_world.apply(self.origin[None]))
-        _errors(self.directions, turned, origin, 1 / self.nearest, self.seen, errors, by_twist)
+        origin = camera_from_world.apply(self.origin[None])
+        given = (read_only(a) for a in (self.directions, camera_from_world.rotation[None], origin, self.seen))
+        _errors(*given, 1 / self.nearest, errors, by_twist)
         return errors, by_twist
 
     def normal(self, camera_from_world: Pose, scale: float) -> tuple[Array, Array]:
@@ -55,7 +55,7 @@ class Rays:
 
 
 @kernel()
-def _errors(directions, rotation, origin, largest, seen, errors, by_twist):
+def _errors(directions, rotation, origin, seen, largest, errors, by_twist):
     """`rotation` (1, 3, 3) camera_from_world, `origin` (1, 3) in the camera, `largest` inverse depth."""
     turn, base = matrix(rotation, 0), vector(origin, 0)
     for m in range(len(directions)):

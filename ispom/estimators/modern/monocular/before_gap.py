@@ -12,9 +12,9 @@ from ispom.estimators.modern.monocular.tracks import moving, unrolled
 from ispom.estimators.modern.places import Place
 from ispom.estimators.tracked_frame import TrackedFrame
 
-MISSING = 2.5
-"""Times the interval between the last two frames, from which on there is a gap: two frames or more are missing. Where
-one is, tracking hardly loses anything."""
+MISSING = 5.5
+"""Times the interval between the last two frames, from which on there is a gap: five frames or more are missing. Where
+fewer are, as where a camera drops some, tracking loses little, and key frames would follow each other too closely."""
 
 
 def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> ModernMonocularState:
