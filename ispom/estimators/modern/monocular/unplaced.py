@@ -29,6 +29,9 @@ AGREEING = 2.0
 LEAST_SHARE = 0.5
 """Of the tracks without a point must agree with their lines, in the last image and by the pose that they help to
 find."""
+LEAST_GAIN = 0.1
+"""Of them come to agree: where as many agree with the points' pose, they say nothing new, and what is wrong with them
+would only be added."""
 NEARER = 0.5
 """Of the least depth of the map's points: no track is on anything nearer."""
 MOST_COST = 22.5
@@ -80,8 +83,8 @@ def with_unplaced(
     found = motion_only.fit_pose(*points, pose, scale, limit, widest=scale, rays=unplaced.rays)
     if found is None or _cost(found, scale) - _cost(motion, scale) > MOST_COST * setup.noise**2:
         return motion, None
-    agreeing = _agreeing(setup, unplaced.rays, found.camera_from_world)
-    return (found, unplaced) if agreeing.mean() >= LEAST_SHARE else (motion, None)
+    before, after = (_agreeing(setup, unplaced.rays, pose).mean() for pose in (pose, found.camera_from_world))
+    return (found, unplaced) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
 
 
 def _unplaced(
