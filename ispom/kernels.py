@@ -31,8 +31,13 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numpy.typing import NDArray
 
-from ispom import parts
 from ispom.caches import cache_folder
+
+NEWEST_KNOWN = 0, 68
+"""Version of numba up to which `parts` is known to hold, from 0.61 on; with others parts are compiled as numba does by
+itself, which takes longer."""
+if numba.version_info.short <= NEWEST_KNOWN:
+    from ispom import parts
 
 log = logging.getLogger(__name__)
 _DIGEST_BYTES = 16
@@ -66,7 +71,9 @@ def part(function: Callable[..., Any]) -> Any:
     """
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True, "_nrt": False}
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(pipeline_class=parts.PartCompiler, **options)(function)
+    if numba.version_info.short <= NEWEST_KNOWN:
+        options |= {"pipeline_class": parts.PartCompiler}
+    return numba.njit(**options)(function)
 
 
 def read_only(values: NDArray) -> NDArray:
@@ -182,7 +189,7 @@ class KernelCache(_Cache):
     def _name(self) -> str:
         """The function, and a digest of all that its machine code depends on but its signature."""
         made_from = [numba.__version__, sys.version, _processor()]
-        own = _source(__file__), _source(parts.__file__)
+        own = _source(__file__), _source(str(Path(__file__).with_name("parts.py")))
         inputs = [repr(made_from).encode(), *own, *_sources(self._function, set())]
         return f"{self._function.__module__}.{self._function.__qualname__}-{_digest(b''.join(inputs)).hex()}"
 
