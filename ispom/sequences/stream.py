@@ -49,10 +49,12 @@ class Clock:
         count: int,
         otherwise_hz: float | None = None,
         otherwise_ns: NDArray[np.int64] | None = None,
+        ticks: NDArray[np.int64] | None = None,
     ) -> tuple[NDArray[np.int64], str]:
         """(N,) [ns] of the `count` images of `what`, and a note about them ("" where they are as given).
 
-        Without times and rate, `otherwise_ns` (N,) count, or `otherwise_hz`, or else NOMINAL_HZ.
+        Without times and rate, `otherwise_ns` (N,) count, or `otherwise_hz`, or else NOMINAL_HZ. At a rate, image i is
+        taken at `ticks[i]` of it (N,), without them at i.
         """
         if self.times is not None:
             found = increasing_times_ns(self.times, read_rows(self.times, 1))
@@ -65,7 +67,8 @@ class Clock:
             return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
         note = "" if self.rate_hz or otherwise_hz else f"{what} has no times: {NOMINAL_HZ:g} images per second assumed"
-        return self._moved(np.rint(np.arange(count) * 1e9 / rate_hz).astype(np.int64), what), note
+        ticks = np.arange(count) if ticks is None else ticks
+        return self._moved(np.rint(ticks * 1e9 / rate_hz).astype(np.int64), what), note
 
     def _moved(self, times_ns: NDArray[np.int64], what: Path) -> NDArray[np.int64]:
         offset_ns = round(self.offset_s * 1e9)

@@ -106,6 +106,14 @@ def make_described(root: Path, frames: int = 6, video: bool = True) -> Path:
     return root
 
 
+def pair_folder(root: Path, frames: int = 6) -> Path:
+    """Folders left and right with rig.yaml, and no times."""
+    folder = make_described(root, frames, video=False)
+    for name in ("sequence.yaml", "left.txt"):
+        (folder / name).unlink()
+    return folder
+
+
 def write_sequence(folder: Path, source: Recorded) -> Path:
     """A sequence of three cameras, with ground truth, as a video file, two folders of images and a sequence.yaml."""
     exposures = [source[i] for i in range(len(source))]

@@ -8,7 +8,8 @@
     truth: truth.tum                 # optional, world_from_rig
 
 A source is a folder of images or a video file. Left and right images need not be rectified; those exposed less
-than 2 ms apart are a pair. Where no video is named, left images are the video, too, as in other stereo recordings.
+than 2 ms apart are a pair; of folders without times, those of one number or time in their names. Where no video is
+named, left images are the video, too, as in other stereo recordings.
 
 A folder with the folders `left` and `right` and a rig.yaml needs no sequence.yaml; `times.txt` in it holds the times of
 both.
@@ -28,8 +29,9 @@ from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.rig import is_own_rig, read_rig
 from ispom.io.tum import read_tum
-from ispom.sequences.formats.folder import TIMES, folder_stream, holds_images
-from ispom.sequences.formats.video import looks_like_video, video_stream
+from ispom.sequences.formats.folder import TIMES, holds_images, named_images
+from ispom.sequences.formats.streams import Given, streams
+from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
@@ -38,6 +40,7 @@ from ispom.types import Exposure, Kind, Rig, Sequence, StereoPair, Trajectory, V
 
 FILE = "sequence.yaml"
 ENTRIES = ("name", "rig", "video", "left", "right", "truth")
+STREAMS = ("video", "left", "right")
 STREAM_ENTRIES = ("source", "rate_hz", "times", "offset_s")
 
 
@@ -76,19 +79,19 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     if "video" not in content and "left" not in content:
         raise InputError(f"{path} names no camera: add video, or left and right, or all three")
     rig = filmed_rig(path, placed)
-    video = _stream(path, "video", content, rig) if "video" in content else None
-    stereo = None
+    found = streams(path, {name: _given(path, name, content, rig) for name in STREAMS if name in content})
+    video, stereo = found.get("video"), None
     if "left" in content:
-        stereo = stereo_stream(path, rig, _stream(path, "left", content, rig), _stream(path, "right", content, rig))
+        stereo = stereo_stream(path, rig, found["left"], found["right"])
     truth = read_tum(named_file(path, "truth", content["truth"]), "rig") if "truth" in content else None
     if video is not None:
-        found = _sequence(name, rig, video, stereo, truth)
+        opened = _sequence(name, rig, video, stereo, truth)
     else:
         assert stereo is not None
-        found = _recording(name, stereo, truth)
+        opened = _recording(name, stereo, truth)
     if truth is None:
-        return found
-    return replace(found, notes=found.notes + no_truth_note(path.parent / content["truth"], found.truth))
+        return opened
+    return replace(opened, notes=opened.notes + no_truth_note(path.parent / content["truth"], opened.truth))
 
 
 def _of_pair(folder: Path) -> dict[Any, Any]:
@@ -130,7 +133,7 @@ def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, t
     return Sequence(name, rig, times_ns, tuple(kind for _, kind, _ in plan), load, found, notes)
 
 
-def _stream(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Stream:
+def _given(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Given:
     entry = content[camera]
     entry = {"source": entry} if isinstance(entry, str) else entry
     if not isinstance(entry, dict):
@@ -141,10 +144,10 @@ def _stream(path: Path, camera: str, content: dict[Any, Any], rig: Rig) -> Strea
         raise InputError(f"{path} has a {camera} stream, but its rig no {camera} camera: add it to the rig's file")
     source, clock = named_file(path, f"{camera}.source", entry.get("source")), clock_of(path, entry, f"{camera}.")
     if is_folder(source):
-        return folder_stream(source, size_of(described), clock)
+        return Given(source, size_of(described), clock, named_images(source))
     if not looks_like_video(source):
         raise InputError(f"{path}: {camera}.source names {source}, neither a folder nor a video file: correct it")
-    return video_stream(source, size_of(described), clock)
+    return Given(source, size_of(described), clock)
 
 
 def _refuse_others(path: Path, where: str, values: dict[Any, Any], known: tuple[str, ...]) -> None:

@@ -2,14 +2,17 @@
 
 They may lie in a folder `images` of it, as COLMAP has them.
 
-Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml.
+Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml and the numbers
+in the names, of which some may be missing; without a rate, names that are times count (named.py).
 """
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.io.calibrations.recognised import any_camera
@@ -17,6 +20,7 @@ from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
 from ispom.sequences.guess import guess_of_photo
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
+from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import Clock, Stream, clock_of, size_of
 from ispom.types import Camera, Image
@@ -40,9 +44,9 @@ def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     folder = given if holds_images(given) else given / INNER
     places = [folder / CAMERA, folder.resolve().parent / CAMERA]
     path = calibration or next((place for place in places if exists(place)), None)
-    guess = None
+    guess, images = None, named_images(folder)
     if path is None:
-        guess, camera = guess_of_photo(folder / min(filter(_is_image, names(folder)), key=_order))
+        guess, camera = guess_of_photo(folder / images.names[0])
         clock = Clock()
     else:
         camera, content = read_settings(path)
@@ -51,7 +55,7 @@ def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     times = next((place / TIMES for place in (folder, beside) if exists(place / TIMES)), None)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
-    stream = folder_stream(folder, size_of(camera), clock)
+    stream = folder_stream(folder, size_of(camera), clock, images)
     name = f"images {given.resolve().name}"
     return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, stream.notes, guess=guess)
 
@@ -61,26 +65,45 @@ def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:
     return any_camera(path), read_mapping(path) if path.suffix.lower() != ".txt" else {}
 
 
-def folder_stream(folder: Path, size: tuple[int, int], clock: Clock) -> Stream:
-    """The images (width, height) of a folder in the order of their names, 2 before 10."""
-    paths = [folder / name for name in sorted(filter(_is_image, names(folder)), key=_order)]
-    if not paths:
+def named_images(folder: Path) -> Named:
+    """The images of a folder in their order; InputError where there is none, or where they are of several kinds."""
+    found = [name for name in names(folder) if _is_image(name)]
+    if not found:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
+    try:
+        return named(found)
+    except InputError as fault:
+        raise InputError(f"{folder}: {fault.args[0]}") from None
+
+
+def folder_stream(
+    folder: Path,
+    size: tuple[int, int],
+    clock: Clock,
+    images: Named,
+    ticks: NDArray[np.int64] | None = None,
+    since_ns: int = 0,
+) -> Stream:
+    """The `images` (width, height) of a folder, at `ticks` (N,) of the clock's rate where these are not those of the
+    images alone, and stamps counted from since_ns."""
+    paths = [folder / name for name in images.names]
     require_size(paths[0], size)
-    times_ns, note = clock.times_ns(folder, len(paths))
+    stamps_ns = None if images.stamps_ns is None else images.stamps_ns - since_ns
+    ticks = ticks_of(images) if ticks is None else ticks
+    times_ns, note = clock.times_ns(folder, len(paths), None, stamps_ns, ticks)
+    if clock.times is None and (clock.rate_hz is not None or stamps_ns is None):
+        skipped = int(ticks[-1] - ticks[0]) + 1 - len(ticks)
+        gaps = f"{folder}: {skipped} number(s) are missing in the names of the images: taken as gaps in time"
+        notes = (note, gaps if skipped else "")
+    else:
+        notes = (note, f"{folder}: times are those in the names of the images" if clock.times is None else "")
 
     def read(i: int) -> Image:
         return read_image(paths[i], size)
 
-    return Stream(times_ns, read, (note,) if note else ())
+    return Stream(times_ns, read, tuple(text for text in notes if text))
 
 
 def _is_image(name: str) -> bool:
     """Hidden files are those that other systems leave beside the real ones."""
     return Path(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
-
-
-def _order(name: str) -> tuple[tuple[int, str], ...]:
-    """Numbers in the name by value; every second part of the split is a number."""
-    parts = re.split(r"([0-9]+)", name)
-    return tuple((int(part), part) if i % 2 else (0, part) for i, part in enumerate(parts))

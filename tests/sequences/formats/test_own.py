@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence
-from ispom.types import VideoFrame
+from ispom.types import StereoPair, VideoFrame
 from tests.sequences import own_folders
 from tests.sequences.folders import images
 from tests.sequences.own_folders import (
@@ -21,6 +21,7 @@ from tests.sequences.own_folders import (
     make_described,
     make_images,
     make_video,
+    pair_folder,
     write_images,
     write_uneven_video,
     write_video,
@@ -116,6 +117,67 @@ def test_pairs_are_of_one_time_and_those_without_partner_are_told(tmp_path: Path
     assert sequence.kinds.count("stereo") == 5 and "1 of 6 left and 0 of 5 right" in sequence.notes[0]
     assert sequence.times_ns[:4].tolist() == [0, 10_000_000, 50_000_000, 100_000_000]
     assert sequence.truth is not None and sequence.truth.frame == "rig"
+
+
+def test_pairs_of_folders_without_times_are_those_of_one_number(tmp_path: Path) -> None:
+    """An image that one camera lacks moved all later ones of it to the next image of the other."""
+    folder = pair_folder(tmp_path / "flight", frames=8)
+    (folder / "right" / "2.png").unlink()
+    (folder / "left" / "5.png").unlink()
+    sequence = open_sequence(str(folder))
+    pairs = [e for i in range(len(sequence)) if isinstance(e := sequence[i], StereoPair)]
+    complete = open_sequence(str(pair_folder(tmp_path / "complete", frames=8)))
+    told = {e.time_ns: e for i in range(len(complete)) if isinstance(e := complete[i], StereoPair)}
+    assert len(pairs) == 6 and any("1 of 7 left and 1 of 7 right" in note for note in sequence.notes)
+    for pair in pairs:
+        np.testing.assert_array_equal(pair.left, told[pair.time_ns].left)
+        np.testing.assert_array_equal(pair.right, told[pair.time_ns].right)
+
+
+def test_pairs_of_folders_without_times_or_numbers_are_as_many_of_each(tmp_path: Path) -> None:
+    folder = pair_folder(tmp_path / "flight")
+    for i, path in enumerate(sorted((folder / "right").iterdir())):
+        path.rename(path.with_name(f"{'abcdef'[i]}.png"))
+    assert open_sequence(str(folder)).kinds.count("stereo") == 6
+    (folder / "right" / "c.png").unlink()
+    with pytest.raises(InputError, match="6 left and 5 right images, and their names do not tell"):
+        open_sequence(str(folder))
+
+
+@pytest.mark.parametrize("video", [True, False])
+def test_names_that_are_times_put_images_in_pairs(video: bool, tmp_path: Path) -> None:
+    """Beside a film, whose times count from its first image, so do they."""
+    folder = make_described(tmp_path / "flight", frames=12, video=video)
+    text = "left: left\nright: right\n" + ("video: video.avi\n" if video else "")
+    (folder / "sequence.yaml").write_text(text)
+    since = 1_700_000_000_000_000_000
+    for side, late in (("left", 0), ("right", 90_000)):
+        for path in (folder / side).iterdir():
+            path.rename(path.with_name(f"{since + int(path.stem) * 100_000_000 + late}.png"))
+    (folder / "left" / f"{since + 200_000_000}.png").unlink()
+    sequence = open_sequence(str(folder))
+    times_ns = [int(t) for t, kind in zip(sequence.times_ns, sequence.kinds, strict=True) if kind == "stereo"]
+    first = 0 if video else since
+    assert [t - first for t in times_ns[:4]] == [0, 100_000_000, 300_000_000, 400_000_000]
+    assert any("times are those in the names" in note for note in sequence.notes)
+
+
+def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
+    folder = make_images(tmp_path, frames=8)
+    (folder / "3.png").unlink()
+    sequence = open_sequence(str(folder))
+    assert (sequence.times_ns // 50_000_000).tolist() == [0, 1, 2, 4, 5, 6, 7]
+    assert any("1 number(s) are missing in the names" in note for note in sequence.notes)
+
+
+def test_a_folder_of_two_cameras_is_told_apart_from_one(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    for path in sorted(folder.glob("*.png")):
+        write = path.read_bytes()
+        path.rename(path.with_name(f"left_{path.name}"))
+        path.with_name(f"right_{path.name}").write_bytes(write)
+    with pytest.raises(InputError, match=r"shots: images of several kinds .*left_0.png and right_0.png"):
+        open_sequence(str(folder))
 
 
 def test_a_raw_rig_is_rectified_and_keeps_its_place(tmp_path: Path) -> None:

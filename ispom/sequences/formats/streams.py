@@ -1,0 +1,67 @@
+"""The streams of an own rig: what the names of their images, and of the other cameras' images, tell of their times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.sequences.formats.folder import folder_stream
+from ispom.sequences.formats.video import video_stream
+from ispom.sequences.named import Named, ticks_of_pair
+from ispom.sequences.stream import Clock, Stream
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """One camera's images, before they have times."""
+
+    source: Path
+    size: tuple[int, int]
+    """(width, height)."""
+    clock: Clock
+    images: Named | None = None
+    """Of a folder; None of a film."""
+
+    @property
+    def stamps_ns(self) -> NDArray[np.int64] | None:
+        """(N,) where the names of the images are their times, and nothing else tells them."""
+        told = self.clock.times is not None or self.clock.rate_hz is not None
+        return None if told or self.images is None else self.images.stamps_ns
+
+
+def streams(path: Path, given: dict[str, Given]) -> dict[str, Stream]:
+    """By camera, as `path` has them. InputError where images cannot be put in time, or the pair's not in pairs."""
+    stamps = [one.stamps_ns for one in given.values()]
+    first = [int(stamps_ns[0]) for stamps_ns in stamps if stamps_ns is not None]
+    # Where another camera's times are counted from its first image, so are those of the names.
+    absolute = all(s is not None or one.clock.times is not None for s, one in zip(stamps, given.values(), strict=True))
+    since_ns = 0 if absolute or not first else min(first)
+    ticks = _ticks(path, given["left"], given["right"]) if "left" in given else {}
+    found = {}
+    for name, one in given.items():
+        if one.images is None:
+            found[name] = video_stream(one.source, one.size, one.clock)
+        else:
+            found[name] = folder_stream(one.source, one.size, one.clock, one.images, ticks.get(name), since_ns)
+    return found
+
+
+def _ticks(path: Path, left: Given, right: Given) -> dict[str, NDArray[np.int64]]:
+    """Of the images of a pair, where their names or their order must tell which were taken at once."""
+    if left.images is None or right.images is None:
+        return {}
+    found = ticks_of_pair(left.images, right.images)
+    if found is not None:
+        return {"left": found[0], "right": found[1]}
+    counts = [len(left.images.names), len(right.images.names)]
+    by_order = [one.clock.times is None and one.stamps_ns is None for one in (left, right)]
+    if all(by_order) and counts[0] != counts[1]:
+        raise InputError(
+            f"{path}: there are {counts[0]} left and {counts[1]} right images, and their names do not tell which were "
+            "taken together: give the times of both, or names with common numbers"
+        )
+    return {"left": np.arange(counts[0]), "right": np.arange(counts[1])} if all(by_order) else {}
