@@ -7,15 +7,8 @@ after all that it was made from; a damaged one is deleted and said to be; withou
 
 from __future__ import annotations
 
-import hashlib
-import logging
 import os
-import pickle
-import sys
-import tempfile
-import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from types import FunctionType
@@ -31,18 +24,16 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numpy.typing import NDArray
 
-from ispom.caches import cache_folder
+from ispom import kept_code
+from ispom.kept_code import SUFFIX, digest
 
 NEWEST_KNOWN = 0, 68
-"""Version of numba up to which `parts` is known to hold, from 0.61 on; with others parts are compiled as numba does by
-itself, which takes longer."""
+"""Version of numba up to which `parts` and `runtime` are known to hold, from 0.61 on; with others numba does as it does
+by itself, which takes longer."""
 if numba.version_info.short <= NEWEST_KNOWN:
-    from ispom import parts
+    from ispom import parts, runtime
 
-log = logging.getLogger(__name__)
-_DIGEST_BYTES = 16
-_UNUSED_S = 90 * 24 * 3600.0
-_SUFFIX = ".kernel"
+    runtime.keep_runtime()
 _caches: dict[Dispatcher, KernelCache] = {}
 
 
@@ -94,29 +85,20 @@ def kernels() -> list[Dispatcher]:
 
 def is_kept(found: Dispatcher) -> bool:
     """Whether machine code of the kernel, as its source is now and for this processor, is there and undamaged."""
-    return any(_whole(path) is not None for path in _caches[found].files())
+    return any(kept_code.whole(path) is not None for path in _caches[found].files())
 
 
 def kept_share() -> float:
     """How much of the machine code of all kernels is kept, 0..1, by the length of what it is made from."""
-    folder = _folder()
-    present = {name.rpartition("-")[0] for name in os.listdir(folder) if name.endswith(_SUFFIX)} if folder else set()
+    folder = kept_code.folder()
+    present = {name.rpartition("-")[0] for name in os.listdir(folder) if name.endswith(SUFFIX)} if folder else set()
     lengths = {_caches[found]._name: len(found.py_func.__code__.co_code) for found in kernels()}
     return sum(lengths[name] for name in lengths if name in present) / max(sum(lengths.values()), 1)
 
 
 def may_keep() -> bool:
     """Whether there is a folder to keep machine code in."""
-    return _folder() is not None
-
-
-def remove_unused() -> None:
-    """Deletes what no start has loaded for a quarter of a year: code of older sources and of other processors."""
-    folder = _folder()
-    for path in folder.glob(f"*{_SUFFIX}*") if folder else ():
-        with suppress(OSError):
-            if time.time() - path.stat().st_mtime > _UNUSED_S:
-                path.unlink()
+    return kept_code.folder() is not None
 
 
 class KernelCache(_Cache):
@@ -128,48 +110,32 @@ class KernelCache(_Cache):
 
     @property
     def cache_path(self) -> str | None:
-        folder = _folder()
+        folder = kept_code.folder()
         return None if folder is None else str(folder)
 
     def files(self) -> list[Path]:
         """Of any signature."""
-        folder = _folder()
-        return [] if folder is None else sorted(folder.glob(f"{self._name}-*{_SUFFIX}"))
+        folder = kept_code.folder()
+        return [] if folder is None else sorted(folder.glob(f"{self._name}-*{SUFFIX}"))
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         path = self._path(sig)
-        if path is None or not self._enabled or (content := _whole(path)) is None:
+        if path is None or not self._enabled or not path.exists():
             return None
         target_context.refresh()
-        try:
-            state = pickle.loads(content)  # noqa: S301 (only we write there)
+
+        def rebuilt(state: Any) -> CompileResult:
             found = CompileResult._rebuild(target_context, *state)
             _let_module_go(found.library, *state[0])
-        except Exception as fault:
-            _delete(path, f"cannot be loaded ({type(fault).__name__}: {fault})")
-            return None
-        with suppress(OSError):
-            os.utime(path)
-        return found
+            return found
+
+        return kept_code.loaded(path, rebuilt)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         path = self._path(sig)
         if path is None or not self._enabled or data.library.has_dynamic_globals:
             return
-        content = dumps(data._reduce())
-        try:
-            handle, part = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-        except OSError as fault:
-            log.warning("compiled code cannot be kept in %s: %s", path.parent, fault)
-            return
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(_digest(content) + content)
-            os.replace(part, path)
-        except OSError as fault:
-            with suppress(OSError):
-                os.unlink(part)
-            log.warning("compiled code cannot be kept in %s: %s", path.parent, fault)
+        kept_code.save(path, dumps(data._reduce()))
 
     def enable(self) -> None:
         self._enabled = True
@@ -182,16 +148,15 @@ class KernelCache(_Cache):
             path.unlink(missing_ok=True)
 
     def _path(self, sig: Any) -> Path | None:
-        folder = _folder()
-        return None if folder is None else folder / f"{self._name}-{_digest(str(sig).encode()).hex()}{_SUFFIX}"
+        folder = kept_code.folder()
+        return None if folder is None else folder / f"{self._name}-{digest(str(sig).encode()).hex()}{SUFFIX}"
 
     @cached_property
     def _name(self) -> str:
         """The function, and a digest of all that its machine code depends on but its signature."""
-        made_from = [numba.__version__, sys.version, _processor()]
         own = _source(__file__), _source(str(Path(__file__).with_name("parts.py")))
-        inputs = [repr(made_from).encode(), *own, *_sources(self._function, set())]
-        return f"{self._function.__module__}.{self._function.__qualname__}-{_digest(b''.join(inputs)).hex()}"
+        inputs = [_made_for(), *own, *_sources(self._function, set())]
+        return f"{self._function.__module__}.{self._function.__qualname__}-{digest(b''.join(inputs)).hex()}"
 
 
 def _sources(function: FunctionType, seen: set[FunctionType]) -> Iterator[bytes]:
@@ -218,46 +183,10 @@ def _let_module_go(library: Any, name: str, kind: str, code: tuple[bytes, bytes]
 
 
 @cache
-def _processor() -> str:
-    return repr(cpu_target.target_context.codegen().magic_tuple())  # type: ignore[attr-defined]
+def _made_for() -> bytes:
+    return kept_code.made_for(cpu_target.target_context.codegen())  # type: ignore[attr-defined]
 
 
 @lru_cache
 def _source(path: str) -> bytes:
-    return _digest(Path(path).read_bytes())
-
-
-@cache
-def _folder() -> Path | None:
-    if numba.config.CACHE_DIR:  # type: ignore[attr-defined]
-        folder = Path(numba.config.CACHE_DIR) / "ispom"  # type: ignore[attr-defined]
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            return folder
-    return cache_folder("kernels")
-
-
-def _whole(path: Path) -> bytes | None:
-    """What a file holds, or None where there is none; one that is damaged is deleted, and said to be."""
-    try:
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        return None
-    except OSError as fault:
-        log.warning("compiled code %s cannot be read (%s): it is compiled again", path, fault)
-        return None
-    digest, content = raw[:_DIGEST_BYTES], raw[_DIGEST_BYTES:]
-    if content and _digest(content) == digest:
-        return content
-    _delete(path, "is damaged")
-    return None
-
-
-def _delete(path: Path, why: str) -> None:
-    log.warning("compiled code %s %s: deleted, it is compiled again", path, why)
-    with suppress(OSError):
-        path.unlink()
-
-
-def _digest(content: bytes) -> bytes:
-    return hashlib.blake2b(content, digest_size=_DIGEST_BYTES).digest()
+    return digest(Path(path).read_bytes())

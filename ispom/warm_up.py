@@ -17,7 +17,8 @@ from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.geometry import Array, Pose
-from ispom.kernels import is_kept, kernels, may_keep, remove_unused
+from ispom.kept_code import remove_unused
+from ispom.kernels import is_kept, kernels, may_keep
 from ispom.methods import Config, default_methods
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import pytest
 
-from ispom import kernels
+from ispom import kept_code, kernels
 
 ROOT = Path(__file__).parents[1]
 CALLED = "from ispom.kernels import kernel\n@kernel()\ndef twice(x):\n    return 2 * x\n"
@@ -25,7 +25,7 @@ Make = Callable[..., ModuleType]
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(kernels, "_folder", lambda: tmp_path)
+    monkeypatch.setattr(kept_code, "folder", lambda: tmp_path)
     monkeypatch.setattr(kernels, "_caches", {})
     return tmp_path
 
@@ -82,7 +82,7 @@ def test_a_damaged_file_is_deleted_and_said_to_be(
             "empty": b"",
             "cut": whole[:-100],
             "one bit": whole[:500] + flipped + whole[501:],
-            "not code": kernels._digest(b"\x80none") + b"\x80none",
+            "not code": kept_code.digest(b"\x80none") + b"\x80none",
         }[damage]
     )
     with caplog.at_level(logging.WARNING):
@@ -93,7 +93,7 @@ def test_a_damaged_file_is_deleted_and_said_to_be(
 
 
 def test_without_a_folder_it_is_compiled_in_memory(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "_folder", lambda: None)
+    monkeypatch.setattr(kept_code, "folder", lambda: None)
     monkeypatch.setattr(kernels, "_caches", {})
     assert compiled_anew(make())
     assert not kernels.may_keep() and kernels.kept_share() == 0
@@ -103,17 +103,17 @@ def test_a_full_disk_is_no_error(folder: Path, make: Make, monkeypatch: pytest.M
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(kernels.tempfile, "mkstemp", full)
+    monkeypatch.setattr(kept_code.tempfile, "mkstemp", full)
     assert compiled_anew(make()) and not list(folder.iterdir())
 
 
 def test_code_that_nothing_used_for_long_is_deleted(folder: Path, make: Make) -> None:
     make().more(3)
-    kernels.remove_unused()
-    assert len(list(folder.iterdir())) == 2
+    kept_code.remove_unused()
+    assert len(list(folder.glob("made_*"))) == 2
     for file in folder.iterdir():
-        kernels.os.utime(file, (1e9, 1e9))
-    kernels.remove_unused()
+        kept_code.os.utime(file, (1e9, 1e9))
+    kept_code.remove_unused()
     assert not list(folder.iterdir())
 
 

@@ -13,6 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"blas", "caches", "child", "errors", "geometry", "parts"},
+    {"kept_code"},
+    {"runtime"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list"},
     {"numerics"},

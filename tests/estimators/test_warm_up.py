@@ -55,5 +55,5 @@ def test_kernels_are_known() -> None:
 
 def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """A read-only installation without a cache folder: each process compiles what it runs."""
-    monkeypatch.setattr("ispom.kernels._folder", lambda: None)
+    monkeypatch.setattr("ispom.kept_code.folder", lambda: None)
     assert compiled_before()
