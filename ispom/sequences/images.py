@@ -29,7 +29,7 @@ DEFECTIVE = 0.1
 def read_grey(path: Path, size: tuple[int, int] | None = None) -> Image:
     """(H, W), read-only.
 
-    UnreadableImage where it is missing or damaged, InputError where it is not of `size` (width, height).
+    UnreadableImage where it is missing, damaged, or not of `size` (width, height).
     """
     return _read(path, size, cv2.IMREAD_GRAYSCALE)
 
@@ -49,8 +49,7 @@ def decode(
     """The image (H, W) or RGB (H, W, 3) of a file's bytes, read-only.
 
     Where its values are no bytes, `span()` is what becomes 0 and 255; without it, 0 and the largest value of their kind
-    do, or of floats 1. UnreadableImage, beginning with `where`, where it is not whole, InputError where it is not of
-    `size`.
+    do, or of floats 1. UnreadableImage, beginning with `where`, where it is not whole, or not of `size`.
     """
     claimed = header_size(content, where)
     if claimed is None or not is_whole(content):
@@ -159,4 +158,4 @@ def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, t
             raise InputError(f"{where} is {found[0]} x {found[1]}, more than {MAX_PIXELS} px: give smaller images")
     elif found != size and not (turned and found[::-1] == size):
         cure = "restore the image, or correct the calibration"
-        raise InputError(f"{where} is {found[0]} x {found[1]}, not {size[0]} x {size[1]} as its camera: {cure}")
+        raise UnreadableImage(f"{where} is {found[0]} x {found[1]}, not {size[0]} x {size[1]} as its camera: {cure}")

@@ -60,6 +60,8 @@ SMALL = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
 HALF_STEPS = 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
+UNTOLD = 1e-9
+"""Of what the images tell of a point, added where they do not tell its distance at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +194,7 @@ def spread(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Array) 
     clusters of a sandwich estimate (Huber 1967), and the prior is one more. What points and poses take up of the errors
     is made good by the degrees of freedom.
     """
-    normal = normal_equations(scene, seen, prior, held, scale_px, 0.0, scored=True)
+    normal = normal_equations(scene, seen, prior, held, scale_px, UNTOLD, scored=True)
     matrix, _ = reduced(normal)
     matrix = matrix + 1e-9 * np.diag(np.diag(normal.matrix))
     inverse = np.linalg.inv(matrix)[:LENS]

@@ -97,6 +97,8 @@ def folder_stream(
         notes = (note, gaps if skipped else "")
     else:
         notes = (note, f"{folder}: times are those in the names of the images" if clock.times is None else "")
+    if images.stamps_ns is None and images.numbers is None:
+        notes = (*notes, f"{folder}: the names of the images are not numbered in one way: taken in alphabetical order")
 
     def read(i: int) -> Image:
         return read_image(paths[i], size)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ispom.calibration.tracked.bundle import Held, Prior, Scene, Seen, cost, normal_equations
-from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
+from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks, spread
 from ispom.calibration.tracked.tracks import Tracks, key_tracks
 from ispom.types import Camera
 from tests.calibration.tracked.scenes import LENS, straight, tracks, turning
@@ -113,3 +113,22 @@ def test_derivatives_are_those_of_the_cost() -> None:
             moved[i] += sign * step
             ends.append(cost(Scene(moved, scene.rotations, scene.translations, points), observed, prior, scale))
         assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(normal.gradient[i], rel=1e-4)
+
+
+def test_points_whose_distance_no_image_tells_leave_the_lens_a_covariance() -> None:
+    """Of a scene whose camera only turns, as one of images in a wrong order may be."""
+    seen = tracks(2, turning, noise_px=0.5)
+    poses = [turning(v / (len(seen.views) - 1)).inverse() for v in range(len(seen.views))]
+    rays = np.random.default_rng(0).normal(0, 1, (seen.points, 4))
+    for m, v, uv in zip(seen.point, seen.view, seen.uv, strict=True):
+        x = np.append((uv - TRUTH[1:3]) / LENS.fx, 1.0)
+        rays[m, :3] = poses[v].rotation.T @ x
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rotations = np.array([pose.rotation for pose in poses])
+    scene = Scene(TRUTH.copy(), rotations, np.zeros((len(poses), 3)), rays)
+    prior = Prior(TRUTH, np.array([SIGMA, 10.0, 10.0, 0.3, 0.1]))
+    places = Seen(seen.view, seen.point, seen.uv)
+    held = Held(np.arange(len(poses)) == 0)
+    covariance = spread(scene, places, prior, held, np.ones(len(seen.uv)))
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert covariance[0, 0] < SIGMA**2

@@ -6,12 +6,13 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ispom.errors import InputError
+from ispom.errors import InputError, UnreadableImage
 from ispom.sequences import open_sequence
 from ispom.types import StereoPair, VideoFrame
 from tests.sequences import own_folders
@@ -168,6 +169,24 @@ def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
     sequence = open_sequence(str(folder))
     assert (sequence.times_ns // 50_000_000).tolist() == [0, 1, 2, 4, 5, 6, 7]
     assert any("1 number(s) are missing in the names" in note for note in sequence.notes)
+
+
+def test_names_without_numbers_are_told(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    assert open_sequence(str(folder)).notes == ()
+    for i in range(6):
+        (folder / f"{i}.png").rename(folder / f"{'fdbace'[i]}.png")
+    sequence = open_sequence(str(folder))
+    assert any("taken in alphabetical order" in note for note in sequence.notes)
+
+
+def test_one_image_of_another_size_is_left_out_of_a_run(tmp_path: Path) -> None:
+    """Such as one photo among the frames: it ended the run, as if it were all of them."""
+    folder = make_images(tmp_path)
+    cv2.imwrite(str(folder / "3.png"), np.zeros((20, 30), np.uint8))
+    sequence = open_sequence(str(folder))
+    with pytest.raises(UnreadableImage, match="30 x 20, not 96 x 64"):
+        sequence[3]
 
 
 def test_a_folder_of_two_cameras_is_told_apart_from_one(tmp_path: Path) -> None:
