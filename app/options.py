@@ -13,7 +13,7 @@ from ispom.calibration.tracked.opened import refined
 from ispom.errors import InputError
 from ispom.evaluation.ate import Alignment
 from ispom.evaluation.sensitivity.perturbation import Perturbation
-from ispom.frontends.pair_look import with_pair_note
+from ispom.frontends.pair_look import with_look
 from ispom.io.files import expanded, is_folder
 from ispom.methods import Config, Variant, names, registry
 from ispom.sequences import open_sequence
@@ -95,7 +95,7 @@ class SourceOptions:
             camera=self.camera,
             policy=policy,
         )
-        return sequence if source.startswith("sim:") else with_pair_note(sequence)  # those of a simulation are right
+        return sequence if source.startswith("sim:") else with_look(sequence)  # those of a simulation are right
 
 
 @dataclass(frozen=True, kw_only=True)

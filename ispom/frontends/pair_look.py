@@ -1,7 +1,8 @@
-"""Whether the first pairs of a recording look like those of a stereo camera: what a person mixes up is told at once.
+"""Whether the first images of a recording look like those of the cameras that it has: what a person mixes up is told
+at once.
 
 Features found again in the other image tell it: of a rectified pair they are on the same rows, and farther left in the
-right image.
+right image; those of one camera are not found again in the other half of its image.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from ispom.frontends.row_search import PointSearch
 from ispom.frontends.sift import detect_and_describe, match
 from ispom.frontends.tracked_size import TrackedSize
 from ispom.geometry import Array
-from ispom.types import Sequence, StereoPair, as_grey
+from ispom.types import Image, Sequence, StereoPair, VideoFrame, as_grey
 
 PAIRS, FEATURES = 2, 500
 """Looked at, and in each of their images."""
-LEAST = 60
-"""Fewer matches say nothing."""
+LEAST, LEAST_PX = 60, 64
+"""Fewer matches, or columns, say nothing."""
 FAR_OFF = 2.0
 """Rows may be off by so many times what stereo looks within before most points are missed: it corrects what is less."""
 LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
@@ -28,6 +29,16 @@ LEVEL_PX, LEVEL_SHARE = 2.0, 0.6
 SIDE_PX, SIDE_SHARE = 1.0, 0.8
 """So many matches are farther right by more than this, or left and right are not exchanged: calibrations are off."""
 
+HALF_SHARE, HALF_LEVEL, HALF_LOWER, HALF_APART = 0.2, 0.015, 0.1, 0.35
+"""Of the features in one half of an image so many are found again in the other half, lower by the same to this share of
+the height and by no more than that one, and no farther apart than this share of a half's width. Of the images of one
+camera it was 0.01."""
+
+SIDE_BY_SIDE = (
+    "The left and the right half of the images show the same, as of a stereo camera that puts its images side by side: "
+    "cut them apart (ffmpeg -i FILM -vf crop=iw/2:ih:0:0 left.mp4, and crop=iw/2:ih:iw/2:0 right.mp4), calibrate the "
+    "pair, and name both films in a sequence.yaml."
+)
 SAME = "The left and the right images are the same: there is no depth in them; give those of the right camera."
 EXCHANGED = (
     "Left and right seem to be exchanged: what both cameras see lies farther right in the right images; name them the "
@@ -35,21 +46,31 @@ EXCHANGED = (
 )
 
 
-def with_pair_note(sequence: Sequence) -> Sequence:
-    """The same, with a note where its first pairs cannot be those of the stereo camera that its rig has.
+def with_look(sequence: Sequence) -> Sequence:
+    """The same, with a note where its first images cannot be those of the cameras that its rig has.
 
     Of a live source nothing is looked at.
     """
-    if sequence.grow is not None or not sequence.rig.has_stereo:
+    if sequence.grow is not None:
         return sequence
-    found = [i for i, kind in enumerate(sequence.kinds) if kind == "stereo"][:PAIRS]
+    kind = "stereo" if sequence.rig.has_stereo else "video"
+    found = [i for i, each in enumerate(sequence.kinds) if each == kind][:PAIRS]
     try:
-        pairs = [pair for i in found if isinstance(pair := sequence.load(i), StereoPair)]
+        seen = [sequence.load(i) for i in found]
     except InputError:  # the run tells of it, or goes on without
         return sequence
-    size = TrackedSize.of(sequence.rig.camera("left"))
-    note = pair_note(pairs, float(size.factors[1]))
+    if kind == "video":
+        note = halves_note([each.image for each in seen if isinstance(each, VideoFrame)])
+    else:
+        size = TrackedSize.of(sequence.rig.camera("left"))
+        note = pair_note([each for each in seen if isinstance(each, StereoPair)], float(size.factors[1]))
     return replace(sequence, notes=(*sequence.notes, note)) if note else sequence
+
+
+def halves_note(images: list[Image]) -> str:
+    """That images hold those of two cameras side by side, in words; "" where they do not, or where that cannot be
+    told."""
+    return SIDE_BY_SIDE if images and all(map(_is_two, images)) else ""
 
 
 def pair_note(pairs: list[StereoPair], px_per_tracked: float = 1.0) -> str:
@@ -77,6 +98,24 @@ def pair_note(pairs: list[StereoPair], px_per_tracked: float = 1.0) -> str:
 
 def _apart(pair: StereoPair) -> Array:
     """(M, 2) [px] how much farther right, and lower, features lie in the right image."""
-    left, right = (detect_and_describe(as_grey(image), FEATURES) for image in (pair.left, pair.right))
-    pairs = match(left, right, 0.8)
-    return (right.uv[pairs[:, 1]] - left.uv[pairs[:, 0]]).astype(float)
+    return _found_again(as_grey(pair.left), as_grey(pair.right))[0]
+
+
+def _is_two(image: Image) -> bool:
+    half = image.shape[1] // 2
+    if half < LEAST_PX:
+        return False
+    apart, features = _found_again(as_grey(image[:, :half]), as_grey(image[:, half : 2 * half]))
+    if not len(apart):
+        return False
+    lower = float(np.median(apart[:, 1]))
+    level = np.abs(apart[:, 1] - lower) <= HALF_LEVEL * image.shape[0]
+    near = level & (np.abs(apart[:, 0]) <= HALF_APART * half) & (abs(lower) <= HALF_LOWER * image.shape[0])
+    return int(near.sum()) >= max(LEAST, HALF_SHARE * features) and near.mean() >= LEVEL_SHARE
+
+
+def _found_again(left: Image, right: Image) -> tuple[Array, int]:
+    """(M, 2) [px] how much farther right, and lower, features lie in the right image; and of how many."""
+    a, b = (detect_and_describe(np.ascontiguousarray(image), FEATURES) for image in (left, right))
+    pairs = match(a, b, 0.8)
+    return (b.uv[pairs[:, 1]] - a.uv[pairs[:, 0]]).astype(float), len(a.uv)

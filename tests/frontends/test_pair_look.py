@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ispom.errors import InputError
-from ispom.frontends.pair_look import EXCHANGED, SAME, pair_note, with_pair_note
-from ispom.types import Camera, Exposure, Image, Rig, Sequence, StereoPair
+from ispom.frontends.pair_look import EXCHANGED, SAME, SIDE_BY_SIDE, halves_note, pair_note, with_look
+from ispom.types import Camera, Exposure, Image, Rig, Sequence, StereoPair, VideoFrame
 
 WIDTH, HEIGHT = 480, 320
 RNG = np.random.default_rng(4)
@@ -68,7 +68,21 @@ def test_the_note_stands_with_the_others_of_a_sequence() -> None:
     rig = Rig.stereo(Camera(WIDTH, HEIGHT, 400, 400, 240, 160), 0.2)
     times_ns = np.arange(3, dtype=np.int64)
     sequence = Sequence("a pair", rig, times_ns, ("stereo",) * 3, load, notes=("first",))
-    assert with_pair_note(sequence).notes == ("first", EXCHANGED)
-    assert with_pair_note(replace(sequence, load=broken)).notes == ("first",)
-    assert with_pair_note(replace(sequence, grow=lambda i, s: sequence)).notes == ("first",)
-    assert with_pair_note(replace(sequence, rig=Rig.single(rig.camera("left")))).notes == ("first",)
+    assert with_look(sequence).notes == ("first", EXCHANGED)
+    assert with_look(replace(sequence, load=broken)).notes == ("first",)
+    assert with_look(replace(sequence, grow=lambda i, s: sequence)).notes == ("first",)
+    assert with_look(replace(sequence, rig=Rig.single(rig.camera("left")))).notes == ("first",)
+
+
+def test_images_side_by_side_are_told() -> None:
+    beside = np.hstack([pair().left, pair(lower_px=12).right])  # as filmed, not rectified
+    colours = np.dstack([beside] * 3)
+    assert halves_note([beside, beside]) == halves_note([colours]) == SIDE_BY_SIDE
+    assert halves_note([pair().left, beside]) == halves_note([pair().left[:, :40]]) == halves_note([]) == ""
+
+    def load(i: int) -> Exposure:
+        return VideoFrame(i, beside)
+
+    rig = Rig.single(Camera(2 * WIDTH, HEIGHT, 400, 400, 480, 160))
+    sequence = Sequence("a film", rig, np.arange(3, dtype=np.int64), ("video",) * 3, load, notes=("first",))
+    assert with_look(sequence).notes == ("first", SIDE_BY_SIDE)
