@@ -21,6 +21,15 @@ VIEWS = Check(
     passes="{value} exposures are adjusted together, of at most {threshold}.",
     fails="{value} exposures are too many to adjust together ({threshold}).",
 )
+RIGHT_FITS = Check(
+    "right_fits",
+    "share of a pair's points whose right match fits",
+    "requirement",
+    "Pair taken?",
+    relation=">=",
+    passes="{value:.0%} of the points have a match in the right image that fits: the pair measures depth.",
+    fails="Passed over: {value:.0%} of the points have a right match that fits, {threshold:.0%} are enough.",
+)
 POINTS = Check(
     "points",
     "points for an adjustment",
@@ -124,6 +133,7 @@ CLOCK_OFFSET = Check(
 )
 
 CHECKS = by_key(
+    RIGHT_FITS,
     VIEWS,
     POINTS,
     SPLINE_MISFIT,

@@ -7,7 +7,7 @@ saw in that time. They need not see the same points: pairs make the spline metri
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -18,6 +18,7 @@ from ispom.estimators.modern.integrated.joint_report import rig_covariance
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.locate import located
 from ispom.estimators.modern.integrated.observe import observed, with_stereo, with_video
+from ispom.estimators.modern.integrated.right_fits import right_fits
 from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
@@ -29,7 +30,7 @@ from ispom.settings import Range
 from ispom.solvers.multiview.resection import Resection
 from ispom.solvers.spline.problem import RigModel
 from ispom.stopwatch import Stopwatch
-from ispom.types import Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame, colours_at
+from ispom.types import Decision, Exposure, Landmarks, Rig, Status, Step, StereoPair, Trajectory, VideoFrame, colours_at
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,10 @@ class ModernIntegrated:
         """One exposure: observe, locate, and after a pair adjust the window."""
         setup, watch, is_pair = self._setup, Stopwatch(), isinstance(exposure, StereoPair)
         part = asked["stereo" if is_pair else "video"]
+        fits = (right_fits(part),) if is_pair else ()
+        if any(each.failed for each in fits):
+            return _passed_over(state, part, fits)
+        state = replace(state, passed=0) if is_pair else state
         state = with_stereo(state, part) if is_pair else with_video(state, part)
         state, found, status = located(setup, state, observed(self.rig, part, not is_pair))
         watch.lap("place")
@@ -124,7 +129,7 @@ class ModernIntegrated:
             residuals_px=self._residuals_px(found, is_pair),
             revised=video_poses(setup, revised, Trajectory.of(list(state.metric))),
             seconds={**{f"{part.method}: {k}": v for k, v in part.seconds.items()}, **watch.seconds},
-            decisions=(*limits, *decisions),
+            decisions=(*fits, *limits, *decisions),
             parts=(part,),
             restarted=restarted,
             calibration=_calibration(state.window),
@@ -159,6 +164,24 @@ class ModernIntegrated:
         if found is None:
             return np.zeros(0)
         return found.residuals[found.inliers] * self.rig.camera("left" if is_pair else "video").fx
+
+
+def _passed_over(
+    state: ModernIntegratedState, part: Step, why: tuple[Decision, ...]
+) -> tuple[ModernIntegratedState, Step]:
+    """A pair that measures no depth is none: the video goes on alone, as far as it sees points that were adjusted."""
+    status = Status.LOST if state.window.views else Status.INITIALISING
+    seconds = {f"{part.method}: {k}": v for k, v in part.seconds.items()}
+    state = with_stereo(replace(state, passed=state.passed + 1), replace(part, world_from_frame=None))
+    return state, Step(
+        part.time_ns,
+        status,
+        "rig",
+        seconds=seconds,
+        decisions=why,
+        parts=(part,),
+        calibration=_calibration(state.window),
+    )
 
 
 def _calibration(window: JointWindow) -> dict[str, Array]:

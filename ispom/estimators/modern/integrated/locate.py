@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,8 @@ INLIER = 8.0
 points have depths that are guesses."""
 MIN_INLIER_SHARE = 0.5
 """A pose refined from a prediction that fewer of its points agree with is sought again by RANSAC."""
+LATE_PAIRS = 2
+"""Pairs passed over, or longest intervals between pairs of the window: after as many the next is missing."""
 
 
 def located(
@@ -50,8 +53,20 @@ def located(
     state = replace(state, window=window.with_view(view))
     # The first frames have no points of known depth yet: the pair just before them says where they are.
     near = found is None and window.reference is None
-    known = found is not None or by_stereo is not None or near
+    known = (found is not None and _metric(window, view, state.passed)) or by_stereo is not None or near
     return state, found, Status.TRACKING if known else Status.LOST
+
+
+def _metric(window: JointWindow, view: View, passed: int) -> bool:
+    """Whether the points that locate a view are in metres: where pairs are missing, depths of new ones are guesses, and
+    those of the points seen by such a view guesses from guesses."""
+    pairs = [window.views[i].time_ns for i in window.pairs]
+    usual_ns = max((b - a for a, b in pairwise(pairs)), default=view.time_ns)
+    missing = passed >= LATE_PAIRS or (bool(pairs) and view.time_ns - pairs[-1] > LATE_PAIRS * usual_ns)
+    if not missing or not view.video:
+        return True
+    adjusted = np.zeros(0, np.int64) if window.reference is None else window.reference.ids
+    return int(np.isin(view.ids, adjusted, assume_unique=True).sum()) >= MIN_POINTS
 
 
 def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View, Resection | None]:

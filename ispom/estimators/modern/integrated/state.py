@@ -21,5 +21,7 @@ class ModernIntegratedState:
     """(6, 6) of the newest of them."""
     lens: tuple[Array, Array | None] | None = None
     """What the monocular method last found to be wrong with the video camera, and its covariance, as in JointWindow."""
+    passed: int = 0
+    """Pairs passed over since the last one that was taken."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""
