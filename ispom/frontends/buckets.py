@@ -15,13 +15,21 @@ QUALITY = 0.002
 
 
 def detect_spread(
-    grey: Image, count: int, taken: NDArray[np.float32], min_distance_px: float, border_px: int = 8
+    grey: Image,
+    count: int,
+    taken: NDArray[np.float32],
+    min_distance_px: float,
+    border_px: int = 8,
+    crowd: float = 1.0,
+    half: Image | None = None,
 ) -> NDArray[np.float32]:
-    """New corners (M, 2) [px], so that with those `taken` (N, 2) every bucket holds about its share of `count`.
+    """New corners (M, 2) [px], so that with those `taken` (N, 2) no bucket holds more than `crowd` times its share of
+    `count`: all about as many at 1, the strongest wherever they are where it is large.
 
-    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to one taken.
+    Buckets are about square; no corner is nearer than `min_distance_px` to another one or to one taken. `half`: the
+    halved image, where it is there already.
     """
-    factor, searched = factor_of(grey), halved(grey)
+    factor, searched = factor_of(grey), halved(grey) if half is None else half
     height, width = searched.shape
     border_px, min_distance_px = border_px // factor, min_distance_px / factor
     score = cv2.cornerMinEigenVal(searched, 3, ksize=3)
@@ -36,7 +44,7 @@ def detect_spread(
     order = np.argsort(-score[row, column], kind="stable")
     return factor * _select(
         column[order], row[order], np.asarray(taken, np.float64) / factor, width, height, across, down,
-        int(np.ceil(count / (across * down))), count - len(taken), min_distance_px,
+        int(np.ceil(crowd * count / (across * down))), count - len(taken), min_distance_px,
     )  # fmt: skip
 
 

@@ -16,15 +16,11 @@ def detect(
     taken: NDArray[np.float32] | None = None,
     min_distance_px: float = 8.0,
     border_px: int = 8,
-    half: Image | None = None,
 ) -> NDArray[np.float32]:
-    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border.
-
-    `half`: the halved image, where it is there already.
-    """
+    """Up to `count` new corners (M, 2) [px], strongest first, away from those `taken` (N, 2) and from the border."""
     if count <= 0:
         return np.zeros((0, 2), np.float32)
-    factor, searched = factor_of(grey), halved(grey) if half is None else half
+    factor, searched = factor_of(grey), halved(grey)
     mask = np.zeros(searched.shape, np.uint8)
     border = border_px // factor
     mask[border:-border, border:-border] = 255

@@ -15,7 +15,8 @@ from ispom.estimators.modern.stereo.rates import with_rates
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, without_oldest
-from ispom.frontends import corners
+from ispom.frontends.buckets import detect_spread
+from ispom.frontends.corners import at_subpixel
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
@@ -23,6 +24,15 @@ from ispom.numerics.reductions import lengths, median
 from ispom.numerics.twist import twist_of
 from ispom.persistent_list import PersistentList
 from ispom.types import Decision
+
+CORNER_DISTANCE_PX = 8.0
+"""Least distance of a new corner from other points: with less, patches of 11 pixels see nearly the same."""
+CROWD = 2.0
+"""Times its share of the points that a part of the image may hold. The strongest corners alone stand in heaps, mostly
+on what is far ahead, and what they have in common, such as one edge's disparity, is not averaged out; of equal shares
+many are weak ones."""
+CORNER_RADIUS_PX, CORNER_STEPS = 3, 5
+"""Of the sub-pixel place of a corner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +79,10 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
 def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
     """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
     new = now.new
-    uv = corners.detect(new.left, setup.max_tracks - len(now.points), now.points.uv, half=new.halves[0])
+    found = detect_spread(
+        new.left, setup.max_tracks, now.points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0]
+    )
+    uv = at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
     disparity = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(disparity))
     fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])
