@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+
+from ispom.lean_scipy import Rotation, Slerp
 
 Array = NDArray[np.floating[Any]]
 

@@ -12,6 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LAYERS = (
+    {"lean_scipy"},
     {"blas", "caches", "child", "errors", "geometry", "parts"},
     {"kept_code"},
     {"runtime"},

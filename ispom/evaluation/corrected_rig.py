@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
@@ -104,6 +103,8 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
     def of(vector: Array) -> Camera:
         radial = tuple(float(k) for k in vector[2:])
         return replace(camera, fx=float(vector[0]), fy=float(vector[1]), distortion=(*radial, *distortion[count:]))
+
+    from scipy.optimize import least_squares  # here, as it takes 8 MB that few runs need
 
     begin = np.array([camera.fx, camera.fy, *distortion[:count]])
     scale = np.array([camera.fx, camera.fy, *(0.1,) * count])
