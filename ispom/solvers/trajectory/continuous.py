@@ -39,7 +39,7 @@ class Curve:
 
     @cached_property
     def _splines(self) -> tuple[RotationSpline, CubicSpline]:
-        from scipy.interpolate import CubicSpline  # see interpolation
+        from scipy.interpolate import CubicSpline  # here, as it takes 14 MB that few runs need
 
         knots_s = (self.through.times_ns - self.through.times_ns[0]) * 1e-9
         rotations = RotationSpline(knots_s, Rotation.from_matrix(self.through.rotations))

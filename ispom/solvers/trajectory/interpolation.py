@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from ispom.solvers.trajectory.cubic import cubic_at
 from ispom.types import Trajectory
 
 Interpolation = Literal["linear", "bspline"]
@@ -29,11 +30,11 @@ def interpolate(trajectory: Trajectory, times_ns: NDArray[np.int64], kind: Inter
             np.repeat(trajectory.translations, len(times), 0),
             trajectory.frame,
         )
-    from scipy.interpolate import make_interp_spline  # here, as it takes 15 MB that few runs need
-
     start = trajectory.times_ns[0]
     knots_s, asked_s = (trajectory.times_ns - start) * 1e-9, (times - start) * 1e-9
-    degree = min(3, len(trajectory) - 1) if kind == "bspline" else 1
-    translations = make_interp_spline(knots_s, trajectory.translations, k=degree)(asked_s)
+    if kind == "bspline":
+        translations = cubic_at(knots_s, trajectory.translations, asked_s)
+    else:
+        translations = np.stack([np.interp(asked_s, knots_s, axis) for axis in trajectory.translations.T], axis=1)
     rotations = Slerp(knots_s, Rotation.from_matrix(trajectory.rotations))(asked_s).as_matrix()
     return Trajectory(np.asarray(times_ns, np.int64), rotations, translations, trajectory.frame)
