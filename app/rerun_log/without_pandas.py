@@ -10,8 +10,6 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-import pyarrow
-
 
 class _Absent:
     """Finds that there is no pandas."""
@@ -29,6 +27,8 @@ def spare_pandas() -> None:
     """
     if "pandas" in sys.modules:
         return
+    import pyarrow  # not before its allocator is chosen
+
     finder: Any = _Absent()
     sys.meta_path.insert(0, finder)
     try:
