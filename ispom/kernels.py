@@ -28,12 +28,13 @@ from ispom import kept_code
 from ispom.kept_code import SUFFIX, digest
 
 NEWEST_KNOWN = 0, 68
-"""Version of numba up to which `parts` and `runtime` are known to hold, from 0.61 on; with others numba does as it does
-by itself, which takes longer."""
+"""Version of numba up to which `operators`, `parts` and `runtime` are known to hold, from 0.61 on; with others numba
+does as it does by itself, which takes longer."""
 if numba.version_info.short <= NEWEST_KNOWN:
-    from ispom import parts, runtime
+    from ispom import operators, parts, runtime
 
     runtime.keep_runtime()
+    operators.remember_types()
 _caches: dict[Dispatcher, KernelCache] = {}
 
 
@@ -43,7 +44,7 @@ def kernel(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     A division by zero gives infinity, in all of them: what numba compiles for one it compiles anew for another with
     other options, and each check of a divisor takes its time.
     """
-    options = {"error_model": "numpy"} | options
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True, **_compiler("KernelCompiler")} | options
 
     def compiled(function: Callable[..., Any]) -> Dispatcher:
         dispatcher: Any = numba.njit(**options)(function)
@@ -61,10 +62,13 @@ def part(function: Callable[..., Any]) -> Any:
     division by zero gives infinity.
     """
     options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True, "_nrt": False}
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    if numba.version_info.short <= NEWEST_KNOWN:
-        options |= {"pipeline_class": parts.PartCompiler}
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **_compiler("PartCompiler")}
     return numba.njit(**options)(function)
+
+
+def _compiler(name: str) -> dict[str, Any]:
+    """The option that has numba compile by one of `parts`."""
+    return {"pipeline_class": getattr(parts, name)} if numba.version_info.short <= NEWEST_KNOWN else {}
 
 
 def read_only(values: NDArray) -> NDArray:

@@ -1,7 +1,7 @@
-"""How numba compiles a function that only ever becomes part of kernels: no further than to LLVM's language.
+"""How numba compiles kernels and the functions that only ever become part of them: without steps that they do not need.
 
-Numba would optimise it and translate it to machine code by itself, as if it were called from Python, and then optimise
-it again wherever it is linked into: a sixth of all the compilation.
+Numba would optimise a part and translate it to machine code by itself, as if it were called from Python, and then
+optimise it again wherever it is linked into; and optimise each function of a kernel before all of them are, as one.
 """
 
 from __future__ import annotations
@@ -14,22 +14,24 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
 
-
-class PartCompiler(CompilerBase):
-    """Numba's pipeline but for its last step."""
-
-    def define_pipelines(self) -> list[PassManager]:
-        found = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        found.passes = [(PartLowering if step is NativeLowering else step, text) for step, text in found.passes]
-        found.finalize()
-        return [found]
+UNUSED_STEPS = frozenset({
+    "WithLifting", "InlineClosureLikes", "MakeFunctionToJitFunction", "RewriteSemanticConstants", "DeadBranchPrune",
+    "RewriteDynamicRaises", "InlineInlinables", "InlineOverloads", "FindLiterallyCalls", "LiteralUnroll",
+    "LiteralPropagationSubPipelinePass", "DumpParforDiagnostics",
+})  # fmt: skip
+"""For `with`, closures and comprehensions, `raise` with values, branches on None, `inline="always"`, and loops over
+tuples of several types. A function that has one of these is not compiled: an error says so."""
 
 
-class PartLibrary(JITCodeLibrary):
-    """A function with all that it calls, to be linked into others."""
+class KernelLibrary(JITCodeLibrary):
+    """Machine code of a function with all that it calls, optimised as a whole only."""
 
     def add_llvm_module(self, ll_module: Any) -> None:
         self._final_module.link_in(ll_module)
+
+
+class PartLibrary(KernelLibrary):
+    """A function with all that it calls, to be linked into others."""
 
     def finalize(self) -> None:
         for library in dict.fromkeys(self._linking_libraries):
@@ -37,6 +39,16 @@ class PartLibrary(JITCodeLibrary):
             getattr(self, "_reload_init", set()).update(getattr(library, "_reload_init", ()))
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class KernelLowering(NativeLowering):
+    _name = "kernel_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = KernelLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()  # that it can be kept
+        return super().run_pass(state)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -52,3 +64,22 @@ class PartLowering(NativeLowering):
         state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
         state.cr = lowered._replace(cfunc=entry)
         return changed
+
+
+class KernelCompiler(CompilerBase):
+    """Numba's pipeline without the steps for what no kernel has."""
+
+    lowering: type[NativeLowering] = KernelLowering
+
+    def define_pipelines(self) -> list[PassManager]:
+        found = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        steps = [(step, text) for step, text in found.passes if step.__name__ not in UNUSED_STEPS]
+        found.passes = [(self.lowering if step is NativeLowering else step, text) for step, text in steps]
+        found.finalize()
+        return [found]
+
+
+class PartCompiler(KernelCompiler):
+    """No further than to LLVM's language."""
+
+    lowering = PartLowering
