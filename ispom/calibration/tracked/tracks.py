@@ -27,6 +27,9 @@ LEFT_SHARE = 0.6
 CORNER_PX, CORNER_STEPS = 4, 30
 SAME_PX = 3.0
 """So near are places of one corner that were found in two ways."""
+STILL_PX = 0.25
+"""A corner that stays within this while half of the others move by MOVED_SHARE is none of the scene, but a letter or a
+logo on the image, or dirt on the lens. What is far ahead on a straight way moves as little in a few pixels only."""
 LEAST_VIEWS = 3
 """In which a corner must be seen to count."""
 LEAST_JOINED = 8
@@ -92,10 +95,14 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
             ids, uv = ids[alive], uv[alive]
             at_key = at_key[alive] if at_key is not None else None
         last = grey
-        if at_key is not None and len(ids) >= LEFT_SHARE * begun:
-            moved = float(np.median(np.linalg.norm(uv - at_key, axis=1))) if len(ids) else 0.0
-            if moved < MOVED_SHARE * width:
+        if at_key is not None:
+            ways = np.linalg.norm(uv - at_key, axis=1)
+            moved = len(ids) > 0 and float(np.median(ways)) >= MOVED_SHARE * width
+            if not moved and len(ids) >= LEFT_SHARE * begun:
                 continue
+            if moved:
+                goes = ways > STILL_PX
+                ids, uv, at_key = ids[goes], uv[goes], at_key[goes]
         if key is not None and at_key is not None:  # from one key frame to the next: less drift than over all images
             again, status = klt.track(key, grey, at_key, uv)
             same = (status == TrackStatus.ALIVE) & (np.linalg.norm(again - uv, axis=1) < SAME_PX)
