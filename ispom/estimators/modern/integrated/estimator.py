@@ -13,6 +13,7 @@ from typing import Annotated
 import numpy as np
 
 from ispom.estimators.modern.integrated.adjust import adjusted, limited
+from ispom.estimators.modern.integrated.anew import anew
 from ispom.estimators.modern.integrated.covariance import newest_covariance
 from ispom.estimators.modern.integrated.joint_report import rig_covariance
 from ispom.estimators.modern.integrated.joint_window import JointWindow
@@ -92,7 +93,7 @@ class ModernIntegrated:
     def finish(self, state: ModernIntegratedState, asked: Mapping[str, Trajectory]) -> Trajectory:
         """Poses of the video exposures from the first stereo pair to the last."""
         in_window = [pose for view in state.window.views for pose in view.poses()]
-        return video_poses(self._setup, [*state.settled, *in_window], asked["stereo"])
+        return video_poses(self._setup, [*state.settled, *in_window], asked["stereo"], tuple(state.begun_ns))
 
     def step(
         self, state: ModernIntegratedState, exposure: Exposure, asked: Mapping[str, Step]
@@ -103,15 +104,18 @@ class ModernIntegrated:
         fits = (right_fits(part),) if is_pair else ()
         if any(each.failed for each in fits):
             return _passed_over(state, part, fits)
-        state = replace(state, passed=0) if is_pair else state
+        # Poses hang on stereo's where it is followed, else on points: a blind start of the one is that of both, or not.
+        blind = is_pair and (part.restarted or state.apart)
+        if blind and self.config.follow_stereo and state.window.views:
+            state = anew(state, exposure.time_ns)
+        state = replace(state, passed=0, apart=False) if is_pair else state
         state = with_stereo(state, part) if is_pair else with_video(state, part)
         state, found, status = located(setup, state, observed(self.rig, part, not is_pair))
         watch.lap("place")
         state, limits = limited(setup, state)
         state, decisions, revised, spline = adjusted(setup, state) if is_pair else (state, (), [], None)
         watch.lap("adjust")
-        # Poses hang on stereo's where it is followed, else on points: a blind start of the one is that of both, or not.
-        restarted = is_pair and part.restarted and (found is None or self.config.follow_stereo)
+        restarted = blind and (found is None or self.config.follow_stereo)
         pose, covariance, landmarks = None, None, Landmarks.empty()
         if status == Status.TRACKING:
             onto = stereo_from_window(setup, state)
@@ -172,7 +176,8 @@ def _passed_over(
     """A pair that measures no depth is none: the video goes on alone, as far as it sees points that were adjusted."""
     status = Status.LOST if state.window.views else Status.INITIALISING
     seconds = {f"{part.method}: {k}": v for k, v in part.seconds.items()}
-    state = with_stereo(replace(state, passed=state.passed + 1), replace(part, world_from_frame=None))
+    state = replace(state, passed=state.passed + 1, apart=state.apart or part.restarted)
+    state = with_stereo(state, replace(part, world_from_frame=None))
     return state, Step(
         part.time_ns,
         status,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.rows import at_middle
@@ -48,16 +49,16 @@ def located(
     else:
         rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
         pose = found.camera_from_world.inverse() @ rig_from_camera.inverse()
-        view = replace(view, world_from_rig=pose, located=True)
+        view = replace(view, world_from_rig=pose, located=True, metric=_metric(window, view, found, state.passed))
         view = replace(view, information=_information(setup.noise, window, view))
     state = replace(state, window=window.with_view(view))
     # The first frames have no points of known depth yet: the pair just before them says where they are.
     near = found is None and window.reference is None
-    known = (found is not None and _metric(window, view, state.passed)) or by_stereo is not None or near
+    known = (found is not None and view.metric) or by_stereo is not None or near
     return state, found, Status.TRACKING if known else Status.LOST
 
 
-def _metric(window: JointWindow, view: View, passed: int) -> bool:
+def _metric(window: JointWindow, view: View, found: Resection, passed: int) -> bool:
     """Whether the points that locate a view are in metres: where pairs are missing, depths of new ones are guesses, and
     those of the points seen by such a view guesses from guesses."""
     pairs = [window.views[i].time_ns for i in window.pairs]
@@ -65,8 +66,8 @@ def _metric(window: JointWindow, view: View, passed: int) -> bool:
     missing = passed >= LATE_PAIRS or (bool(pairs) and view.time_ns - pairs[-1] > LATE_PAIRS * usual_ns)
     if not missing or not view.video:
         return True
-    adjusted = np.zeros(0, np.int64) if window.reference is None else window.reference.ids
-    return int(np.isin(view.ids, adjusted, assume_unique=True).sum()) >= MIN_POINTS
+    known, adjusted = _known(window, view)
+    return int((adjusted[known] & found.inliers).sum()) >= MIN_POINTS
 
 
 def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View, Resection | None]:
@@ -87,12 +88,7 @@ def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View,
 
 def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:
     """camera_from_world by resection from the points known by now."""
-    place = window.table.places(view.ids)
-    known = place >= 0
-    if window.reference is not None:
-        adjusted = known & np.isin(view.ids, window.reference.ids, assume_unique=True)
-        # The depth of a new point is a guess.
-        known = adjusted if adjusted.sum() >= ENOUGH_POINTS else known
+    place, (known, _) = window.table.places(view.ids), _known(window, view)
     if known.sum() < MIN_POINTS:
         return None
     xyz, seen = window.table.select(place[known]).points.xyz_in_world, window.seen(view)[known]
@@ -105,6 +101,16 @@ def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None
         if again is not None and (found is None or again.inliers.sum() > found.inliers.sum()):
             found = again
     return found if found is not None and found.inliers.sum() >= MIN_POINTS else None
+
+
+def _known(window: JointWindow, view: View) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(N,) which of its points locate a view, and which were adjusted."""
+    known = window.table.places(view.ids) >= 0
+    if window.reference is None:
+        return known, np.zeros(len(known), bool)
+    adjusted = known & np.isin(view.ids, window.reference.ids, assume_unique=True)
+    # The depth of a new point is a guess.
+    return adjusted if adjusted.sum() >= ENOUGH_POINTS else known, adjusted
 
 
 def _information(noise: Noise, window: JointWindow, view: View) -> Array:

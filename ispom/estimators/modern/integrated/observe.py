@@ -10,14 +10,15 @@ from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import View
 from ispom.estimators.modern.rolling import late_s
-from ispom.types import Rig, Step, Tracks, TrackStatus
+from ispom.types import Rig, Status, Step, Tracks, TrackStatus
 
 
 def observed(rig: Rig, part: Step, video: bool) -> View:
-    """The tracks that are alive in the Step of the method asked; those of a pair need a disparity."""
+    """The tracks that are alive in the Step of the method asked; those of a pair need a disparity. Of a frame that it
+    could not locate they are what the last image looks like there: after a cut of another place."""
     name = "video" if video else "left"
     camera, tracks = rig.camera(name), part.tracks.get(name, Tracks.of(np.zeros(0), np.zeros((0, 2))))
-    alive = tracks.status < TrackStatus.LOST
+    alive = (tracks.status < TrackStatus.LOST) & (part.status != Status.LOST)
     if not video:
         alive &= tracks.disparity_px > 0
     order = np.flatnonzero(alive)[np.argsort(tracks.ids[alive], kind="stable")]

@@ -23,5 +23,9 @@ class ModernIntegratedState:
     """What the monocular method last found to be wrong with the video camera, and its covariance, as in JointWindow."""
     passed: int = 0
     """Pairs passed over since the last one that was taken."""
+    apart: bool = False
+    """Whether the stereo method began a new segment at one of these."""
+    begun_ns: PersistentList[int] = PersistentList()
+    """The pairs at which new segments began."""
     settled: PersistentList[tuple[int, Pose, bool]] = PersistentList()
     """Time, world_from_rig in the window's own world, whether of the video, of all exposures that have left it."""

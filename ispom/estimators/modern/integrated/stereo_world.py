@@ -64,11 +64,16 @@ def alignment(setup: Setup, state: ModernIntegratedState) -> tuple[Decision, ...
     return checks.ALIGN_SCALE.of(stereo_length / length, 0.0), *placed
 
 
-def video_poses(setup: Setup, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory) -> Trajectory:
-    """Those of the video, up to the last pair, in the world of the stereo estimator's poses."""
+def video_poses(
+    setup: Setup, poses: Sequence[tuple[int, Pose, bool]], metric: Trajectory, begun_ns: tuple[int, ...] = ()
+) -> Trajectory:
+    """Those of the video, up to the last pair, in the world of the stereo estimator's poses; segments that begin at
+    those pairs each by itself."""
     last = max((t for t, _, video in poses if not video), default=0)
     inside = [(t, pose) for t, pose, video in poses if not video or t <= last]
     own = Trajectory.of(inside)
     if setup.follow_stereo:
-        own = anchored(own, metric)
+        segment = np.searchsorted(np.array(begun_ns, np.int64), own.times_ns, side="right")
+        parts = [anchored(own.select(segment == k), metric) for k in range(len(begun_ns) + 1)]
+        own = parts[0] if not begun_ns else Trajectory.of([item for part in parts for item in part.items()])
     return own.select(np.isin(own.times_ns, [t for t, _, video in poses if video]))

@@ -40,6 +40,8 @@ class View:
     world_from_rig: Pose = field(default_factory=Pose)
     located: bool = True
     """Whether the pose is from what was seen; else it is that of the view before."""
+    metric: bool = True
+    """Whether that is in metres (see `locate`)."""
     information: Array | None = None
     """(6, 6) of the pose as first located."""
     smoothed: Pose | None = None
