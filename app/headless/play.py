@@ -14,6 +14,7 @@ from ..run.folder.step_log import StepLog
 from ..run.model.corrections import CorrectionMemory
 from ..run.model.map_memory import MapCollectors
 from ..run.signals import Signals, ended_by_interrupt
+from .heap import give_back
 from .job import Job
 from .output import write_results
 from .recording import NoRecording, Recording
@@ -53,6 +54,7 @@ class Steps:
 def play(job: Job, signals: Signals) -> Played:
     """Steps through the sequence. Raises what ends that early, after what was computed has been written."""
     playback, folder = job.playback, job.folder
+    give_back()  # comparing the images of a pair took 40 MB
     with ExitStack() as stack:
         steps = Steps(job, signals, stack)
         if playback.sequence.prepare:
@@ -71,7 +73,9 @@ def play(job: Job, signals: Signals) -> Played:
             signals.hold()
             finished = playback.finish()
             steps.record.add(finished)
+            give_back()  # the peak of a run is at its end
             write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
             steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
+            give_back()  # the recording's index is next
     signals.check()
     return Played(finished, steps.statistics.images.hexdigest(), steps.record.failure)
