@@ -136,9 +136,10 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """What can be opened in a folder that is no recording itself, by name; descriptions of cameras are none."""
+    """What can be opened in a folder that is no recording itself, by name, depth images last; descriptions of cameras
+    are none."""
     inner = (p for pattern in ("*", "sequences/*") for p in folder.glob(pattern) if p.suffix.lower() not in SETTINGS)
-    return sorted(p for p in inner if recognised(p))
+    return sorted((p for p in inner if recognised(p)), key=lambda p: ("depth" in p.name.lower(), p))
 
 
 def recognised(path: Path) -> bool:

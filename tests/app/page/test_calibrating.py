@@ -80,7 +80,7 @@ def test_an_image_is_looked_at_with_its_points_and_residuals(page: CalibrationTa
     page.tab.locator("#overlay path").wait_for(state="attached")
     assert page.tab.evaluate("window.calibration.view") == [0, 5]
     assert page.tab.locator("#overlay circle").count() > 20
-    until = time.monotonic() + 20
+    until = time.monotonic() + PATIENCE_MS / 1000
     while page.tab.evaluate("document.querySelector('#image').naturalWidth") != 640:
         assert time.monotonic() < until, "timed out waiting for the image"
         page.tab.wait_for_timeout(50)

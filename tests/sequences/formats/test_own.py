@@ -47,6 +47,13 @@ def test_of_a_folder_around_a_recording_the_recording_is_named(made: Callable[[P
         open_sequence(str(inner.parent))
 
 
+def test_of_a_folder_with_colours_and_depths_the_colours_are_named(tmp_path: Path) -> None:
+    for name in ("depth", "rgb"):
+        write_images(tmp_path / name, images(4, 0))
+    with pytest.raises(InputError, match=f"such as {re.escape(str(tmp_path / 'rgb'))}"):
+        open_sequence(str(tmp_path))
+
+
 @pytest.mark.parametrize("beside", [True, False])
 def test_images_may_lie_in_a_folder_images(beside: bool, tmp_path: Path) -> None:
     folder = make_images(tmp_path / "walk", beside=beside)
