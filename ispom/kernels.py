@@ -93,11 +93,19 @@ def is_kept(found: Dispatcher) -> bool:
 
 
 def kept_share() -> float:
-    """How much of the machine code of all kernels is kept, 0..1, by the length of what it is made from."""
+    """How much of the machine code of all kernels is kept, 0..1, by what it takes to compile it.
+
+    That is about the length of the kernel, and a third of that of what it calls: most of that others call, too.
+    """
     folder = kept_code.folder()
     present = {name.rpartition("-")[0] for name in os.listdir(folder) if name.endswith(SUFFIX)} if folder else set()
-    lengths = {_caches[found]._name: len(found.py_func.__code__.co_code) for found in kernels()}
+    lengths = {_caches[found]._name: _length(found.py_func) for found in kernels()}
     return sum(lengths[name] for name in lengths if name in present) / max(sum(lengths.values()), 1)
+
+
+def _length(function: FunctionType) -> float:
+    called = [len(one.__code__.co_code) for one in _called(function, set())]
+    return called[0] + sum(called[1:]) / 3
 
 
 def may_keep() -> bool:
@@ -159,22 +167,30 @@ class KernelCache(_Cache):
     def _name(self) -> str:
         """The function, and a digest of all that its machine code depends on but its signature."""
         own = _source(__file__), _source(str(Path(__file__).with_name("parts.py")))
-        inputs = [_made_for(), *own, *_sources(self._function, set())]
+        inputs = [_made_for(), *own, *_sources(self._function)]
         return f"{self._function.__module__}.{self._function.__qualname__}-{digest(b''.join(inputs)).hex()}"
 
 
-def _sources(function: FunctionType, seen: set[FunctionType]) -> Iterator[bytes]:
-    """The file of a function, the numbers it takes from its module, and the same of all kernels that it calls."""
+def _called(function: FunctionType, seen: set[FunctionType]) -> Iterator[FunctionType]:
+    """A function, and all kernels and parts that it calls."""
     seen.add(function)
-    yield _source(function.__code__.co_filename)
+    yield function
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
         if isinstance(value, Dispatcher) and value.py_func not in seen:
-            yield from _sources(value.py_func, seen)
-        elif isinstance(value, np.ndarray):
-            yield value.tobytes()
-        elif isinstance(value, int | float | complex | str | tuple):
-            yield f"{name} = {value!r}".encode()
+            yield from _called(value.py_func, seen)
+
+
+def _sources(function: FunctionType) -> Iterator[bytes]:
+    """The file of a function, the numbers it takes from its module, and the same of all kernels that it calls."""
+    for one in _called(function, set()):
+        yield _source(one.__code__.co_filename)
+        for name in one.__code__.co_names:
+            value = one.__globals__.get(name)
+            if isinstance(value, np.ndarray):
+                yield value.tobytes()
+            elif isinstance(value, int | float | complex | str | tuple):
+                yield f"{name} = {value!r}".encode()
 
 
 def _let_module_go(library: Any, name: str, kind: str, code: tuple[bytes, bytes]) -> None:

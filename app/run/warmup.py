@@ -16,14 +16,18 @@ from ispom.child import Child
 from ispom.kernels import kept_share
 from ispom.methods import BUILT_IN, Config, Variant, with_asked
 
+from .pace import Pace
+
 log = logging.getLogger(__name__)
 MESSAGE = "compiling the estimators, once after installing"
 MEANWHILE = "the modern estimators are being compiled, once after installing: the paper's methods run meanwhile"
 READY = "the modern estimators are compiled now: choose them under Methods"
 COMMAND = [sys.executable, "-m", "ispom.warm_up"]
 COMPILED = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
-_running: list[tuple[Child, float]] = []
-"""The process, and when it was started [s, monotonic]: at most one."""
+_running: list[Child] = []
+"""The process: at most one."""
+_pace: list[Pace] = [Pace()]
+"""How far it has been [s, monotonic]."""
 _failures: list[str] = []
 
 
@@ -34,7 +38,7 @@ class Progress:
     share: float
     """0..1"""
     left_s: float | None
-    """Estimated time until its end [s]; None while too little is done to tell."""
+    """Estimated time until its end [s]; None while nothing is done yet."""
 
     @property
     def text(self) -> str:
@@ -65,7 +69,8 @@ def start(methods: Iterable[str], config: Config) -> None:
 
     if needed(methods, config) and not _running and not _failures and not compiled_before():
         try:
-            _running.append((Child(COMMAND), time.monotonic()))
+            _running.append(Child(COMMAND))
+            _pace[0] = Pace()
         except OSError as fault:
             _failed(str(fault))
 
@@ -75,10 +80,10 @@ def finished(wait_s: float = 0.0) -> bool:
 
     Whatever became of it: what is not compiled then is compiled when it is needed.
     """
-    for child, started in list(_running):
+    for child in list(_running):
         if not child.wait(wait_s):
             return False
-        _running.remove((child, started))
+        _running.remove(child)
         if not child.succeeded:
             _failed(f"the process {child.ending()}", child.last_words())
         child.stop()
@@ -89,8 +94,9 @@ def progress() -> Progress | None:
     """How far it is; None where no compilation is going on."""
     if finished() or not _running:
         return None
-    share, (_, started) = kept_share(), _running[0]
-    return Progress(share, (time.monotonic() - started) * (1 - share) / share if share > 0.05 else None)
+    share, now_s = kept_share(), time.monotonic()
+    _pace[0] = pace = _pace[0].after(now_s, share)
+    return Progress(share, pace.left_s(now_s))
 
 
 def message() -> str:

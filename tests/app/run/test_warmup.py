@@ -33,7 +33,7 @@ def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
     warmup.start(*MODERN)
     warmup.start(*MODERN)
-    ((child, _),) = warmup._running
+    (child,) = warmup._running
     assert not warmup.finished(0.01) and not warmup.finished()
     child.requests.write(b"x")
     child.requests.flush()
@@ -45,12 +45,14 @@ def test_how_far_it_is_can_be_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
     assert warmup.progress() is None and warmup.message() == warmup.MESSAGE
     warmup.start(*MODERN)
-    ((child, started),) = warmup._running
-    monkeypatch.setattr(warmup.time, "monotonic", lambda: started + 30)
-    monkeypatch.setattr(warmup, "kept_share", lambda: 0.01)
-    assert warmup.message() == f"{warmup.MESSAGE}: 1 % done"
-    monkeypatch.setattr(warmup, "kept_share", lambda: 0.75)
-    assert warmup.progress() == warmup.Progress(0.75, 10.0) and warmup.message() == f"{warmup.MESSAGE}: 10 s left"
+    (child,) = warmup._running
+    monkeypatch.setattr(warmup, "kept_share", lambda: 0.0)
+    assert warmup.message() == f"{warmup.MESSAGE}: 0 % done"
+    for share, now_s in ((0.1, 50.0), (0.75, 50.0 + 0.75 * 30)):
+        monkeypatch.setattr(warmup.time, "monotonic", lambda now_s=now_s: now_s)
+        monkeypatch.setattr(warmup, "kept_share", lambda share=share: share)
+        now = warmup.progress()
+    assert now == warmup.Progress(0.75, pytest.approx(7.5)) and warmup.message() == f"{warmup.MESSAGE}: 8 s left"
     child.stop()
     assert warmup.progress() is None
 
