@@ -35,6 +35,7 @@ if numba.version_info.short <= NEWEST_KNOWN:
 
     runtime.keep_runtime()
     operators.remember_types()
+    parts.overloads_become_parts()
 _caches: dict[Dispatcher, KernelCache] = {}
 
 

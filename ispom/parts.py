@@ -6,6 +6,7 @@ optimise it again wherever it is linked into; and optimise each function of a ke
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from numba._dynfunc import make_function
@@ -13,6 +14,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
+from numba.core.typing.templates import _OverloadFunctionTemplate
 
 UNUSED_STEPS = frozenset({
     "WithLifting", "InlineClosureLikes", "MakeFunctionToJitFunction", "RewriteSemanticConstants", "DeadBranchPrune",
@@ -70,10 +72,11 @@ class KernelCompiler(CompilerBase):
     """Numba's pipeline without the steps for what no kernel has."""
 
     lowering: type[NativeLowering] = KernelLowering
+    unused: frozenset[str] = UNUSED_STEPS
 
     def define_pipelines(self) -> list[PassManager]:
         found = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        steps = [(step, text) for step, text in found.passes if step.__name__ not in UNUSED_STEPS]
+        steps = [(step, text) for step, text in found.passes if step.__name__ not in self.unused]
         found.passes = [(self.lowering if step is NativeLowering else step, text) for step, text in steps]
         found.finalize()
         return [found]
@@ -83,3 +86,16 @@ class PartCompiler(KernelCompiler):
     """No further than to LLVM's language."""
 
     lowering = PartLowering
+
+
+class OverloadCompiler(PartCompiler):
+    """For what numba writes in Python itself (`np.empty`), of which each kernel has its own: with all steps."""
+
+    unused = frozenset()
+
+
+def overloads_become_parts() -> None:
+    """Has numba compile what it writes in Python itself, from now on, as parts."""
+    template: Any = _OverloadFunctionTemplate
+    plain = template._get_jit_decorator
+    template._get_jit_decorator = lambda self: partial(plain(self), pipeline_class=OverloadCompiler)
