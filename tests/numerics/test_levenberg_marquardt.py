@@ -48,6 +48,9 @@ def test_damping_is_eased_while_steps_help_down_to_its_least() -> None:
 
     found = minimise(1.0, lambda x: x, better, 9, 0.4)
     assert found.iterations == 9 and tried[-1] == LOWEST
+    tried.clear()
+    minimise(1.0, lambda x: x, better, 9, 0.4, first=1e-7, lowest=1e-12)
+    np.testing.assert_allclose(tried, [*(10.0 ** np.arange(-7, -12, -1)), *(4 * [1e-12])])
     assert minimise(1.0, lambda x: x, better, 9, 0.6).iterations == 1, "half is less than the tolerance asks"
 
 

@@ -1,4 +1,4 @@
-"""Bundle adjustment of key frames, points and the one lens that saw them: focal length, principal point, k1, k2.
+"""Key frames, points and the one lens that saw them (focal length, principal point, k1, k2): cost and normal equations.
 
 Points are homogeneous (Triggs et al. 2000, section 2.3), so that those at infinity, which tell rotations from the focal
 length, are as good as any other. Cauchy loss; the points are eliminated by their Schur complement.
@@ -6,14 +6,12 @@ length, are as good as any other. Cauchy loss; the points are eliminated by thei
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, skew
-from ispom.numerics.levenberg_marquardt import minimise
-from ispom.numerics.twist import moved
 
 LENS, POSE = 5, 6
 """Unknowns of the lens: logarithm of the focal length, principal point [px], k1, k2; and of a pose."""
@@ -75,21 +73,6 @@ class Held:
     """Whether all points stay."""
 
 
-def adjusted(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float = 1e-4
-) -> tuple[Scene, float]:
-    """The scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
-    found = minimise(
-        scene,
-        lambda values: cost(values, seen, prior, scale_px),
-        lambda values, damping: _stepped(values, seen, prior, held, scale_px, damping),
-        iterations,
-        tolerance,
-        highest=1e6,
-    )
-    return found.values, found.cost
-
-
 def cost(scene: Scene, seen: Seen, prior: Prior, scale_px: Scale) -> float:
     """Half the robust sum of squares, with the prior's part."""
     squares = np.minimum((errors_px(scene, seen) / scale_px) ** 2, BEHIND)
@@ -131,6 +114,27 @@ def undistorted(lens: Array, uv: Array, rounds: int = 20) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class Jacobian:
+    """Of the residuals in units of the loss's scale, each row with the root of its weight."""
+
+    by_lens: Array
+    """(K, 2, 5)."""
+    by_pose: Array
+    """(K, 2, 6) of the observation's view, as left twists."""
+    by_point: Array
+    """(K, 2, 3) of its point, along the tangents."""
+    root: Array
+    """(K, 1) by which a residual [px] is multiplied; 0 behind a camera."""
+
+    def gradient(self, residual: Array, seen: Seen, views: int, points: int) -> tuple[Array, Array]:
+        """(P,) and (M, 3) that weighted residuals (K, 2) have by lens and poses, and by the points."""
+        by_lens = self.by_lens.reshape(-1, LENS).T @ residual.ravel()
+        by_pose = _summed((self.by_pose * residual[..., None]).sum(1), seen.view, views)
+        by_point = _summed((self.by_point * residual[..., None]).sum(1), seen.point, points)
+        return np.concatenate([by_lens, by_pose.ravel()]), by_point
+
+
+@dataclass(frozen=True, eq=False)
 class Normal:
     """Normal equations of lens and poses (P = 5 + 6 V), the points eliminated."""
 
@@ -146,6 +150,9 @@ class Normal:
     """(M, 3) their gradients,"""
     tangents: Array
     """(M, 4, 3) and along what their steps go."""
+    fixed: NDArray[np.int64]
+    """Which of lens and poses are held."""
+    jacobian: Jacobian
     scores: Array
     """(M, P) each point's part of the gradient of lens and poses; empty where nobody asks."""
 
@@ -170,17 +177,17 @@ def normal_equations(
     moves = np.concatenate([scene.rotations[seen.view], scene.translations[seen.view][..., None]], axis=2)
     by_point = by_q @ (moves @ tangents[seen.point])
 
-    matrix, gradient = np.zeros((size, size)), np.zeros(size)
+    jacobian = Jacobian(by_lens, by_pose, by_point, root)
+    matrix = np.zeros((size, size))
+    gradient, point_gradient = jacobian.gradient(residual, seen, views, count)
     flat = by_lens.reshape(-1, LENS)
-    matrix[:LENS, :LENS], gradient[:LENS] = flat.T @ flat, flat.T @ residual.ravel()
+    matrix[:LENS, :LENS] = flat.T @ flat
     lens_pose = _summed(np.swapaxes(by_lens, 1, 2) @ by_pose, seen.view, views)
     pose_pose = _summed(np.swapaxes(by_pose, 1, 2) @ by_pose, seen.view, views)
-    gradient[LENS:] = _summed((by_pose * residual[..., None]).sum(1), seen.view, views).ravel()
     for v in range(views):
         here = slice(LENS + POSE * v, LENS + POSE * (v + 1))
         matrix[:LENS, here], matrix[here, :LENS], matrix[here, here] = lens_pose[v], lens_pose[v].T, pose_pose[v]
     own = _summed(np.swapaxes(by_point, 1, 2) @ by_point, seen.point, count)
-    point_gradient = _summed((by_point * residual[..., None]).sum(1), seen.point, count)
     mixed = np.zeros((count, 3, size))
     mixed[:, :, :LENS] = _summed(np.swapaxes(by_point, 1, 2) @ by_lens, seen.point, count)
     columns = LENS + POSE * seen.view[:, None] + np.arange(POSE)
@@ -200,7 +207,7 @@ def normal_equations(
     gradient[fixed] = 0.0
     block = own * (1 + damping * np.eye(3)) + 1e-12 * np.eye(3)
     inverse = np.zeros_like(block) if held.points else np.linalg.inv(block)
-    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, scores)
+    return Normal(matrix, gradient, mixed, inverse, point_gradient, tangents, fixed, jacobian, scores)
 
 
 def reduced(normal: Normal) -> tuple[Array, Array]:
@@ -210,20 +217,6 @@ def reduced(normal: Normal) -> tuple[Array, Array]:
     root = np.swapaxes(np.linalg.cholesky(normal.inverse), 1, 2)
     half = (root @ normal.mixed).reshape(-1, normal.mixed.shape[2])  # half.T @ half: a symmetric product, half the work
     return normal.matrix - half.T @ half, normal.gradient - (root @ normal.by_point[..., None]).ravel() @ half
-
-
-def _stepped(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float) -> Scene:
-    normal = normal_equations(scene, seen, prior, held, scale_px, damping)
-    matrix, gradient = reduced(normal)
-    diagonal = np.diag(normal.matrix)
-    matrix = matrix + np.diag(damping * diagonal + 1e-9)
-    step = -np.linalg.solve(matrix, gradient)
-    rest = normal.by_point + normal.mixed @ step
-    along = -(normal.inverse @ rest[..., None])[..., 0]
-    points = scene.points + (normal.tangents @ along[..., None])[..., 0]
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    rotations, translations = moved(scene.rotations, scene.translations, step[LENS:].reshape(-1, POSE))
-    return replace(scene, lens=scene.lens + step[:LENS], rotations=rotations, translations=translations, points=points)
 
 
 def _linearised(lens: Array, q: Array, uv: Array) -> tuple[Array, Array, Array]:

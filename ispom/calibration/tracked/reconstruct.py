@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.calibration.tracked.adjust import adjusted
 from ispom.calibration.tracked.bundle import (
     Held,
     Prior,
     Scale,
     Scene,
     Seen,
-    adjusted,
     errors_px,
     in_camera,
     undistorted,
@@ -100,16 +101,23 @@ def _located(scene: Scene, v: int, points: NDArray[np.int64], uv: Array, scale_p
 
 
 def adjusted_part(
-    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float = 1e-4
+    scene: Scene,
+    seen: Seen,
+    prior: Prior,
+    held: Held,
+    scale_px: Scale,
+    iterations: int,
+    tolerance: float = 1e-4,
+    by: Callable[[Scene, Seen, Prior, Held, Scale, int, float], tuple[Scene, float]] = adjusted,
 ) -> tuple[Scene, float]:
-    """As `adjusted`, of those views and points only that are seen twice or more."""
+    """As `adjusted`, or `settled`, of those views and points only that are seen twice or more."""
     often = (np.bincount(seen.point, minlength=len(scene.points)) >= 2)[seen.point]
     seen = seen.select(often)
     scale_px = scale_px[often] if isinstance(scale_px, np.ndarray) else scale_px
     points, owner = np.unique(seen.point, return_inverse=True)
     views = int(seen.view.max()) + 1
     part = Scene(scene.lens, scene.rotations[:views], scene.translations[:views], scene.points[points])
-    found, cost = adjusted(
+    found, cost = by(
         part, Seen(seen.view, owner, seen.uv), prior, Held(held.views[:views], held.points), scale_px, iterations,
         tolerance,
     )  # fmt: skip

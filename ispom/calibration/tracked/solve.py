@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ispom.calibration.tracked.adjust import settled
 from ispom.calibration.tracked.bundle import (
     LENS,
     POSE,
@@ -19,7 +20,6 @@ from ispom.calibration.tracked.bundle import (
     Prior,
     Scene,
     Seen,
-    adjusted,
     errors_px,
     normal_equations,
     reduced,
@@ -57,6 +57,8 @@ MOST_PX = 20.0
 """Larger errors count as so large."""
 SMALL = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
 """What is a small change of the lens."""
+MOST_SHARE = 0.9
+"""Of one change of the lens, the next one, where it is not still."""
 HALF_STEPS = 25
 OUTLIER = 6.0
 TOLERANCE = 1e-6
@@ -107,27 +109,44 @@ def lens_of_tracks(tracks: Tracks, guess: Camera, focal_sigma: float) -> Tracked
         return None
     scene = grown(min(good, key=lambda each: each[1])[0], tracks, prior, scale_px, count)
     held = Held(np.arange(len(tracks.views)) == 0)
-    followed = tracks
+    followed, left = tracks, np.zeros(LENS)
     for rounds in ROUNDS:
-        scene = _weighed(scene, _seen(tracks), prior, held, scale_px, rounds)
+        scene, left = _weighed(scene, _seen(tracks), prior, held, scale_px, rounds)
         if rounds != ROUNDS[-1]:
             tracks = realigned(followed, scene)
     seen = _seen(tracks)
-    return _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, held, scale_px, tracks, guess)
+    found = _result(scene, seen.select(~outliers(scene, seen, OUTLIER)), prior, held, scale_px, tracks, guess)
+    left = left * _units(tracks.factor)
+    return replace(found, covariance=found.covariance + np.outer(left, left))
 
 
 def _seen(tracks: Tracks) -> Seen:
     return Seen(tracks.view, tracks.point, tracks.uv)
 
 
-def _weighed(scene: Scene, seen: Seen, prior: Prior, held: Held, unit_px: float, rounds: int) -> Scene:
-    """Adjusted, and the tracks' scales by turns, until the lens is still."""
+def _weighed(scene: Scene, seen: Seen, prior: Prior, held: Held, unit_px: float, rounds: int) -> tuple[Scene, Array]:
+    """Adjusted, and the tracks' scales by turns, until the lens is still; and (5,) how far it still has to go."""
+    last = step = np.zeros(LENS)
     for _ in range(rounds):
         before = scene.lens
-        scene = adjusted_part(scene, seen, prior, held, scales(scene, seen, unit_px), STEPS, TOLERANCE)[0]
-        if (np.abs(scene.lens - before) < SMALL).all():
-            break
-    return scene
+        weights = scales(scene, seen, unit_px)
+        scene = adjusted_part(scene, seen, prior, held, weights, STEPS, TOLERANCE, settled)[0]
+        last, step = step, scene.lens - before
+        if (np.abs(step) < SMALL).all():
+            return scene, np.zeros(LENS)
+    return scene, left_to_go(last, step)
+
+
+def left_to_go(last: Array, step: Array) -> Array:
+    """(5,) what follows two steps, if each is to the one before as the second is to the first: a geometric series.
+    Steps that do not shrink tell that there is far to go, not how far."""
+    share = np.clip(step / np.where(last == 0, np.inf, last), -MOST_SHARE, MOST_SHARE)
+    return step * share / (1 - share)
+
+
+def _units(factor: float) -> Array:
+    """(5,) of the lens in the images as they are, for one in those reduced by this."""
+    return np.array([1, 1 / factor, 1 / factor, 1, 1])
 
 
 def scales(scene: Scene, seen: Seen, unit_px: float) -> Array:
@@ -157,7 +176,7 @@ def _result(
     focal = float(np.exp(lens[0])) / factor
     cx, cy = ((float(v) + 0.5) / factor - 0.5 for v in lens[1:3])
     camera = replace(guess, fx=focal, fy=focal, cx=cx, cy=cy, distortion=(float(lens[3]), float(lens[4]), 0.0, 0.0))
-    units = np.array([1, 1 / factor, 1 / factor, 1, 1])
+    units = _units(factor)
     scale = scales(scene, seen, scale_px)
     covariance = spread(scene, seen, prior, held, scale) * np.outer(units, units)
     covariance *= halves_differ(scene, seen, prior, scale) ** 2
@@ -179,7 +198,7 @@ def halves_differ(scene: Scene, seen: Seen, prior: Prior, scale_px: Array) -> fl
         points, owner = np.unique(seen.point[inside], return_inverse=True)
         half = Scene(scene.lens, scene.rotations[first:end], scene.translations[first:end], scene.points[points])
         part, held = Seen(seen.view[inside] - first, owner, seen.uv[inside]), Held(np.arange(end - first) == 0)
-        half = adjusted(half, part, prior, held, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
+        half = settled(half, part, prior, held, scale_px[inside], HALF_STEPS, TOLERANCE)[0]
         lenses.append(half.lens)
         covariances.append(spread(half, part, prior, held, scale_px[inside]))
     apart = lenses[1] - lenses[0]

@@ -27,6 +27,12 @@ def straight(t: float) -> Pose:
     return Pose(translation=np.array([0, 0, 3.0 * t]))
 
 
+def over_floor(t: float) -> Pose:
+    """Along, and swaying by two degrees: seen so, a floor hardly tells its relief from the camera's turns."""
+    turn = 0.03 * np.array([np.sin(9 * t), np.sin(7 * t + 1), np.sin(5 * t)])
+    return Pose.from_rotvec(turn, np.array([1.5 * t, 0.3 * np.sin(6 * t), 0.05 * np.sin(8 * t)]))
+
+
 def turning(t: float) -> Pose:
     """On a tripod."""
     return Pose.from_rotvec(np.array([0.2 * np.sin(5 * t), 0.9 * t, 0.1 * np.sin(3 * t)]), np.zeros(3))
@@ -41,11 +47,13 @@ def tracks(
     wrong: float = 0.0,
     zoom: float = 0.0,
     moving: float = 0.0,
+    depths: tuple[float, float] = (3.0, 10.0),
 ) -> Tracks:
-    """Of points in a box before the camera. A share of the places is `wrong`; a share of the points is on a thing that
-    is `moving`. From the middle on the focal length is larger by the share `zoom`."""
+    """Of points in a box before the camera, from the one of `depths` to the other. A share of the places is `wrong`; a
+    share of the points is on a thing that is `moving`. From the middle on the focal length is larger by the share
+    `zoom`."""
     rng = np.random.default_rng(seed)
-    xyz = np.column_stack([rng.uniform(-5, 7, points), rng.uniform(-3, 3, points), rng.uniform(3, 10, points)])
+    xyz = np.column_stack([rng.uniform(-5, 7, points), rng.uniform(-3, 3, points), rng.uniform(*depths, points)])
     first = rng.integers(-FAR // 2, views - 3, points)
     rows: list[tuple[int, int, Array]] = []
     for v in range(views):

@@ -1,0 +1,111 @@
+"""Bundle adjustment of key frames, points and lens: Levenberg-Marquardt steps that follow a bent valley.
+
+Where a scene is nearly flat or a camera goes nearly straight, focal length, depths and turns trade places along a
+valley that is narrow and bent: a straight step leaves it after half a pixel of focal length and is refused, and
+hundreds of damped ones would be needed. Geodesic acceleration (Transtrum & Sethna, arXiv:1201.5885) adds to a step what
+the residuals' second derivative along it asks for, with the same normal equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.calibration.tracked.bundle import (
+    LENS,
+    MIN_DEPTH,
+    POSE,
+    Held,
+    Normal,
+    Prior,
+    Scale,
+    Scene,
+    Seen,
+    cost,
+    in_camera,
+    normal_equations,
+    projected,
+    reduced,
+)
+from ispom.geometry import Array
+from ispom.numerics.levenberg_marquardt import minimise
+from ispom.numerics.twist import moved
+
+SHORT = 0.1
+"""Of a step, over which its second derivative is a difference."""
+FINE_FIRST, FINE_LOWEST = 1e-7, 1e-12
+"""Damping at the start of `settled`, and its least: along such a valley the cost is bent 1e-9 as much as across it, or
+less."""
+
+
+def adjusted(
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float = 1e-4
+) -> tuple[Scene, float]:
+    """The scene of least cost, and that cost (in squares of the scale of the Cauchy loss)."""
+    found = minimise(
+        scene,
+        lambda values: cost(values, seen, prior, scale_px),
+        lambda values, damping: _stepped(values, seen, prior, held, scale_px, damping, bent=False),
+        iterations,
+        tolerance,
+        highest=1e6,
+    )
+    return found.values, found.cost
+
+
+def settled(
+    scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, iterations: int, tolerance: float
+) -> tuple[Scene, float]:
+    """As `adjusted`, from near the least cost to it, along bent valleys as well."""
+    found = minimise(
+        scene,
+        lambda values: cost(values, seen, prior, scale_px),
+        lambda values, damping: _stepped(values, seen, prior, held, scale_px, damping, bent=True),
+        iterations,
+        tolerance,
+        highest=1e6,
+        first=FINE_FIRST,
+        lowest=FINE_LOWEST,
+    )
+    return found.values, found.cost
+
+
+def _stepped(scene: Scene, seen: Seen, prior: Prior, held: Held, scale_px: Scale, damping: float, bent: bool) -> Scene:
+    normal = normal_equations(scene, seen, prior, held, scale_px, damping)
+    matrix, gradient = reduced(normal)
+    matrix = matrix + np.diag(damping * np.diag(normal.matrix) + 1e-9)
+    step = -np.linalg.solve(matrix, gradient)
+    along = _of_points(normal, normal.by_point, step)
+    if bent:
+        second = _second_derivative(scene, seen, normal, step, along)
+        pull, by_point = normal.jacobian.gradient(second, seen, len(scene.rotations), len(scene.points))
+        pull[normal.fixed] = 0.0
+        inner = (normal.inverse @ by_point[..., None])[..., 0]
+        turn = -np.linalg.solve(matrix, pull - np.tensordot(inner, normal.mixed, 2))
+        step, along = step + 0.5 * turn, along + 0.5 * _of_points(normal, by_point, turn)
+    return _gone(scene, normal, step, along)
+
+
+def _of_points(normal: Normal, by_point: Array, step: Array) -> Array:
+    """(M, 3) steps of the points with gradients (M, 3), after one (P,) of lens and poses."""
+    return -(normal.inverse @ (by_point + normal.mixed @ step)[..., None])[..., 0]
+
+
+def _gone(scene: Scene, normal: Normal, step: Array, along: Array) -> Scene:
+    points = scene.points + (normal.tangents @ along[..., None])[..., 0]
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    rotations, translations = moved(scene.rotations, scene.translations, step[LENS:].reshape(-1, POSE))
+    return replace(scene, lens=scene.lens + step[:LENS], rotations=rotations, translations=translations, points=points)
+
+
+def _second_derivative(scene: Scene, seen: Seen, normal: Normal, step: Array, along: Array) -> Array:
+    """(K, 2) of the weighted residuals along a step; 0 of points that it takes behind a camera."""
+    places, ahead = [], np.ones(len(seen.uv), bool)
+    for sign in (-1, 0, 1):
+        there = _gone(scene, normal, sign * SHORT * step, sign * SHORT * along)
+        q = in_camera(there, seen)
+        ahead &= q[:, 2] > MIN_DEPTH
+        places.append(projected(there.lens, np.where(q[:, 2:] > MIN_DEPTH, q, [0, 0, 1.0])))
+    bend = (places[0] - 2 * places[1] + places[2]) / SHORT**2
+    return np.where(ahead[:, None], normal.jacobian.root * bend, 0.0)
