@@ -20,7 +20,7 @@ from tests.calibration.corners import seen_by, views_of
 
 LEFT = Camera(828, 266, 526.7, 528.0, 414.7, 131.2, (-0.33, 0.13, 0.0011, -0.0006, -0.025))
 RIGHT = Camera(828, 266, 523.0, 524.0, 409.2, 136.2, (-0.325, 0.124, -0.0008, 0.0009, -0.022))
-BASELINE_M, STEP_M, PAIRS, VIEWS = 0.54, 2.4, 40, 25
+BASELINE_M, STEP_M, PAIRS, LEARNT, VIEWS = 0.54, 2.4, 160, 20, 25
 SCALE = 3.0
 """Of the town: its streets are as wide as a motorway's surroundings."""
 LEFT_FROM_RIGHT = Pose.from_rotvec(np.radians([0.6, -0.9, 0.4]), BASELINE_M * np.array([1.0, 0.004, -0.006]))
@@ -40,7 +40,7 @@ def images() -> list[tuple[Image, Image]]:
     left_from_right = Pose(LEFT_FROM_RIGHT.rotation, LEFT_FROM_RIGHT.translation / SCALE)
     for i in range(PAIRS):
         pose = world_from_left(i)
-        seen = ((LEFT, pose, 1000 + i), (RIGHT, pose @ left_from_right, 2000 + i))
+        seen = ((LEFT, pose, 1000 + i), (RIGHT, pose @ left_from_right, 5000 + i))
         left, right = (as_grey(exposed(renderer.image(camera, p, 1), seed, 1.6)) for camera, p, seed in seen)
         out.append((left, right))
     return out
@@ -56,7 +56,9 @@ def rectified(seed: int) -> Rectification:
 
 
 def error_percent(rectification: Rectification, self_calibration: bool) -> tuple[float, list[Step]]:
-    """How much longer or shorter than it is the way of the last half of the drive comes out, and the steps."""
+    """How much longer or shorter than they are the 334 m after the first 20 pairs come out, and the steps.
+
+    What chance leaves of 46 m of this drive is 0.5 %: no shorter way tells one calibration from another."""
     rig = Rig.stereo(rectification.camera, rectification.baseline_m)
     estimator = ModernStereoConfig(self_calibration=self_calibration).build(rig)
     state, steps = estimator.start(), []
@@ -66,7 +68,7 @@ def error_percent(rectification: Rectification, self_calibration: bool) -> tuple
         steps.append(step)
     found = estimator.finish(state).translations
     true = SCALE * np.stack([world_from_left(i).translation for i in range(PAIRS)])
-    own, wanted = (np.linalg.norm(np.diff(way[PAIRS // 2 :], axis=0), axis=1).sum() for way in (found, true))
+    own, wanted = (np.linalg.norm(np.diff(way[LEARNT:], axis=0), axis=1).sum() for way in (found, true))
     return 100 * float(own / wanted - 1), steps
 
 
@@ -81,4 +83,4 @@ def test_a_pair_calibrated_from_a_board_is_put_right_on_the_way() -> None:
         told = [d for step in steps for d in step.decisions if d.key == "right_observable"]
         assert told[-1].value >= 10
     own, without = np.array(errors).T
-    assert np.median(own) < 0.5 and own.max() < 1.0 and own.mean() < 0.4 * without.mean(), errors
+    assert np.median(own) < 0.3 and own.max() < 0.6 and own.mean() < 0.4 * without.mean(), errors
