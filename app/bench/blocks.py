@@ -21,7 +21,7 @@ import numpy as np
 from ispom.geometry import so3_exp
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_simulated
-from ispom.solvers.right_camera import PAIR
+from ispom.solvers.right_camera import COLUMNS, PAIR
 from ispom.solvers.window import adjustment as window
 
 from .peers import PEERS_UNIT_MS, WINDOW_PEERS
@@ -73,7 +73,7 @@ def bundle_window(noise_px: float = 0.5, focal_px: float = 718.0) -> window.Wind
         baseline,
         np.zeros(PAIR),
         np.zeros(PAIR),
-        np.zeros((len(cameras), PAIR)),
+        np.zeros((len(cameras), COLUMNS)),
         fixed=1,
     )
 

@@ -122,7 +122,7 @@ def adjustment_of(config: Any, scene: Scene) -> Adjustment:
     """What a method of these settings corrects in its own cameras, and over how many key frames."""
     match config:
         case ModernStereoConfig():
-            sigmas = config.right_sigma(scene.rig.camera("left").fx)
+            sigmas = config.pair_sigma(scene.rig.camera("left").fx)
             return Adjustment(tuple(sigmas.tolist()), config.loss_px, config.window)
         case ModernMonocularConfig():
             sigmas = config.self_calibration * LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA])

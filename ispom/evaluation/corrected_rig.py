@@ -11,6 +11,8 @@ from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import (
     AHEAD,
+    BOTH_K1,
+    BOTH_K2,
     DOWN,
     FOCAL,
     K1,
@@ -31,6 +33,7 @@ from ispom.types import Camera, Rig
 
 SIGNIFICANT = 2.0
 """Corrections below so many standard errors are no finding, and change nothing."""
+BOTH_RADIAL = ("k1", BOTH_K1), ("k2", BOTH_K2)
 GRID = 12
 """Pixels along each side at which a corrected lens is fitted, to some hundredths of a pixel."""
 
@@ -113,10 +116,12 @@ def _lens(camera: Camera, lens: Array, covariance: Array) -> tuple[Camera, list[
 
 
 def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]:
-    """The right camera as it was found to be (right_camera.TERMS), but for its lag."""
+    """Both cameras as they were found to be (right_camera.TERMS), but for the right one's lag."""
     f, sigma, turns = rig.camera("right").fx, np.sqrt(np.diag(covariance)), [PITCH, YAW, ROLL]
-    good = _significant(pair[:LAG], covariance[:LAG, :LAG])
-    told = [
+    but_lag = np.arange(len(pair)) != LAG
+    good = _significant(pair[but_lag], covariance[np.ix_(but_lag, but_lag)])
+    told = [Finding(f"left {name}", float(pair[i]), float(sigma[i]), "", good) for name, i in BOTH_RADIAL]
+    told += [
         Finding(f"right camera {TERMS[i]}", float(np.degrees(pair[i])), float(np.degrees(sigma[i])), "deg", good)
         for i in turns
     ]
@@ -136,20 +141,26 @@ def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]
     told.append(Finding("right shutter late", float(1e3 * pair[LAG]), float(1e3 * sigma[LAG]), "ms", False))
     if not good:
         return rig, told
-    camera, lens = rig.camera("right"), pair[[K1, K2, P1, P2]]
-    given = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
+    camera, both = rig.camera("right"), np.array([pair[BOTH_K1], pair[BOTH_K2], 0.0, 0.0])
     right = replace(
         camera,
         fx=float(camera.fx * (1 + pair[FOCAL])),
         fy=float(camera.fy * (1 + pair[FOCAL])),
         cx=camera.cx + float(f * (pair[OFFSET_X] + pair[YAW])),
         cy=camera.cy + float(f * (pair[OFFSET_Y] - pair[PITCH])),
-        distortion=(*(float(k) for k in given[:4] + lens), *given[4:]),
+        distortion=_distorted(camera, both + pair[[K1, K2, P1, P2]]),
     )
+    left = replace(rig.camera("left"), distortion=_distorted(rig.camera("left"), both))
     moved = np.array([0.0, pair[DOWN], pair[AHEAD]]) * rig.baseline_m
     turn = Pose.from_rotvec(pair[turns], np.zeros(3))
     placed = Pose(translation=rig.rig_from_right.rotation @ moved) @ rig.rig_from_right @ turn
-    return replace(rig, right=right, rig_from_right=placed), told
+    return replace(rig, left=left, right=right, rig_from_right=placed), told
+
+
+def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:
+    """Its distortion with `lens` (4,) k1, k2, p1, p2 added."""
+    given = (*camera.distortion, *(0.0,) * max(0, 4 - len(camera.distortion)))
+    return (*(float(a + b) for a, b in zip(given, lens, strict=False)), *given[4:])
 
 
 def _placed(rig: Rig, change: Array, covariance: Array) -> tuple[Rig, list[Finding]]:

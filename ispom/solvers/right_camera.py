@@ -1,9 +1,11 @@
-"""What is wrong with the right camera of a rectified pair: turned, another focal length and lens, a late shutter.
+"""What is wrong with a rectified pair: the lens of both cameras, and what the right one has beside it: turned, another
+focal length and lens, a late shutter.
 
 All errors are small, so each moves what the right camera sees by its share of a fixed pattern over the image (first
-order; Brown 1971 for the lens, signs as in OpenCV). A turn about x or y and a shift of the principal point differ in
-the second order only. So their sum is one unknown, the offset in the middle of the image, which is well known; the turn
-is the other, and stands for what it does beside that. Columns and rows tell a turn from decentring.
+order; Brown 1971 for the lens, signs as in OpenCV). The left camera has the lens of both alone: see window.Window. A
+turn about x or y and a shift of the principal point differ in the second order only. So their sum is one unknown, the
+offset in the middle of the image, which is well known; the turn is the other, and stands for what it does beside that.
+Columns and rows tell a turn from decentring.
 """
 
 from __future__ import annotations
@@ -12,22 +14,32 @@ import numpy as np
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
+from ispom.numerics.reductions import squares
 
 TERMS: tuple[str, ...] = (
-    "offset_x", "offset_y", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "down", "ahead",
-    "lag",
+    "both_k1", "both_k2", "offset_x", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "ahead",
+    "lag", "offset_y", "down",
 )  # fmt: skip
-"""The unknowns in their order: right and down in the middle of the image [rad]; how the camera is turned about its own
-x, y, z axes [rad]; longer focal length, as a share; radial distortion, decentring, and what it grows by with r^2;
-how much lower and farther ahead it sits, over the baseline; how late its shutter is [s]."""
+"""The unknowns in their order: radial distortion of both cameras; and of the right one beside that: right in the middle
+of the image [rad]; how it is turned about its own x, y, z axes [rad]; longer focal length, as a share; radial
+distortion, decentring, and what it grows by with r^2; how much farther ahead it sits, over the baseline; how late its
+shutter is [s]; down in the middle of the image [rad]; how much lower it sits, over the baseline. The focal length of
+both is none: a drive straight ahead tells less of it than a board, and all lengths would follow it."""
 PAIR = len(TERMS)
-OFFSET_X, OFFSET_Y, PITCH, YAW, ROLL, FOCAL, K1, K2, P1, P2, Q1, Q2, DOWN, AHEAD, LAG = range(PAIR)
+BOTH_K1, BOTH_K2, OFFSET_X, PITCH, YAW, ROLL, FOCAL, K1, K2, P1, P2, Q1, Q2, AHEAD, LAG = range(PAIR - 2)
+OFFSET_Y, DOWN = PAIR - 2, PAIR - 1
+BOTH = OFFSET_X
+"""Terms of both cameras: the first ones. See `without_lens`."""
+COLUMNS = OFFSET_Y
+"""Terms that columns show: the first ones. Rows show all."""
+INVERSIONS = 4
+"""Steps of an iteration; each leaves a few hundredths of the error before."""
 LEAST_S = 1e-5
 """Steps of the difference quotient are not smaller."""
 
 
 def by_column(seen: Array, disparity: Array, late: Array | None = None) -> Array:
-    """(N, E) by how much x in the right image grows with each unknown, at places (N, 2), normalised.
+    """(N, COLUMNS) by how much x in the right image grows with each unknown, at places (N, 2), normalised.
 
     `late` (N, 2): how x and y grow with the lag, see `drift`; without it the lag does nothing. 0 where a place is NaN.
     """
@@ -37,7 +49,7 @@ def by_column(seen: Array, disparity: Array, late: Array | None = None) -> Array
 
 @kernel()
 def _by_column(seen, disparity, late):
-    out = np.zeros((len(seen), PAIR))
+    out = np.zeros((len(seen), COLUMNS))
     for n in range(len(seen)):
         fill_column(out, n, seen[n, 0], seen[n, 1], disparity[n], late[n, 0])
     return out
@@ -52,13 +64,14 @@ def fill_column(out, n, x, y, disparity, late):
     out[n, OFFSET_X] = 1.0
     out[n, PITCH], out[n, YAW], out[n, ROLL], out[n, FOCAL] = x * y, -x * x, y, x
     out[n, K1], out[n, K2] = square * x, square * square * x
+    out[n, BOTH_K1], out[n, BOTH_K2] = out[n, K1], out[n, K2]
     out[n, P1], out[n, P2] = decentring, square + 2.0 * x * x
     out[n, Q1], out[n, Q2] = square * out[n, P1], square * out[n, P2]
     out[n, AHEAD], out[n, LAG] = x * disparity, late
 
 
 def by_row(seen: Array, disparity: Array, late: Array) -> Array:
-    """(N, E) the same of y."""
+    """(N, E) the same of how much lower a point lies than in the left image."""
     return _by_row(np.ascontiguousarray(seen), np.ascontiguousarray(disparity), np.ascontiguousarray(late))
 
 
@@ -67,13 +80,29 @@ def _by_row(seen, disparity, late):
     out = np.zeros((len(seen), PAIR))
     for n in range(len(seen)):
         x, y = seen[n, 0], seen[n, 1]
-        square = x * x + y * y
+        square, left = x * x + y * y, (x + disparity[n]) ** 2 + y * y
+        out[n, BOTH_K1], out[n, BOTH_K2] = (square - left) * y, (square * square - left * left) * y
         out[n, OFFSET_Y] = 1.0
         out[n, PITCH], out[n, YAW], out[n, ROLL], out[n, FOCAL] = y * y, -x * y, -x, y
         out[n, K1], out[n, K2] = square * y, square * square * y
         out[n, P1], out[n, P2] = square + 2.0 * y * y, 2.0 * x * y
         out[n, Q1], out[n, Q2] = square * out[n, P1], square * out[n, P2]
         out[n, DOWN], out[n, AHEAD], out[n, LAG] = -disparity[n], y * disparity[n], late[n, 1]
+    return out
+
+
+def lens_of_both(extra: Array) -> Array:
+    """(3,) what is wrong with the left lens: share of the focal length, k1, k2."""
+    return np.array([0.0, extra[BOTH_K1], extra[BOTH_K2]])
+
+
+def without_lens(seen: Array, extra: Array) -> Array:
+    """Places (N, 2) in the left image, normalised, without what is wrong with the lens of both; `seen` is the place
+    times 1 + both_k1 r^2 + both_k2 r^4. Not to first order: little else shows it, so small terms would be mistaken."""
+    out = seen
+    for _ in range(INVERSIONS):
+        square = squares(out)
+        out = seen / (1 + square * (extra[BOTH_K1] + square * extra[BOTH_K2]))[:, None]
     return out
 
 

@@ -9,7 +9,7 @@ from ispom.errors import InputError
 from ispom.evaluation.corrected_rig import corrected
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
-from ispom.solvers.right_camera import PAIR, TERMS, by_column, by_row
+from ispom.solvers.right_camera import COLUMNS, PAIR, TERMS, by_column, by_row
 
 RIG = simulated_rig()
 SURE = 1e-12
@@ -32,10 +32,13 @@ def test_the_corrected_right_camera_sees_what_the_correction_says(term: str) -> 
     found = corrected(RIG, {"pair": pair, "pair_covariance": covariance}).rig
     near = RAYS * np.random.default_rng(1).uniform(4, 50, (len(RAYS), 1))
     ideal = RIG.camera("right").normalise(RIG.camera("right").project(near))
+    on_rig = RIG.rig_from_right.apply(near)
     in_right = (found.rig_from_right.inverse() @ RIG.rig_from_right).apply(near)
     seen = RIG.camera("right").normalise(found.camera("right").project(in_right))
+    left = RIG.camera("left").normalise(found.camera("left").project(RIG.rig_from_left.inverse().apply(on_rig)))
     disparity, still = RIG.baseline_m / near[:, 2], np.zeros((len(near), 2))
-    wanted = np.column_stack([by_column(ideal, disparity) @ pair, by_row(ideal, disparity, still) @ pair])
+    wanted = np.column_stack([by_column(ideal, disparity) @ pair[:COLUMNS], by_row(ideal, disparity, still) @ pair])
+    wanted[:, 1] += left[:, 1] - near[:, 1] / near[:, 2]
     np.testing.assert_allclose(seen - ideal, wanted, atol=4e-6)
     assert np.abs(wanted).max() > 3e-5
 

@@ -63,9 +63,13 @@ def image_errors(q: Array, window: Window, extra: Array) -> Array:
         stretch = 1 + extra[0] + extra[1] * (x**2 + y**2)
         return np.column_stack([x * stretch - window.seen[:, 0], y * stretch - window.seen[:, 1], 0 * x])
     right = (q[:, 0] - window.baseline) / q[:, 2]
-    wrong = window.factors @ extra
+    wrong = window.factors @ extra[: window.factors.shape[1]]
+    left = window.seen[:, :2]
+    for _ in range(20):
+        square = (left**2).sum(1)
+        left = window.seen[:, :2] / (1 + extra[0] * square + extra[1] * square**2)[:, None]
     third = np.where(np.isnan(window.seen[:, 2]), 0.0, right + wrong - np.nan_to_num(window.seen[:, 2]))
-    return np.column_stack([x - window.seen[:, 0], y - window.seen[:, 1], third])
+    return np.column_stack([x - left[:, 0], y - left[:, 1], third])
 
 
 def prior_residual(prior: Prior, rotations: Array, translations: Array, extra: Array, free: NDArray[np.bool_]) -> Array:

@@ -7,6 +7,7 @@ import pytest
 
 from ispom.geometry import Array
 from ispom.solvers.right_camera import (
+    COLUMNS,
     LAG,
     PAIR,
     TERMS,
@@ -15,13 +16,13 @@ from ispom.solvers.right_camera import (
     drift,
     row_evidence,
 )
-from tests.solvers.pairs import BASELINE, RATE, SIGMA, F, points, seen
+from tests.solvers.pairs import BASELINE, RATE, SIGMA, F, points, seen, seen_left
 
 SMALL = 1e-4
 
 
 def patterns(xyz: Array, rate: Array = RATE) -> tuple[Array, Array]:
-    """(N, E) of columns and of rows."""
+    """(N, COLUMNS) of columns and (N, E) of rows."""
     ideal, disparity = seen(xyz, np.zeros(PAIR)), BASELINE / xyz[:, 2]
     late = drift(xyz, np.tile(rate, (len(xyz), 1)), 0.0, BASELINE)
     return by_column(ideal, disparity, late), by_row(ideal, disparity, late)
@@ -32,8 +33,9 @@ def test_each_error_moves_columns_and_rows_as_the_camera_model_does(term: int) -
     xyz, extra = points(), np.zeros(PAIR)
     extra[term] = SMALL
     moved, (columns, rows) = (seen(xyz, extra) - seen(xyz, -extra)) / 2, patterns(xyz)
-    np.testing.assert_allclose(columns @ extra, moved[:, 0], atol=1e-8)
-    np.testing.assert_allclose(rows @ extra, moved[:, 1], atol=1e-8)
+    left = (seen_left(xyz, extra) - seen_left(xyz, -extra)) / 2
+    np.testing.assert_allclose(columns @ extra[:COLUMNS], moved[:, 0], atol=1e-8)
+    np.testing.assert_allclose(rows @ extra, moved[:, 1] - left[:, 1], atol=1e-8)
 
 
 def test_the_right_image_drifts_by_motion_and_depth() -> None:

@@ -21,13 +21,20 @@ def corrected(x: Array, extra: Array) -> Array:
         return x
     out = x
     for _ in range(3):
-        out = x / (1 + extra[0] + extra[1] * squares(out))[:, None]
+        out = x / stretch(out, extra)[:, None]
     return out
+
+
+def stretch(x: Array, extra: Array) -> Array:
+    """(N,) 1 + f + k |x|^2 of normalised coordinates x (N, 2), and with a third correction + k2 |x|^4."""
+    square = squares(x)
+    out = 1 + extra[0] + extra[1] * square
+    return out + extra[2] * square**2 if len(extra) > 2 else out
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera with its correction (f, k)."""
+    """A camera with its correction (f, k), or (f, k, k2)."""
 
     camera: Camera
     extra: Array
@@ -41,5 +48,5 @@ class Lens:
         if not self.extra.any():
             return self.camera.project(xyz_in_camera)
         z = np.where(xyz_in_camera[:, 2] > 1e-9, xyz_in_camera[:, 2], np.nan)[:, None]
-        stretch = (1 + self.extra[0] + self.extra[1] * squares(xyz_in_camera[:, :2] / z))[:, None]
-        return self.camera.project(np.column_stack([xyz_in_camera[:, :2] * stretch, xyz_in_camera[:, 2]]))
+        wrong = stretch(xyz_in_camera[:, :2] / z, self.extra)[:, None]
+        return self.camera.project(np.column_stack([xyz_in_camera[:, :2] * wrong, xyz_in_camera[:, 2]]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.geometry import Array, Pose
 from ispom.io.maps import SceneMap
-from ispom.solvers.right_camera import by_column, by_row, drift
+from ispom.solvers.right_camera import BOTH, COLUMNS, PAIR, by_column, by_row, drift
 from ispom.solvers.window.prior import LENS
 from ispom.types import Frame, Rig
 
@@ -117,10 +117,11 @@ class Scene:
         if not self.is_pair:
             stretch = 1 + extra @ np.stack([np.ones(len(z)), (xy**2).sum(1)])
             return np.nan_to_num(xy * stretch[:, None] - seen, nan=GROSS)
-        x = xy[:, 0] - rig.baseline_m / z
+        x, square = xy[:, 0] - rig.baseline_m / z, (xy**2).sum(1)
+        xy = xy * (1 + extra[:BOTH] @ np.stack([square, square**2]))[:, None]
         camera = rig.camera("left")
         seen_right = (self.right_px - camera.cx) / camera.fx
-        offset = by_column(*self._right(in_camera), self.late) @ extra
+        offset = by_column(*self._right(in_camera), self.late) @ extra[:COLUMNS]
         return np.nan_to_num(np.column_stack([xy - seen, x + offset - seen_right]), nan=GROSS)
 
     def by_point(self, in_camera: Array) -> Array:
@@ -141,8 +142,10 @@ class Scene:
         if not self.is_pair:
             return np.stack([xy, xy * (xy**2).sum(1, keepdims=True)], axis=2)
         columns = by_column(*self._right(in_camera), self.late)
-        out = np.zeros((len(columns), 3, columns.shape[1]))
-        out[:, 2] = columns
+        out, square = np.zeros((len(columns), 3, PAIR)), (xy**2).sum(1)
+        out[:, 2, :COLUMNS] = columns
+        for power in range(BOTH):
+            out[:, :2, power] = xy * square[:, None] ** (power + 1)
         return out
 
     def row_information(self, rotations: Array, translations: Array, xyz_in_world: Array) -> Array:

@@ -17,6 +17,7 @@ from ispom.geometry import Array
 from ispom.numerics.cholesky import factor, solve_factored
 from ispom.numerics.levenberg_marquardt import minimise
 from ispom.numerics.twist import moved
+from ispom.solvers.right_camera import without_lens
 from ispom.solvers.window.kernels import Eliminated, Reduced, padded, point_steps, reduce_points
 from ispom.solvers.window.observation import Observed, robust_cost, squared_errors
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
@@ -42,11 +43,13 @@ class Window:
     """Of the pair; 0 for one camera."""
     extra: Array = field(default_factory=lambda: np.zeros(LENS))
     """(E,) of one camera: what is wrong with its focal length f and radial distortion k, seen = x (1 + f + k |x|^2).
-    Of a pair: what is wrong with its right camera, which adds `factors` @ `extra` to the right x."""
+    Of a pair: what is wrong with both its cameras, and with the right one (see right_camera.TERMS). The left one sees
+    x (1 + k |x|^2 + k2 |x|^4) by the first two; to the right x all add `factors` @ `extra`."""
     extra_sigma: Array = field(default_factory=lambda: np.zeros(LENS))
     """(E,) standard deviations before any data; 0 keeps the value as it is."""
     factors: Array = field(default_factory=lambda: np.zeros((0, LENS)))
-    """(K, E) of a pair (see right_camera.by_column); empty for one camera."""
+    """(K, S) of a pair (see right_camera.by_column), by its first S corrections: the others do not move the right x,
+    and only the prior knows of them. Empty for one camera."""
     prior: Prior | None = None
     fixed: int = 0
     """The first poses are held."""
@@ -60,12 +63,17 @@ class Window:
         """Its arrays as compiled loops take them."""
         seen = self.seen
         if self.baseline:
-            seen = seen.copy()
-            seen[:, 2] -= self.factors @ self.extra
+            right = seen[:, 2] - self.factors @ self.extra[: self.shown]
+            seen = np.column_stack([without_lens(seen[:, :2], self.extra), right])
         return Observed(
             self.rotations, self.translations, self.points, self.cameras, self.owners, seen,
             self.factors, self.baseline, self.extra,
         )  # fmt: skip
+
+    @property
+    def shown(self) -> int:
+        """S, corrections that observations depend on: the first ones."""
+        return self.factors.shape[1] if self.baseline else len(self.extra)
 
     @cached_property
     def squared_errors(self) -> Array:
@@ -168,18 +176,19 @@ class Equations:
         """`damping` raises the points' diagonal entries by this share; the matrix is as it is."""
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
         poses, extra = POSE * views, len(window.extra)
-        wide = padded(extra)
+        shown = window.shown
+        wide = padded(shown)
         blocks, side = np.zeros((views, views, POSE, POSE)), np.zeros((views, POSE, wide))
         eliminated = Eliminated(
             np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, 3, wide))
         )
-        reduced = Reduced(blocks, side, np.zeros((extra, wide)), np.zeros((views, POSE)), np.zeros(extra))
+        reduced = Reduced(blocks, side, np.zeros((shown, wide)), np.zeros((views, POSE)), np.zeros(shown))
         reduce_points(scale, damping, reduced, eliminated, window.observed)
-        matrix, right = np.empty((poses + extra, poses + extra)), np.empty(poses + extra)
+        matrix, right, last = np.zeros((poses + extra, poses + extra)), np.zeros(poses + extra), poses + shown
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
-        matrix[poses:, :poses] = side[:, :, :extra].reshape(poses, extra).T
-        matrix[poses:, poses:] = reduced.corner[:, :extra]
-        right[:poses], right[poses:] = -reduced.by_poses.ravel(), -reduced.by_corrections
+        matrix[poses:last, :poses] = side[:, :, :shown].reshape(poses, shown).T
+        matrix[poses:last, poses:last] = reduced.corner[:, :shown]
+        right[:poses], right[poses:last] = -reduced.by_poses.ravel(), -reduced.by_corrections
         _add_priors(window, matrix, right)
         return Equations(matrix, right, eliminated)
 
@@ -217,7 +226,8 @@ def _step(window: Window, scale: float, damping: float) -> tuple[Array, Array, A
     solution[f:] = solve_factored(factor(free), equations.right[f:])
     poses, extra = np.split(solution, [POSE * len(window.rotations)])
     poses = poses.reshape(-1, POSE)
-    return poses, point_steps(window.cameras, window.owners, equations.eliminated, poses, extra), extra
+    shown = extra[: window.shown]
+    return poses, point_steps(window.cameras, window.owners, equations.eliminated, poses, shown), extra
 
 
 def _moved(window: Window, pose_step: Array, point_step: Array, extra_step: Array) -> Window:

@@ -42,10 +42,13 @@ from ispom.solvers.window.observation import (
     MIN_DEPTH,
     correction,
     fill_factors,
+    fill_lens,
     in_camera,
     linearised,
+    linearised_lens,
     longest_track,
 )
+from ispom.solvers.window.prior import LENS
 
 LANES = 8
 """Corrections are worked on so many at a time: arrays have room for a multiple of it, W, filled with zeros."""
@@ -87,14 +90,16 @@ class Eliminated(NamedTuple):
 GRADIENT, MIXED, FACTORS = 6, 9, 12
 """Columns of `terms` (L, 12 + W), a row for each observation of one point, weighted: second derivatives by q (6), from
 here on the gradient by q (3), the derivatives by q and the first correction (3), and the derivative by each correction
-(W) as a multiple of that by the first."""
+(W) as a multiple of that by the first. Of a pair the last two are of what moves the right x; of what stretches the left
+x and y the same come after them (3 + LENS), as its first corrections only do that."""
 
 
 @kernel(fastmath={"contract"})
 def reduce_points(scale, damping, reduced, eliminated, observed):
     """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
     longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
-    terms = np.zeros((longest, FACTORS + eliminated.mixed_extra.shape[2]))
+    wide = FACTORS + eliminated.mixed_extra.shape[2]
+    terms = np.zeros((longest, wide if observed.baseline == 0.0 else wide + 3 + LENS))
     for m in range(len(observed.points)):
         end = _reduce_point(m, end, per, damping, reduced, eliminated, terms, observed)
 
@@ -106,6 +111,7 @@ def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
     if observed.baseline == 0.0:
         inverted = inverse(damped(block, damping))
     else:
+        _add_lenses(m, begin, end, per, reduced, eliminated, terms, observed)
         inverted = inverse_by_pivots(damped_of_pair(block, damping))
     store6(eliminated.inverses, m, inverted)
     store(eliminated.gradients, m, gradient)
@@ -136,6 +142,26 @@ def _linearise(m, begin, per, reduced, eliminated, terms, observed):
             eliminated.mixed[k], terms[n] = 0.0, 0.0
         k += 1
     return k, block, gradient
+
+
+@part
+def _add_lenses(m, begin, end, per, reduced, eliminated, terms, observed):
+    """Adds to the blocks of a pair's corrections what the first ones do to the left x and y of point m."""
+    at, corner, baseline = terms.shape[1] - LENS, reduced.corner, observed.baseline
+    for k in range(begin, end):
+        n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
+        if q[2] > MIN_DEPTH:
+            mixed, second, first = linearised_lens(q, vector(observed.seen, k), baseline, per)
+            store(terms, n, mixed, at - 3)
+            fill_lens(terms, n, at, observed, k)
+            by_point = times_transposed(rotation, mixed)
+            for e in range(LENS):
+                factor = terms[n, at + e]
+                for d in range(3):
+                    eliminated.mixed_extra[m, d, e] += by_point[d] * factor
+                for d in range(LENS):
+                    corner[e, d] += factor * second * terms[n, at + d]
+                reduced.by_corrections[e] += factor * first
 
 
 @part
@@ -208,6 +234,20 @@ def _eliminate_corrections_from_pose(m, n, c, q, gain, side, mixed, terms):
         for e in range(side.shape[2]):
             with_point = x_turn[d] * mixed[m, 0, e] + y_turn[d] * mixed[m, 1, e] + z_turn[d] * mixed[m, 2, e]
             side[c, 3 + d, e] += own_turn[d] * terms[n, FACTORS + e] - with_point
+    if terms.shape[1] > FACTORS + side.shape[2]:
+        _add_lens_to_pose(n, c, q, side, terms)
+
+
+@part
+def _add_lens_to_pose(n, c, q, side, terms):
+    """Adds to it what the first corrections do to the left x and y."""
+    at = terms.shape[1] - LENS
+    own = vector(terms, n, at - 3)
+    turn = cross(q, own)
+    for e in range(LENS):
+        for d in range(3):
+            side[c, d, e] += own[d] * terms[n, at + e]
+            side[c, 3 + d, e] += turn[d] * terms[n, at + e]
 
 
 @part

@@ -19,7 +19,7 @@ GROSS = 1e6
 
 
 class Observed(NamedTuple):
-    """The arrays of a window.Window of the same names; the right x without what is wrong with the pair."""
+    """The arrays of a window.Window of the same names; `seen` without what is wrong with a pair."""
 
     rotations: Array
     translations: Array
@@ -142,3 +142,22 @@ def linearised(q, seen, baseline, extra, per):
     gradient = gradient_by_point(x, y, right, wz, xx * ex + xy * ey, xy * ex + yy * ey, rr * er)
     mixed = gradient_by_point(x, y, right, wz, xx * ux + xy * uy, xy * ux + yy * uy, rr * ur)
     return hessian, gradient, mixed, weight * (ux * ux + uy * uy + ur * ur), weight * (ux * ex + uy * ey + ur * er)
+
+
+@part
+def fill_lens(out, n, first, observed, k):
+    """Into row n of `out`, column `first` on (LENS): by how much each correction of a pair's lenses makes the left x
+    and y of observation k smaller, as a share (see right_camera.without_lens)."""
+    x, y = observed.seen[k, 0], observed.seen[k, 1]
+    square = x * x + y * y
+    slope = 1.0 + (3.0 * observed.extra[0] + 5.0 * observed.extra[1] * square) * square
+    out[n, first], out[n, first + 1] = square / slope, square * square / slope
+
+
+@part
+def linearised_lens(q, seen, baseline, per):
+    """As the last three of `linearised`, by what stretches the left x and y of a pair."""
+    x, y, right, ex, ey, er = residual(q, seen, baseline, (0.0, 0.0))
+    weight = per / (1.0 + (ex * ex + ey * ey + er * er) * per)
+    mixed = gradient_by_point(x, y, right, weight / q[2], seen[0], seen[1], 0.0)
+    return mixed, weight * (seen[0] * seen[0] + seen[1] * seen[1]), weight * (seen[0] * ex + seen[1] * ey)

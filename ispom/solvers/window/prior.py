@@ -13,7 +13,7 @@ from ispom.numerics.lie import logs
 POSE = 6
 """Unknowns of a pose: left twist (rho, phi) of camera_from_world."""
 LENS = 2
-"""Unknowns of what is wrong with one camera: see window.Window.extra."""
+"""Unknowns of what is wrong with one lens, or with both of a pair: see window.Window.extra."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from tests.evaluation.sensitivity.scenes import rig, scene_map
 WHOLE = 100
 """A window that holds every key frame."""
 PAIR = Adjustment((0.0,) * right_camera.PAIR, 0.3, WHOLE)
-SELF_CALIBRATED = Adjustment(tuple(ModernStereoConfig(lag_sigma_s=1e-5).right_sigma(460.0).tolist()), 0.3, WHOLE)
+SELF_CALIBRATED = Adjustment(tuple(ModernStereoConfig(lag_sigma_s=1e-5).pair_sigma(460.0).tolist()), 0.3, WHOLE)
 LENS = Adjustment((0.0, 0.0), 0.5, WHOLE)
 
 

@@ -15,10 +15,12 @@ from tests.solvers.window.left import without_oldest
 
 FOCAL, BASELINE, POSES, POINTS = 700.0, 0.5, 6, 150
 SCALE = 0.5 / FOCAL
-SIGMA = np.array([1 / FOCAL, 0.01, 4 / FOCAL, 4 / FOCAL])
+SIGMA = np.array([0.01, 0.01, 1 / FOCAL, 0.01, 4 / FOCAL, 4 / FOCAL])
+"""Of both lenses, and of four corrections of the right camera, whatever they are."""
+NONE = (0.0,) * 6
 
 
-def truth(extra: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0), noise_px: float = 0.0, stereo: bool = True) -> Window:
+def truth(extra: tuple[float, ...] = NONE, noise_px: float = 0.0, stereo: bool = True) -> Window:
     """A drive along z past points at 10 to 50 m, each seen from four poses at most."""
     rng = np.random.default_rng(0)
     i = np.arange(float(POSES))
@@ -32,13 +34,17 @@ def truth(extra: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0), noise_px: float = 0.0
     p = np.einsum("kij,kj->ki", rotations[cameras], points[owners]) + translations[cameras]
     right = (p[:, 0] - BASELINE) / p[:, 2]
     rates = np.linspace(0, 0.3, POSES)[cameras]
-    factors = np.column_stack([np.ones(len(p)), (1 + right**2) * rates, right**2, right**4])
+    left = p[:, :2] / p[:, 2:]
+    square, there = (left**2).sum(1), right**2 + left[:, 1] ** 2
+    radial = np.column_stack([there * right, there**2 * right])
+    factors = np.column_stack([radial, np.ones(len(p)), (1 + right**2) * rates, right**2, right**4])
     right = right + factors @ extra
-    seen = np.column_stack([p[:, :2] / p[:, 2:], right if stereo else np.full(len(p), np.nan)])
+    left = left * (1 + extra[0] * square + extra[1] * square**2)[:, None]
+    seen = np.column_stack([left, right if stereo else np.full(len(p), np.nan)])
     seen += noise_px / FOCAL * rng.standard_normal(seen.shape)
     prior = anchored(rotations[0], translations[0], SIGMA)
     return Window(
-        rotations, translations, points, cameras, owners, seen, BASELINE, np.zeros(4), SIGMA, factors, prior
+        rotations, translations, points, cameras, owners, seen, BASELINE, np.zeros(6), SIGMA, factors, prior
     )  # fmt: skip
 
 
@@ -58,15 +64,24 @@ def test_exact_data_gives_the_truth_back() -> None:
     np.testing.assert_allclose(found.extra, 0, atol=1e-6)
 
 
-def test_what_is_wrong_with_the_right_camera_is_found() -> None:
-    window = truth(extra=(0.3 / FOCAL, 0.004, -1.1 / FOCAL, 0.5 / FOCAL))
+def test_what_is_wrong_with_both_lenses_is_found() -> None:
+    window = truth(extra=(0.004, -0.003, 0.0, 0.0, 0.0, 0.0))
+    open_ = anchored(window.rotations[0], window.translations[0], 100 * SIGMA)
+    window = replace(window, prior=open_, extra_sigma=100 * SIGMA)
     found = adjust(disturbed(window), SCALE, 60, 1e-13).window
-    np.testing.assert_allclose(found.extra * (FOCAL, 1e3, FOCAL, FOCAL), (0.3, 4.0, -1.1, 0.5), atol=0.05)
+    np.testing.assert_allclose(found.extra, (0.004, -0.003, 0, 0, 0, 0), atol=5e-5)
+    np.testing.assert_allclose(found.translations, window.translations, atol=2e-3)
+
+
+def test_what_is_wrong_with_the_right_camera_is_found() -> None:
+    window = truth(extra=(0.0, 0.0, 0.3 / FOCAL, 0.004, -1.1 / FOCAL, 0.5 / FOCAL))
+    found = adjust(disturbed(window), SCALE, 60, 1e-13).window
+    np.testing.assert_allclose(found.extra[2:] * (FOCAL, 1e3, FOCAL, FOCAL), (0.3, 4.0, -1.1, 0.5), atol=0.05)
     np.testing.assert_allclose(found.translations, window.translations, atol=2e-3)
 
 
 def test_held_calibration_stays_and_a_late_shutter_then_costs_scale() -> None:
-    window = replace(truth(extra=(0.3 / FOCAL, 0.0, 0.0, 0.0)), extra_sigma=np.zeros(4))
+    window = replace(truth(extra=(0.0, 0.0, 0.3 / FOCAL, 0.0, 0.0, 0.0)), extra_sigma=np.zeros(6))
     found = adjust(disturbed(window), SCALE, 30, 1e-12).window
     np.testing.assert_allclose(found.extra, 0, atol=1e-18)
     assert np.linalg.norm(found.translations[-1] - window.translations[-1]) > 0.02
@@ -82,15 +97,15 @@ def test_one_camera_alone_with_two_poses_held() -> None:
 
 
 def test_the_gradient_is_that_of_the_cost() -> None:
-    window = replace(disturbed(truth(extra=(0.5 / FOCAL, 0.003, 0.4 / FOCAL, -0.3 / FOCAL))), prior=None)
-    size = 6 * POSES + 4
+    window = replace(disturbed(truth(extra=(0.006, -0.004, 0.5 / FOCAL, 0.003, 0.4 / FOCAL, -0.3 / FOCAL))), prior=None)
+    size = 6 * POSES + 6
     gradient = -Equations.of(window, SCALE, damping=1e30).right  # this damping holds the points
     numeric = np.empty(size)
     for k in range(size):
         step = np.zeros(size)
         step[k] = 1e-7
         plus, minus = (
-            total_cost(solver._moved(window, s[:-4].reshape(-1, 6), np.zeros((POINTS, 3)), s[-4:]), SCALE)
+            total_cost(solver._moved(window, s[:-6].reshape(-1, 6), np.zeros((POINTS, 3)), s[-6:]), SCALE)
             for s in (step, -step)
         )
         numeric[k] = (plus - minus) / 2e-7
@@ -114,7 +129,7 @@ def test_errors_are_as_large_as_the_covariance_says(noise_px: float) -> None:
     scale = noise_px / FOCAL
     # a loss much wider than the noise: least squares
     found = adjust(noisy, 20 * scale, 30, 1e-12).window
-    spread = covariance(found, 20 * scale)[6:-4, 6:-4] / 400
+    spread = covariance(found, 20 * scale)[6:-6, 6:-6] / 400
     rotation_error = np.einsum("nij,nkj->nik", found.rotations, exact.rotations)
     phi = np.stack([rotation_error[:, 2, 1], rotation_error[:, 0, 2], rotation_error[:, 1, 0]], axis=1)
     rho = found.translations - np.einsum("nij,nj->ni", rotation_error, exact.translations)

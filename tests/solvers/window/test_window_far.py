@@ -21,7 +21,7 @@ def window() -> Window:
     seen = np.dstack([x, right + OFFSET_PX / F]) + rng.normal(0, 0.05 / F, (200, 4, 3))
     guess = np.dstack([seen[:, 0, 0], seen[:, 0, 1], np.ones(200)])[0]
     guess *= (BASELINE / np.maximum(seen[:, 0, 0] - seen[:, 0, 2], 1 / 2000))[:, None]
-    sigma = np.array([0.5 / F])
+    sigma = np.array([0.0, 0.0, 0.5 / F])
     return Window(
         np.tile(np.eye(3), (4, 1, 1)),
         np.column_stack([0 * ahead, 0 * ahead, -1.05 * ahead]),
@@ -30,14 +30,14 @@ def window() -> Window:
         np.repeat(np.arange(200), 4),
         seen.reshape(-1, 3),
         BASELINE,
-        extra=np.zeros(1),
+        extra=np.zeros(3),
         extra_sigma=sigma,
-        factors=np.ones((800, 1)),
+        factors=np.tile([0.0, 0.0, 1.0], (800, 1)),
         prior=anchored(np.eye(3), np.zeros(3), sigma),
     )
 
 
 def test_the_offset_is_found_from_far_points_in_a_few_steps() -> None:
     found = adjust(window(), 0.34 / F, 5).window
-    np.testing.assert_allclose(found.extra[0] * F, OFFSET_PX, atol=0.03)
+    np.testing.assert_allclose(found.extra[2] * F, OFFSET_PX, atol=0.03)
     np.testing.assert_allclose(-found.translations[:, 2], 2.5 * np.arange(4), atol=0.02)

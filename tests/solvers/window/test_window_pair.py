@@ -1,4 +1,4 @@
-"""What is wrong with the right camera of a pair, found in a window from columns and rows."""
+"""What is wrong with a pair, found in a window from columns and rows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ispom.geometry import Array, so3_exp
 from ispom.solvers.right_camera import PAIR, TERMS, by_column, by_row, drift, row_evidence
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance
 from ispom.solvers.window.prior import anchored
-from tests.solvers.pairs import BASELINE, SIGMA, F, seen
+from tests.solvers.pairs import BASELINE, SIGMA, F, seen, seen_left
 
 POSES, POINTS, SCALE = 6, 300, 0.17 / F
 BEND = np.array([0.4, 0.0, -14.0, 0.3, -0.4, 0.2])
@@ -29,7 +29,7 @@ def found(extra: Array, noise_px: float, motion: Array = BEND, nearest: float = 
     rates = motion * np.linspace(0.5, 1.5, POSES)[camera][:, None]
     right = np.concatenate([seen(q[n : n + 1], extra, rates[n]) for n in range(len(q))])
     right = right + noise_px / F * rng.standard_normal(right.shape)
-    left = q[:, :2] / q[:, 2:] + noise_px / F * rng.standard_normal((len(q), 2))
+    left = seen_left(q, extra) + noise_px / F * rng.standard_normal((len(q), 2))
     prior, disparity = anchored(turn[0], shift[0], SIGMA), left[:, 0] - right[:, 0]
     late = drift(q, rates, 0.0, BASELINE)
     for c in k:

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from ispom.estimators.modern.integrated.view import Reference, Table, View
 from ispom.estimators.modern.lens import corrected
 from ispom.geometry import Array, Pose
-from ispom.solvers.right_camera import PAIR
+from ispom.solvers.right_camera import PAIR, without_lens
 from ispom.solvers.spline.problem import RigModel
 from ispom.solvers.window.prior import LENS
 
@@ -62,10 +62,10 @@ class JointWindow:
         return view.world_from_rig @ (self.rig.rig_from_video if view.video else self.rig.rig_from_left)
 
     def seen(self, view: View) -> Array:
-        """(N, 2) normalised coordinates in the video or the left camera, without what is wrong with the lens; where the
+        """(N, 2) normalised coordinates in the video or the left camera, without what is wrong with its lens; where the
         middle row would have seen them."""
         seen = view.seen if view.middle is None else view.middle
-        return corrected(seen, self.lens_correction) if view.video else seen
+        return corrected(seen, self.lens_correction) if view.video else without_lens(seen, self.pair_errors)
 
     def predicted(self, time_ns: int) -> Pose:
         """world_from_rig if the motion of the last two views goes on; identity before any view."""

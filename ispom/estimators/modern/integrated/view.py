@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.right_camera import LAG, by_column, drift
+from ispom.solvers.right_camera import COLUMNS, LAG, by_column, drift, without_lens
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.problem import AnchoredPoints, RigModel
 
@@ -65,9 +65,10 @@ class View:
         if self.video:
             return self.disparity
         right = np.column_stack([self.seen[:, 0] - self.disparity, self.seen[:, 1]])
-        parallel = self.disparity + by_column(right, self.disparity) @ extra
+        seen = without_lens(self.seen, extra)
+        parallel = seen[:, 0] - right[:, 0] + by_column(right, self.disparity) @ extra[:COLUMNS]
         depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
-        near = np.column_stack([self.seen, np.ones(len(self.seen))]) * depth[:, None]
+        near = np.column_stack([seen, np.ones(len(self.seen))]) * depth[:, None]
         late = drift(near, self.rate[None], extra[LAG], baseline_m)
         return parallel + extra[LAG] * late[:, 0]
 

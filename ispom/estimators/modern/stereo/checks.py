@@ -101,11 +101,11 @@ BEND = Check(
 )
 OBSERVABLE = Check(
     "right_observable",
-    "corrections of the right camera that the data show",
+    "corrections of the pair that the data show",
     "finding",
     CALIBRATED,
-    passes="The data show all {threshold} corrections of the right camera.",
-    fails="Of {threshold} corrections of the right camera the data show {value}; the others stay about as uncertain as "
+    passes="The data show all {threshold} corrections of the pair.",
+    fails="Of {threshold} corrections of the pair the data show {value}; the others stay about as uncertain as "
     "they were.",
 )
 
@@ -119,8 +119,9 @@ def _correction(key: str, name: str, unit: str, sentence: str) -> Check:
 
 
 CORRECTIONS = (
+    _correction("both_radial", "radial distortion k1 of both", "", "Both lenses have k1 off by {value}"),
+    _correction("both_radial_growth", "radial distortion k2 of both", "", "Both lenses have k2 off by {value}"),
     _correction("disparity_offset", "disparity offset", "px", "The right image is off by {value} px in the middle"),
-    _correction("row_offset", "row offset", "px", "The right image is {value} px lower in the middle"),
     _correction("right_pitch", "right camera turned about x by", "deg", "The right camera is turned up by {value} deg"),
     _correction(
         "right_yaw", "right camera turned about y by", "deg", "The right camera is turned right by {value} deg"
@@ -139,9 +140,10 @@ CORRECTIONS = (
     _correction(
         "right_decentring_x_growth", "growth of the right decentring p2", "", "The right p2 grows by {value} with r^2"
     ),
-    _correction("baseline_down", "right camera lower by", "deg", "The right camera sits {value} deg lower"),
     _correction("baseline_ahead", "right camera ahead by", "deg", "The right camera sits {value} deg ahead"),
     _correction("shutter_lag", "right shutter late by", "ms", "The right shutter is {value} ms late"),
+    _correction("row_offset", "row offset", "px", "The right image is {value} px lower in the middle"),
+    _correction("baseline_down", "right camera lower by", "deg", "The right camera sits {value} deg lower"),
 )
 """Of right_camera.TERMS, in that order."""
 

@@ -1,4 +1,4 @@
-"""What was found to be wrong with the right camera, as decisions, and what of it the data do not show."""
+"""What was found to be wrong with the pair, as decisions, and what of it the data do not show."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.geometry import Array
-from ispom.solvers.right_camera import PAIR, TERMS, by_column
+from ispom.solvers.right_camera import BOTH, COLUMNS, PAIR, TERMS, by_column
 from ispom.types import Check, Decision
 
 SIDE = 0.5
@@ -39,7 +39,7 @@ def corrections(setup: Setup, world: StereoMap) -> tuple[Decision, ...]:
 def _factors(fx: float) -> Array:
     """(E,) from the units of right_camera.TERMS to those of the checks."""
     degree, one = float(np.degrees(1.0)), 1.0
-    return np.array([fx, fx, degree, degree, degree, 100.0, *[one] * 6, degree, degree, 1e3])
+    return np.array([one, one, fx, degree, degree, degree, 100.0, *[one] * 6, degree, 1e3, fx, degree])
 
 
 def _correction(check: Check, value: float, sigma: float, before: float) -> Decision:
@@ -52,5 +52,7 @@ def _bend(setup: Setup, world: StereoMap, covariance: Array) -> Decision:
     """What all corrections do to the disparities on both sides, against the middle."""
     sides = np.array([[SIDE, 0.0], [-SIDE, 0.0], [0.0, 0.0]])
     bend = setup.camera.fx * np.array([0.5, 0.5, -1.0]) @ by_column(sides, np.zeros(3))
-    value, twice = float(bend @ world.extra), 2 * float(np.sqrt(bend @ covariance @ bend))
+    bend[:BOTH] = 0.0  # of what is far they move both images
+    value = float(bend @ world.extra[:COLUMNS])
+    twice = 2 * float(np.sqrt(bend @ covariance[:COLUMNS, :COLUMNS] @ bend))
     return checks.BEND.of(value, twice, passed=bool(abs(value) > twice))

@@ -46,8 +46,9 @@ class ModernStereoConfig:
     """Where two things move by themselves: what stands still, as far as known (it was there before, and spans more
     room), or what fills more of the image."""
     self_calibration: bool = True
-    """Estimate what is wrong with the right camera: how it is turned, its focal length, principal point, distortion,
-    and a late shutter. The settings that follow are standard deviations before any data."""
+    """Estimate what is wrong with the pair: the radial distortion of both cameras; and how the right one is turned, its
+    own focal length, principal point, distortion, and a late shutter. The settings that follow are standard deviations
+    before any data."""
     offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.5
     """Of how far off disparities and rows are in the middle of the image."""
     turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.15
@@ -55,13 +56,13 @@ class ModernStereoConfig:
     focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
     """Of its focal length against the left one's, as a share."""
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
-    """Of its radial distortion k1."""
+    """Of the radial distortion k1 and k2 of both, and of the right one's beside."""
     decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.002
-    """Of its decentring distortion p1 and p2."""
+    """Of the right one's decentring distortion p1 and p2."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """Of how late its shutter is."""
     settling_s: Annotated[float, Range(1, 1e6)] = 3600.0
-    """After so long the right camera may have changed by as much as was unknown before any data."""
+    """After so long the pair may have changed by as much as was unknown before any data."""
     loss_px: Annotated[float, Range(0.05, 5)] = 0.17
     """Scale of the Cauchy loss, and the error that covariances take a track for until residuals say more."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
@@ -77,21 +78,14 @@ class ModernStereoConfig:
     iterations: Annotated[int, Range(1, 30)] = 4
     """Of the adjustment, at each key frame."""
 
-    def right_sigma(self, focal_px: float) -> Array:
-        """(E,) of what may be wrong with the right camera, in the order of right_camera.TERMS; 0 holds it."""
+    def pair_sigma(self, focal_px: float) -> Array:
+        """(E,) of what may be wrong with the pair, in the order of right_camera.TERMS; 0 holds it."""
         if not self.self_calibration:
             return np.zeros(PAIR)
         offset, turn = self.offset_sigma_px / focal_px, np.radians(self.turn_sigma_deg)
-        lens = (
-            self.focal_sigma,
-            self.radial_sigma,
-            self.radial_sigma,
-            self.decentring_sigma,
-            self.decentring_sigma,
-            self.decentring_sigma,
-            self.decentring_sigma,
-        )
-        return np.array([offset, offset, turn, turn, turn, *lens, turn, turn, self.lag_sigma_s])
+        radial, decentring = [self.radial_sigma] * 2, [self.decentring_sigma] * 4
+        lens = self.focal_sigma, *radial, *decentring
+        return np.array([*radial, offset, turn, turn, turn, *lens, turn, self.lag_sigma_s, offset, turn])
 
     def build(self, rig: Rig) -> ModernStereo:
         return ModernStereo(rig, self)
@@ -189,7 +183,7 @@ class ModernStereo:
             self.rig.rig_from_left,
             c.loss_px,
             c.max_error_px,
-            c.right_sigma(self._size.tracked.fx),
+            c.pair_sigma(self._size.tracked.fx),
             c.settling_s,
             c.max_tracks,
             c.window,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo.last_pair import LastPair, unforeseen
-from ispom.estimators.modern.stereo.pair_calibration import with_ideal_right
+from ispom.estimators.modern.stereo.pair_calibration import ideal
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Rows
 from ispom.estimators.modern.stereo.window import StereoMap
@@ -67,7 +67,7 @@ def _located(
     rate = twist_of(moved) / ((time_ns - last.time_ns) * 1e-9)
     if len(xyz) < FEW * setup.min_inliers:
         prior = np.diag(unforeseen(moved, setup.baseline_m) ** -2)
-    seen = with_ideal_right(setup, world, predicted.apply(xyz), seen, rate)
+    seen = ideal(setup, world, predicted.apply(xyz), seen, rate)
     limits = setup.loss, setup.limit, setup.baseline_m
     found = fit_pose(xyz, seen, predicted, *limits, prior)
     if found is None or found.inliers.mean() < MIN_INLIER_SHARE:

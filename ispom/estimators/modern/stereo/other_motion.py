@@ -61,9 +61,9 @@ def _by_nearer(
     where little has moved yet, what is far off agrees with both."""
     assert sighting.located is not None
     part = sighting.took_part
-    xyz, uv = state.map.xyz[sighting.place[part]], sighting.uv[part]
+    xyz, uv, left = state.map.xyz[sighting.place[part]], sighting.uv[part], state.map.left(setup.camera)
     by_pose, by_other = (
-        np.linalg.norm(setup.camera.project(pose.apply(xyz)) - uv, axis=1)
+        np.linalg.norm(left.project(pose.apply(xyz)) - uv, axis=1)
         for pose in (sighting.located.camera_from_world, other.left_from_world)
     )
     nearer = (by_other < by_pose) & (by_other < INLIER * setup.loss_px)
@@ -82,7 +82,7 @@ def other_motion(
     count = len(sighting.took_part)
     if len(ended) < max(LEAST, MARKED * count):
         return None, ()
-    x = setup.camera.normalise(sighting.uv[ended])
+    x = state.map.left(setup.camera).normalise(sighting.uv[ended])
     found = resect(state.map.xyz[sighting.place[ended]], x, INLIER * setup.loss, samples=SAMPLES)
     explained = np.zeros(len(ended), bool) if found is None else found.inliers
     test = told(explained, count)

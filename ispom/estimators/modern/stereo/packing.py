@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.kernels import kernel
 from ispom.numerics.vectors import matrix, plus, times, vector
-from ispom.solvers.right_camera import PAIR, drift_of, fill_column
+from ispom.solvers.right_camera import COLUMNS, drift_of, fill_column
 
 
 class Packed(NamedTuple):
@@ -28,7 +28,7 @@ class Packed(NamedTuple):
     seen: Array
     """(K, 3)."""
     factors: Array
-    """(K, E) see right_camera.by_column."""
+    """(K, COLUMNS) see right_camera.by_column."""
 
 
 @kernel()
@@ -55,7 +55,7 @@ def pack(known, xyz, ids, sizes, seen, rotations, translations, rates, lag, base
             points += 1
     out = Packed(
         np.empty(points, np.int64), np.empty(total, np.int64), np.empty(total, np.int64), np.empty(total, np.int64),
-        np.empty((total, 3)), np.zeros((total, PAIR)),
+        np.empty((total, 3)), np.zeros((total, COLUMNS)),
     )  # fmt: skip
     begin = 0
     for c in range(len(sizes)):

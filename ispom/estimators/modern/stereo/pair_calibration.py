@@ -1,4 +1,4 @@
-"""What the right camera's calibration errors found so far do to what is seen, and what the rows say of them."""
+"""What the calibration errors of the pair found so far do to what is seen, and what the rows say of them."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from ispom.estimators.modern.stereo.pair import PairPoints
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap, known_of_pair
 from ispom.geometry import Array
-from ispom.solvers.right_camera import LAG, by_column, by_row, drift, row_evidence
+from ispom.solvers.right_camera import COLUMNS, LAG, by_column, by_row, drift, row_evidence, without_lens
 
 LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""
 
 
-def with_ideal_right(setup: Setup, world: StereoMap, near: Array, seen: Array, rate: Array) -> Array:
-    """Observations (N, 3) with the right x of a perfect pair, where points are `near` (N, 3) in the left camera."""
+def ideal(setup: Setup, world: StereoMap, near: Array, seen: Array, rate: Array) -> Array:
+    """Observations (N, 3) as a perfect pair's, where points are `near` (N, 3) in the left camera."""
     late = drift(near, rate[None], world.extra[LAG], setup.baseline_m)
-    return np.column_stack(
-        [seen[:, :2], seen[:, 2] - by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], late) @ world.extra]
-    )
+    wrong = by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], late) @ world.extra[:COLUMNS]
+    return np.column_stack([without_lens(seen[:, :2], world.extra), seen[:, 2] - wrong])
 
 
 def intersected(setup: Setup, world: StereoMap, points: PairPoints, rate: Array) -> Array:
     """Points (N, 3) in the left camera from disparities without the errors of the pair found so far; at 2000 baselines
     at most. Of a rolling shutter in that of the middle row."""
     seen = points.seen_by(setup.camera)
-    lag, x, y = world.extra[LAG], seen[:, 0], seen[:, 1]
-    right = seen[:, 2] - by_column(seen[:, [2, 1]], x - seen[:, 2]) @ world.extra
+    left, lag = without_lens(seen[:, :2], world.extra), world.extra[LAG]
+    x, y = left.T
+    right = seen[:, 2] - by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2]) @ world.extra[:COLUMNS]
     disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
     depth = (setup.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, LEAST_DISPARITY)
-    near = np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
+    near = np.column_stack([left, np.ones(len(seen))]) * depth[:, None]
     return setup.shutter.points_at_middle(near, rate)
 
 

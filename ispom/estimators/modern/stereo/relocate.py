@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, plausible
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
@@ -82,11 +83,12 @@ def _compared(
     points, descriptors, xyz = _intersected(setup, state, place, place.features)
     then, best = replace(place.features, uv=points.uv, descriptors=descriptors), None
     pairs = sift.match(then, now, MAX_RATIO)
+    left = state.map.left(setup.camera)
     for way in (resect, resect_optimised):
-        found = _agreeing(setup, xyz, now.uv, pairs, way)
+        found = _agreeing(setup, left, xyz, now.uv, pairs, way)
         if found is None or found[1].sum() < FEWEST:
             continue
-        looked_for = _looked_for(setup, xyz, then, now, found[0])
+        looked_for = _looked_for(setup, left, xyz, then, now, found[0])
         if looked_for is not None and (best is None or looked_for[2].sum() > best[2].sum()):
             best = looked_for
     if best is None:
@@ -98,7 +100,7 @@ def _compared(
 
 
 def _looked_for(
-    setup: Setup, xyz: Array, then: sift.Features, now: sift.Features, pose: Pose
+    setup: Setup, left: Lens, xyz: Array, then: sift.Features, now: sift.Features, pose: Pose
 ) -> tuple[Pose, NDArray[np.int64], NDArray[np.bool_]] | None:
     """left_from_place by all that is found where a pose puts it: pairs (M, 2), and which (M,) agree; None for too few.
 
@@ -106,9 +108,9 @@ def _looked_for(
     """
     for around in AROUND:
         near = pose.apply(xyz)
-        expected = in_sight(setup.camera, near, setup.camera.project(near))
+        expected = in_sight(setup.camera, near, left.project(near))
         pairs = sift.match_near(then, now, expected, around * setup.max_error_px, MIN_ALIKE)
-        found = _agreeing(setup, xyz, now.uv, pairs, partial(refine_pose, camera_from_world=pose))
+        found = _agreeing(setup, left, xyz, now.uv, pairs, partial(refine_pose, camera_from_world=pose))
         if found is None:
             return None
         pose, good = found
@@ -130,13 +132,14 @@ def _intersected(
 
 def _agreeing(
     setup: Setup,
+    left: Lens,
     xyz: Array,
     uv: NDArray[np.float32],
     pairs: NDArray[np.int64],
     solve: Callable[..., Resection | None],
 ) -> tuple[Pose, NDArray[np.bool_]] | None:
     """left_from_place by which points and places are pairs (M, 2), and which (M,) agree."""
-    xyz, x = xyz[pairs[:, 0]], setup.camera.normalise(uv[pairs[:, 1]].astype(float))
+    xyz, x = xyz[pairs[:, 0]], left.normalise(uv[pairs[:, 1]].astype(float))
     found = solve(xyz, x, threshold=2 * setup.limit)
     if found is None:
         return None

@@ -22,7 +22,7 @@ class Setup:
     loss_px: float
     max_error_px: float
     extra_sigma: Array
-    """(E,) of what may be wrong with the right camera (see right_camera.TERMS); 0 holds it."""
+    """(E,) of what may be wrong with the pair (see right_camera.TERMS); 0 holds it."""
     settling_s: float
     """See window.with_key."""
     max_tracks: int

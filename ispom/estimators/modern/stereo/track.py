@@ -121,7 +121,7 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
         return first
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
     near = pose.apply(world.xyz[place])
-    expected, status = _projected(setup, near)
+    expected, status = _projected(setup, world, near)
     status[(place < 0) | (np.arange(len(status)) >= count)] = TrackStatus.LOST
     uv, status = _realigned(setup, last, world, new.left, expected, status, near, pose)
     uv[count:], status[count:] = found.uv, TrackStatus.ALIVE
@@ -139,14 +139,14 @@ def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, 
         return first
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
     near = setup.shutter.as_seen(pose.apply(world.xyz[place]), last.rate)
-    uv, status = _projected(setup, near)
+    uv, status = _projected(setup, world, near)
     uv, status = _realigned(setup, last, world, new.left, uv, status, near, pose)
     return _better(first, _sighted(setup, last, world, new, pose, uv, status))
 
 
-def _projected(setup: Setup, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Places (N, 2) [px] of points (N, 3) in the left image, and TrackStatus (N,)."""
-    uv = in_sight(setup.camera, near, setup.camera.project(near))
+    uv = in_sight(setup.camera, near, world.left(setup.camera).project(near))
     inside = np.isfinite(uv[:, 0])
     status = np.where(inside, TrackStatus.ALIVE, TrackStatus.OUT_OF_IMAGE).astype(np.uint8)
     return np.where(inside[:, None], uv, 0.0).astype(np.float32), status
@@ -158,7 +158,7 @@ def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predic
     if last.left is None or not len(points):
         return Sighting.nothing()
     near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), last.rate)
-    uv, status = _tracked(setup, last, new.left, near if guided else None)
+    uv, status = _tracked(setup, last, world, new.left, near if guided else None)
     uv, status = _realigned(setup, last, world, new.left, uv, status, near, predicted)
     return _sighted(setup, last, world, new, predicted, uv, status, guided)
 
@@ -189,7 +189,7 @@ def _sighted(
 
 
 def _tracked(
-    setup: Setup, last: LastPair, left: Image, near: Array | None
+    setup: Setup, last: LastPair, world: StereoMap, left: Image, near: Array | None
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Places (N, 2) [px] in the left image and TrackStatus (N,); from where `near` (N, 3) to the camera puts them."""
     assert last.left is not None
@@ -197,7 +197,7 @@ def _tracked(
     if near is None:
         # Where tracking failed so far, the exposure may have changed.
         return UNGUIDED.track(last.left, as_bright(left, last.left), uv)
-    expected = setup.camera.project(near).astype(np.float32)
+    expected = world.left(setup.camera).project(near).astype(np.float32)
     behind = ~np.isfinite(expected).all(1)
     expected[behind] = uv[behind]
     return GUIDED.track(last.left, left, uv, expected)

@@ -7,14 +7,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.modern.stereo.packing import pack
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.right_camera import LAG, PAIR
+from ispom.solvers.right_camera import LAG, PAIR, lens_of_both
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance, marginalise
 from ispom.solvers.window.prior import POSE, Prior, anchored
+from ispom.types import Camera
 
 KEPT_FRAMES = 2
 """A point's observations in the newest key frames stay when the older ones are marginalised: its track goes on."""
@@ -61,7 +63,7 @@ class StereoMap:
     xyz: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(M, 3) in the world [m]."""
     extra: Array = field(default_factory=lambda: np.zeros(PAIR))
-    """(E,) what is wrong with the right camera (see right_camera.TERMS)."""
+    """(E,) what is wrong with the pair (see right_camera.TERMS)."""
     prior: Prior | None = None
     covariance: Array | None = None
     """(6 C + E, 6 C + E) of the key frames' left twists and the extras, relative to the start; None before a second
@@ -74,6 +76,10 @@ class StereoMap:
     def places(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) index of each id among the points, -1 where unknown."""
         return places(self.ids, ids)
+
+    def left(self, camera: Camera) -> Lens:
+        """The left camera without what was found to be wrong with it."""
+        return Lens(camera, lens_of_both(self.extra))
 
     def with_points(self, ids: NDArray[np.int64], xyz: Array) -> StereoMap:
         """With new points; ids not in the map yet."""
@@ -93,7 +99,7 @@ def with_key(
 ) -> StereoMap:
     """The map with one more key frame; the first one is the world, or has the covariance `predicted` (6, 6) in it.
 
-    Since the last one the right camera may have changed: within `settling_s` as much as was open before any data.
+    Since the last one the pair may have changed: within `settling_s` as much as was open before any data.
     """
     keys, prior, covariance, start = state.keys, state.prior, state.covariance, state.start
     if not keys:
