@@ -35,6 +35,7 @@ def next_state(
     following = LastPair(
         new.left,
         new.left if is_key else last.key_left,
+        new.half if is_key else last.key_half,
         now.points,
         new.time_ns,
         now.pose,

@@ -35,6 +35,8 @@ class LastPair:
     left: Image | None = None
     key_left: Image | None = None
     """Of the newest key frame."""
+    key_half: Image | None = None
+    """The same at half its size."""
     points: PairPoints = PairPoints()
     time_ns: int = 0
     left_from_world: Pose = field(default_factory=Pose)

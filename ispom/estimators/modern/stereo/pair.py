@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.frontends.exposure import as_bright
-from ispom.frontends.halved import halved
+from ispom.frontends.halved import factor_of, halved
 from ispom.geometry import Array
 from ispom.solvers.motion_only import PoseFit
 from ispom.types import Camera, Image, StereoPair, TrackStatus, as_grey
@@ -29,9 +30,14 @@ class NewPair:
         return NewPair(exposure.time_ns, left, as_bright(as_grey(exposure.right), left))
 
     @cached_property
+    def half(self) -> Image:
+        """The left image at half its size."""
+        return np.asarray(cv2.pyrDown(self.left), np.uint8)
+
+    @cached_property
     def halves(self) -> tuple[Image, Image]:
         """The left and the right image at half size where they are wide."""
-        return halved(self.left), halved(self.right)
+        return (self.half, halved(self.right)) if factor_of(self.left) == 2 else (self.left, self.right)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.locate import located
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
+from ispom.estimators.modern.stereo.patch_search import led, realigned
 from ispom.estimators.modern.stereo.relocate import Recognised, joined, recognised
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
@@ -19,17 +20,11 @@ from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.frontends.contrast import has_contrast
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
-from ispom.frontends.patches import align, warps_of
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
-from ispom.numerics.places import common
 from ispom.numerics.twist import twist_of
 from ispom.types import Decision, Image, TrackStatus
 
-MIN_CORRELATION = 0.7
-"""Normalised correlation of a patch found again with its origin; less is another thing."""
-MAX_SHIFT_PX = 1.5
-"""Alignment with the origin corrects tracking by no more."""
 ENOUGH_SHARE = 0.3
 """Share of the last pair's points that must agree with the pose, before other ways to find them are tried."""
 SURE = 2
@@ -123,7 +118,7 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
     near = pose.apply(world.xyz[place])
     expected, status = _projected(setup, world, near)
     status[(place < 0) | (np.arange(len(status)) >= count)] = TrackStatus.LOST
-    uv, status = _realigned(setup, last, world, new.left, expected, status, near, pose)
+    uv, status = realigned(setup, last, world, new.left, expected, status, near, pose)
     uv[count:], status[count:] = found.uv, TrackStatus.ALIVE
     return replace(_sighted(setup, last, world, new, pose, uv, status), relocated=True)
 
@@ -140,7 +135,7 @@ def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, 
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
     near = setup.shutter.as_seen(pose.apply(world.xyz[place]), last.rate)
     uv, status = _projected(setup, world, near)
-    uv, status = _realigned(setup, last, world, new.left, uv, status, near, pose)
+    uv, status = realigned(setup, last, world, new.left, uv, status, near, pose)
     return _better(first, _sighted(setup, last, world, new, pose, uv, status))
 
 
@@ -153,14 +148,16 @@ def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.
 
 
 def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool) -> Sighting:
-    """Track into the left image, from where `predicted` puts the points or from where they were; then to the right."""
+    """Found in the left image, where `predicted` puts the points or around where they were; then in the right one."""
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
         return Sighting.nothing()
     near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), last.rate)
-    uv, status = _tracked(setup, last, world, new.left, near if guided else None)
-    uv, status = _realigned(setup, last, world, new.left, uv, status, near, predicted)
-    return _sighted(setup, last, world, new, predicted, uv, status, guided)
+    found = led(setup, last, world, new, near, predicted) if guided else None
+    if found is None:
+        uv, status = _tracked(setup, last, world, new.left, near if guided else None)
+        found = realigned(setup, last, world, new.left, uv, status, near, predicted)
+    return _sighted(setup, last, world, new, predicted, *found, guided)
 
 
 def _sighted(
@@ -201,35 +198,3 @@ def _tracked(
     behind = ~np.isfinite(expected).all(1)
     expected[behind] = uv[behind]
     return GUIDED.track(last.left, left, uv, expected)
-
-
-def _realigned(
-    setup: Setup,
-    last: LastPair,
-    world: StereoMap,
-    left: Image,
-    uv: NDArray[np.float32],
-    status: NDArray[np.uint8],
-    near: Array,
-    predicted: Pose,
-) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Places sought again from the newest key frame's image: a chain of small steps drifts, most at rest.
-
-    Patches are warped as the points `near` (N, 3) to the camera say, seen from `predicted`: unwarped ones that grow
-    drift outwards. What does not look like its patch any more is lost.
-    """
-    if last.key_left is None:
-        return uv, status
-    key, camera = world.keys[-1], setup.camera
-    old, new = common(key.ids, last.points.ids)
-    alive = status[new] == TrackStatus.ALIVE
-    old, new = old[alive], new[alive]
-    start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)
-    back = key.left_from_world @ predicted.inverse()
-    warps = warps_of(camera, back.rotation[None], back.translation[None], near[new])
-    again, score = align(last.key_left, start, left, uv[new], warps)
-    good = (score > MIN_CORRELATION) & (np.linalg.norm(again - uv[new], axis=1) < MAX_SHIFT_PX)
-    uv, status = uv.copy(), status.copy()
-    uv[new[good]] = again[good]
-    status[new[~good]] = TrackStatus.LOST
-    return uv, status
