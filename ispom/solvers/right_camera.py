@@ -14,7 +14,6 @@ import numpy as np
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
-from ispom.numerics.reductions import squares
 
 TERMS: tuple[str, ...] = (
     "both_k1", "both_k2", "offset_x", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "ahead",
@@ -97,13 +96,24 @@ def lens_of_both(extra: Array) -> Array:
 
 
 def without_lens(seen: Array, extra: Array) -> Array:
-    """Places (N, 2) in the left image, normalised, without what is wrong with the lens of both; `seen` is the place
-    times 1 + both_k1 r^2 + both_k2 r^4. Not to first order: little else shows it, so small terms would be mistaken."""
-    out = seen
-    for _ in range(INVERSIONS):
-        square = squares(out)
-        out = seen / (1 + square * (extra[BOTH_K1] + square * extra[BOTH_K2]))[:, None]
+    """Places (N, 2) in the left image, normalised, without what is wrong with the lens of both; further columns stay.
+    `seen` is the place times 1 + both_k1 r^2 + both_k2 r^4. Not to first order: little else shows it, so small terms
+    would be mistaken."""
+    out = np.array(seen, np.float64, order="C")
+    _remove_lens(out, float(extra[BOTH_K1]), float(extra[BOTH_K2]))
     return out
+
+
+@kernel()
+def _remove_lens(places, k1, k2):
+    for n in range(len(places)):
+        u, v = places[n, 0], places[n, 1]
+        x, y = u, v
+        for _ in range(INVERSIONS):
+            square = x * x + y * y
+            stretch = 1 + square * (k1 + square * k2)
+            x, y = u / stretch, v / stretch
+        places[n, 0], places[n, 1] = x, y
 
 
 def drift(xyz: Array, rates: Array, lag: float, baseline: float) -> Array:

@@ -63,8 +63,8 @@ class Window:
         """Its arrays as compiled loops take them."""
         seen = self.seen
         if self.baseline:
-            right = seen[:, 2] - self.factors @ self.extra[: self.shown]
-            seen = np.column_stack([without_lens(seen[:, :2], self.extra), right])
+            seen = without_lens(seen, self.extra)
+            seen[:, 2] -= self.factors @ self.extra[: self.shown]
         return Observed(
             self.rotations, self.translations, self.points, self.cameras, self.owners, seen,
             self.factors, self.baseline, self.extra,

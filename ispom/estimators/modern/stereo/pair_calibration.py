@@ -20,7 +20,9 @@ def ideal(setup: Setup, world: StereoMap, near: Array, seen: Array, rate: Array)
     """Observations (N, 3) as a perfect pair's, where points are `near` (N, 3) in the left camera."""
     late = drift(near, rate[None], world.extra[LAG], setup.baseline_m)
     wrong = by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], late) @ world.extra[:COLUMNS]
-    return np.column_stack([without_lens(seen[:, :2], world.extra), seen[:, 2] - wrong])
+    out = without_lens(seen, world.extra)
+    out[:, 2] -= wrong
+    return out
 
 
 def intersected(setup: Setup, world: StereoMap, points: PairPoints, rate: Array) -> Array:
