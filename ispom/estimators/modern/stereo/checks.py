@@ -53,6 +53,17 @@ DEPTH_POINTS = Check(
     passes="{value} points have a depth, {threshold} are needed.",
     fails="No start: {value} points have a depth, {threshold} are needed.",
 )
+IMAGES_EXCHANGED = Check(
+    "images_exchanged",
+    "points matched where only those behind the cameras are",
+    "requirement",
+    LOCATED,
+    "<=",
+    passes="{value} points lie farther right in the right image, as none before the cameras does, {threshold} farther "
+    "left.",
+    fails="Left and right seem to be exchanged: {value} points lie farther right in the right image, as none before "
+    "the cameras does, {threshold} farther left.",
+)
 LOST_PAIRS = Check(
     "lost_pairs",
     "pairs lost",
@@ -152,6 +163,7 @@ CHECKS = by_key(
     NEARBY_POINTS,
     DESCRIBED_POINTS,
     DEPTH_POINTS,
+    IMAGES_EXCHANGED,
     LOST_PAIRS,
     SECOND_MOTION,
     WIDER,

@@ -31,7 +31,9 @@ def next_state(
     is_key: bool,
 ) -> ModernStereoState:
     """`before` is as the pair was followed from, `state` has the map as it left it."""
-    newest, last, new, first = state.map.keys[-1], before.last, now.new, before.last.left is None
+    newest, last, new = state.map.keys[-1], before.last, now.new
+    # A start from the prediction goes on as predicted: where no motion was known before, none is now.
+    unknown = last.left is None or (sighting.located is None and last.motion_s <= 0)
     following = LastPair(
         new.left,
         new.left if is_key else last.key_left,
@@ -39,8 +41,8 @@ def next_state(
         now.points,
         new.time_ns,
         now.pose,
-        Pose() if first else now.pose @ last.left_from_world.inverse(),
-        0.0 if first else (new.time_ns - last.time_ns) * 1e-9,
+        Pose() if unknown else now.pose @ last.left_from_world.inverse(),
+        0.0 if unknown else (new.time_ns - last.time_ns) * 1e-9,
         _covariance(setup, state, now.pose, sighting, is_key),
     )
     relative = (new.time_ns, newest.time_ns, now.pose @ newest.left_from_world.inverse())

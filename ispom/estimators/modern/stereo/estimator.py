@@ -11,6 +11,7 @@ import numpy as np
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.conclude import as_step, next_state
+from ispom.estimators.modern.stereo.exchanged import exchanged, exchanged_since
 from ispom.estimators.modern.stereo.key_frame import Current, extended, key_frame_tests, new_points
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.loop import corrected, with_loops
@@ -126,6 +127,9 @@ class ModernStereo:
         before, sighting, decisions = sight(setup, state, new)
         watch.lap("track")
         state = replace(state, places=before.places)
+        wrong = exchanged_since(setup, new, sighting)
+        if wrong is not None:
+            before, sighting, decisions = state, Sighting.nothing(), (*decisions, wrong)
         if state.map.keys and sighting.inliers < setup.min_inliers:
             before, sighting, restart = recover(setup, before, sighting)
             decisions += restart
@@ -155,13 +159,12 @@ class ModernStereo:
             after = next_state(setup, before, before, now, sighting, is_key=False)
             return Outcome(after, status, sighting, decisions, before)
         fresh = new_points(setup, before, now)
-        count = len(now.points) + len(fresh[0])
-        if count < setup.min_inliers and not before.map.keys:
-            few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting to begin")
+        why_not = () if before.map.keys else _no_start(setup, new, len(fresh[0]))
+        if why_not:
             # Nothing is seen: what was seen before is still the best to find the way from.
             status = Status.LOST if state.map.keys else Status.INITIALISING
             waiting = replace(state, lost_pairs=before.lost_pairs)
-            return Outcome(waiting, status, sighting, (*decisions, few))
+            return Outcome(waiting, status, sighting, (*decisions, *why_not))
         watch.lap("new points")
         grown, now, adjustment = extended(setup, before, now, fresh, sighting)
         watch.lap("adjust")
@@ -199,3 +202,10 @@ class ModernStereo:
     @cached_property
     def _left_from_rig(self) -> Pose:
         return self.rig.rig_from_left.inverse()
+
+
+def _no_start(setup: Setup, new: NewPair, count: int) -> tuple[Decision, ...]:
+    """Why a pair begins no map, with `count` new points; nothing where it does."""
+    wrong = exchanged(setup, new)
+    few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting to begin")
+    return (wrong,) if wrong is not None else (few,) if few.failed else ()

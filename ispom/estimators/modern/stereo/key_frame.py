@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.adjustment import optimised
 from ispom.estimators.modern.stereo import checks
@@ -76,13 +77,15 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
     )
 
 
+def corners(setup: Setup, new: NewPair, points: PairPoints) -> NDArray[np.float32]:
+    """(N, 2) [px] in the left image, between the points there are."""
+    found = detect_spread(new.left, setup.max_tracks, points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0])
+    return at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
+
+
 def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
     """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
-    new = now.new
-    found = detect_spread(
-        new.left, setup.max_tracks, now.points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0]
-    )
-    uv = at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
+    new, uv = now.new, corners(setup, now.new, now.points)
     disparity = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(disparity))
     fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])

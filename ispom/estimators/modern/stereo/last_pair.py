@@ -20,6 +20,9 @@ CHANGE = 0.5
 REST_BASELINES, REST_RAD = 0.1, 0.05
 """The same where none is expected, from one pair to the next: in baselines, as the rig's size goes with its speed, and
 [rad], 3 degrees."""
+UNKNOWN_BASELINES_S, UNKNOWN_RAD_S = 40.0, 1.0
+"""Standard deviation of a motion of which nothing was measured, in baselines per second (a car on a country road, a
+camera in a running hand), and [rad/s]: the prediction then is the place of the first pair, which tells nothing."""
 
 
 def unforeseen(way: Pose, baseline_m: float) -> Array:
@@ -43,7 +46,7 @@ class LastPair:
     motion: Pose = field(default_factory=Pose)
     """curr_left_from_prev_left of the last two located pairs."""
     motion_s: float = 0.0
-    """Time between them; 0 before there are two."""
+    """Time between them; 0 before two pairs were located by the same points."""
     covariance: Array | None = None
     """(6, 6) of left_from_world's left twist."""
 
@@ -64,12 +67,16 @@ class LastPair:
     def predicted_covariance(self, time_ns: int, baseline_m: float) -> Array:
         """(6, 6) of the left twist of `predicted`: what was known before, and how much else may have happened since.
 
-        That is the more, the longer nothing was seen: the motion may have gone on after the prediction holds it to end.
+        That is the more, the longer nothing was seen: the motion may have gone on after the prediction holds it to end,
+        or no motion was measured before.
         """
         coasting_s = self._coasting_s(time_ns)
         way, beyond = self._way(coasting_s), (self._since_s(time_ns) - coasting_s) * self.rate
         known = np.zeros((6, 6)) if self.covariance is None else way.adjoint @ self.covariance @ way.adjoint.T
         moved, turned = float(np.linalg.norm(beyond[:3])), float(np.linalg.norm(beyond[3:]))
+        if self.motion_s <= 0:
+            since_s = self._since_s(time_ns)
+            moved, turned = UNKNOWN_BASELINES_S * baseline_m * since_s, UNKNOWN_RAD_S * since_s
         further = np.repeat([moved, min(turned, np.pi)], 3)
         return known + np.diag((unforeseen(way, baseline_m) + further) ** 2)
 
