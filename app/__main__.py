@@ -6,6 +6,8 @@ import os
 import sys
 from io import TextIOWrapper
 
+from .lasting import lasting
+
 
 def main() -> int:
     """As `cli.main` of the words on the command line."""
@@ -23,7 +25,8 @@ def main() -> int:
         if fault := add_programs(words):  # before `options` makes flags of all methods
             sys.stderr.write(f"ispom: {fault}\n")
             return 2
-    from .cli import main as run
+    with lasting():
+        from .cli import main as run
 
     return run(words)
 

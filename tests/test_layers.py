@@ -30,7 +30,18 @@ LAYERS = (
 """From the bottom up; those side by side do not import each other, with these exceptions."""
 SIDEWAYS = {("sequences", "simulation"), ("calibration", "frontends")}
 APP_LAYERS = (
-    {"colours", "decisions", "external", "options", "outputs", "subscribers", "templating", "texts", "user_files"},
+    {
+        "colours",
+        "decisions",
+        "external",
+        "lasting",
+        "options",
+        "outputs",
+        "subscribers",
+        "templating",
+        "texts",
+        "user_files",
+    },
     {"uncertainty"},
     {"run"},
     {"calibrate", "diff", "expressions", "inspect", "sensitivity", "sweep"},

@@ -21,6 +21,7 @@ from ..run.console import Progress, progress
 from ..run.events import Finished
 from ..run.folder.results import summary
 from ..run.folder.run_folder import METRICS, RunFolder
+from ..run.memory import give_back, know_libraries
 from ..run.playback import Builder, Playback, Stage
 from ..run.signals import Signals, terminable
 from .job import Job, Origin
@@ -45,6 +46,8 @@ def completed(
     condition = until(options.until)
     if options.methods:
         require_run(condition, with_asked(in_order(options.methods)))
+    know_libraries()
+    give_back()
     sequence = options.open(options.source)
     try:
         methods = _asked(options, sequence)

@@ -11,10 +11,10 @@ from ..run.folder.journal import PoseJournal
 from ..run.folder.run_folder import trajectory_file
 from ..run.folder.statistics import RunStatistics
 from ..run.folder.step_log import StepLog
+from ..run.memory import give_back, give_back_libraries, know_libraries
 from ..run.model.corrections import CorrectionMemory
 from ..run.model.map_memory import MapCollectors
 from ..run.signals import Signals, ended_by_interrupt
-from .heap import give_back
 from .job import Job
 from .output import write_results
 from .recording import NoRecording, Recording
@@ -49,6 +49,9 @@ class Steps:
         self.corrections.add(event.steps)
         for consumer in self._consumers:
             consumer.add(event)
+        done = self._playback.position
+        if done & (done - 1) == 0:  # at 1, 2, 4, 8, ...: most of what is loaded is loaded for the first ones
+            give_back_libraries()
 
 
 def play(job: Job, signals: Signals) -> Played:
@@ -57,6 +60,8 @@ def play(job: Job, signals: Signals) -> Played:
     give_back()  # comparing the images of a pair took 40 MB
     with ExitStack() as stack:
         steps = Steps(job, signals, stack)
+        know_libraries()  # a recording brings Arrow and Rerun
+        give_back()
         if playback.sequence.prepare:
             playback.sequence.prepare(0)
         total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures

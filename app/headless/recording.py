@@ -6,6 +6,7 @@ from typing import Self
 
 from ispom.errors import InputError
 
+from ..lasting import lasting
 from ..run.events import Event
 from ..run.folder.run_folder import RECORDING
 from ..run.signals import Signals
@@ -29,7 +30,8 @@ class Recording(NoRecording):
     """run.rrd, as far as the disk takes it; the run goes on without."""
 
     def __init__(self, job: Job, signals: Signals) -> None:
-        from ..rerun_log.file_recording import FileRecording  # brings Rerun
+        with lasting():
+            from ..rerun_log.file_recording import FileRecording  # brings Rerun
 
         self._file: FileRecording | None = None
         self._signals = signals
