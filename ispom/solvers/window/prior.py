@@ -90,7 +90,9 @@ class Prior:
         return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient)
 
     def cost(self, shift: Array) -> float:
-        """Of a change `shift` (6 P + E,)."""
+        """Of a change `shift` (6 P + E,); inf where a step ended at no number, so that it is not taken."""
+        if not np.isfinite(shift).all():
+            return float("inf")
         return float(0.5 * shift @ self.hessian @ shift + self.gradient @ shift) + self.constant
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from ispom.geometry import Array
@@ -55,3 +57,10 @@ def test_evidence_is_a_least_squares_problem_more() -> None:
         shift = rng.normal(size=POSE + 3)
         error = design @ (before.extra + shift[POSE:]) - seen
         np.testing.assert_allclose(after.cost(shift), before.cost(shift) + 0.5 * error @ error)
+
+
+def test_a_step_to_no_number_costs_more_than_any_other_and_is_not_warned_of() -> None:
+    with warnings.catch_warnings(), np.errstate(all="raise"):
+        warnings.simplefilter("error")
+        for wrong in (np.nan, np.inf, -np.inf):
+            assert prior().cost(np.append(np.zeros(POSE + 2), wrong)) == np.inf
