@@ -11,7 +11,7 @@ from ..run.folder.journal import PoseJournal
 from ..run.folder.run_folder import trajectory_file
 from ..run.folder.statistics import RunStatistics
 from ..run.folder.step_log import StepLog
-from ..run.memory import give_back, give_back_libraries, know_libraries
+from ..run.memory import give_back, give_back_after, know_libraries
 from ..run.model.corrections import CorrectionMemory
 from ..run.model.map_memory import MapCollectors
 from ..run.signals import Signals, ended_by_interrupt
@@ -49,9 +49,7 @@ class Steps:
         self.corrections.add(event.steps)
         for consumer in self._consumers:
             consumer.add(event)
-        done = self._playback.position
-        if done & (done - 1) == 0:  # at 1, 2, 4, 8, ...: most of what is loaded is loaded for the first ones
-            give_back_libraries()
+        give_back_after(self._playback.position)
 
 
 def play(job: Job, signals: Signals) -> Played:

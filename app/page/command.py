@@ -19,6 +19,7 @@ from ..rerun_log.live import LiveStream
 from ..run import warmup
 from ..run.beside.given import Given, given
 from ..run.beside.placed import beside_run
+from ..run.memory import give_back, know_libraries
 from ..run.playback import Builder, truth_from_start
 from ..session.learning.commands import Learn as Begin
 from ..session.session import Session
@@ -33,6 +34,8 @@ LEAST_HISTORY_MB = 20
 
 def open_page(command: Serve, builder: Builder) -> int:
     """Serves the page until it is ended, and returns the exit code. InputError for a mistake in what was asked."""
+    know_libraries()  # all that a page needs is loaded, by this thread alone
+    give_back()
     library, begun = _lessons(command)
     source = command.source if isinstance(command, App) else "sim:city" if begun is None else begun.steps[0].own.source
     if command.history_mb < LEAST_HISTORY_MB:

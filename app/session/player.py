@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from ..run.events import Finished
+from ..run.memory import give_back, give_back_after
 from . import break_points, moves
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -89,6 +90,7 @@ class Player:
             self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self._recordings.offer(event)
+        give_back_after(run.playback.position)
         if run.playback.done:
             self._finish(run.finish())
         self._store.set(activity=None)
@@ -96,3 +98,4 @@ class Player:
     def _finish(self, finished: Finished) -> None:
         self._viewers.write(finished)
         self._store.emit(finished)
+        give_back()

@@ -117,6 +117,14 @@ def test_libraries_are_known_in_the_main_thread_alone(monkeypatch: pytest.Monkey
     assert not memory._libraries
 
 
+def test_it_is_given_back_ever_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[int] = []
+    monkeypatch.setattr(memory, "give_back_libraries", lambda: given.append(exposures))
+    for exposures in range(1, 1001):
+        memory.give_back_after(exposures)
+    assert given == [1, 2, 4, 8, 16, 32, 64, 128, 256, 512]
+
+
 def ran(script: str, *words: str) -> str:
     done = subprocess.run([sys.executable, "-c", script, *words], check=True, stdout=subprocess.PIPE, text=True)
     return done.stdout
