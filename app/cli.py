@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib.metadata import version
 from typing import Annotated
 
 import tyro
@@ -48,14 +49,20 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
     """Runs a command, with estimators from `builder`, and returns its exit code: 2 after a mistake of the user, told in
     one sentence."""
     description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
+    description += " --version prints which version this is."
+    arguments = sys.argv[1:] if arguments is None else arguments
     try:
+        if list(arguments) == ["--version"]:
+            sys.stdout.write(f"ispom {version('ispom')}\n")
+            sys.stdout.flush()
+            return 0
         try:
             command = tyro.cli(Command, prog="ispom", description=description, args=arguments)  # type: ignore[arg-type]
         finally:
             sys.stdout.flush()  # of a help text, here, where a reader that left is no fault
         for fault in faults():
             sys.stderr.write(f"ispom: {fault}\n")
-        code = _execute(command, arguments if arguments is not None else sys.argv[1:], builder)
+        code = _execute(command, arguments, builder)
         sys.stdout.flush()
         return code
     except InputError as error:

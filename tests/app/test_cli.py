@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -101,12 +102,19 @@ def test_a_root_that_is_no_folder_is_refused(served: list, capsys: pytest.Captur
     assert "--root is /no/such/folder, which is not a folder" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [["sources"], ["--help"]])
+def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"{project['name']} {project['version']}\n"
+
+
+@pytest.mark.parametrize("words", [["sources"], ["--help"], ["--version"]])
 def test_a_reader_that_stops_reading_is_no_traceback(tmp_path: Path, words: list[str]) -> None:
     """`ispom ... | head`: the pipe is closed before anything is written."""
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "-m", "ispom_app", *words, str(make_drive(tmp_path))]
+    words = words if words == ["--version"] else [*words, str(make_drive(tmp_path))]
+    command = [sys.executable, "-m", "ispom_app", *words]
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, timeout=120, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, b"")
