@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -56,6 +57,12 @@ class JointWindow:
     def pairs(self) -> list[int]:
         """Places of the stereo pairs among the views."""
         return [i for i, v in enumerate(self.views) if not v.video]
+
+    @property
+    def usual_ns(self) -> int | None:
+        """Longest interval between its pairs; None of fewer than two."""
+        times_ns = [self.views[i].time_ns for i in self.pairs]
+        return max((b - a for a, b in pairwise(times_ns)), default=None)
 
     def camera_pose(self, view: View) -> Pose:
         """world_from_camera of the video or the left camera."""

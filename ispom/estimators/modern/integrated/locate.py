@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,9 +60,9 @@ def located(
 def _metric(window: JointWindow, view: View, found: Resection, passed: int) -> bool:
     """Whether the points that locate a view are in metres: where pairs are missing, depths of new ones are guesses, and
     those of the points seen by such a view guesses from guesses."""
-    pairs = [window.views[i].time_ns for i in window.pairs]
-    usual_ns = max((b - a for a, b in pairwise(pairs)), default=view.time_ns)
-    missing = passed >= LATE_PAIRS or (bool(pairs) and view.time_ns - pairs[-1] > LATE_PAIRS * usual_ns)
+    usual_ns, missing = window.usual_ns, passed >= LATE_PAIRS
+    if usual_ns is not None:
+        missing |= view.time_ns - window.views[window.pairs[-1]].time_ns > LATE_PAIRS * usual_ns
     if not missing or not view.video:
         return True
     known, adjusted = _known(window, view)
