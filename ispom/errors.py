@@ -26,3 +26,8 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def counted(count: int, one: str, many: str = "") -> str:
+    """So many of something, in words of a sentence: "1 frame", "2 frames"; `many` where that is not `one` and an s."""
+    return f"{count} {one if count == 1 else many or one + 's'}"

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from ispom.errors import InputError
+from ispom.errors import InputError, counted
 from ispom.io.rows import read_text
 
 MAX_BYTES = 256 << 10
@@ -73,8 +73,8 @@ def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, 
     counts = (counts,) if isinstance(counts, int) else counts
     good = isinstance(value, list) and len(value) in counts
     if not good or not all(_is_number(v) for v in value):
-        wanted = " or ".join(str(count) for count in counts)
-        raise InputError(f"{path}: {where} needs {wanted} finite number(s): correct it")
+        wanted = " or ".join([*map(str, counts[:-1]), counted(counts[-1], "finite number")])
+        raise InputError(f"{path}: {where} needs {wanted}: correct it")
     return [float(v) for v in value]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ispom.errors import InputError
+from ispom.errors import InputError, counted
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.bags import looks_like_bag, open_bag
@@ -89,7 +89,8 @@ def open_sequence(
         sequence = _within(sequence, policy)
     frames = max(sequence.kinds.count("video"), sequence.kinds.count("stereo"))
     if frames < MIN_FRAMES:
-        raise InputError(f"{source} has {frames} frame(s), a run needs {MIN_FRAMES} or more: give a longer sequence")
+        few = counted(frames, "frame")
+        raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
     return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
 
 

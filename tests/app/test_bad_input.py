@@ -208,7 +208,7 @@ def test_a_bad_image_in_the_middle_loses_nothing(
 
 def test_fewer_than_three_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = sentence(capsys, str(make_drive(tmp_path, frames=2)))
-    assert "has 2 frame(s), a run needs 3 or more: give a longer sequence" in told
+    assert "has 2 frames, a run needs 3 or more: give a longer sequence" in told
 
 
 @pytest.mark.parametrize("method", ["stereo", "integrated"])

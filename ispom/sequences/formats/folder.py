@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.errors import InputError
+from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import any_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
@@ -93,7 +93,8 @@ def folder_stream(
     times_ns, note = clock.times_ns(folder, len(paths), None, stamps_ns, ticks)
     if clock.times is None and (clock.rate_hz is not None or stamps_ns is None):
         skipped = int(ticks[-1] - ticks[0]) + 1 - len(ticks)
-        gaps = f"{folder}: {skipped} number(s) are missing in the names of the images: taken as gaps in time"
+        missing = counted(skipped, "number is", "numbers are")
+        gaps = f"{folder}: {missing} missing in the names of the images: taken as gaps in time"
         notes = (note, gaps if skipped else "")
     else:
         notes = (note, f"{folder}: times are those in the names of the images" if clock.times is None else "")

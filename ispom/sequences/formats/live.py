@@ -15,7 +15,7 @@ from threading import Condition, Thread
 import cv2
 import numpy as np
 
-from ispom.errors import InputError
+from ispom.errors import InputError, counted
 from ispom.io.camera import read_camera
 from ispom.sequences.address import DEVICE, SCHEMES, is_address, is_device, scheme, without_secrets
 from ispom.sequences.decoder_output import silenced
@@ -48,7 +48,7 @@ def open_live(source: str, calibration: Path | None, max_frames: int | None = No
     live = _Live(name, camera, _opened(source, name, camera), max_frames)
     sequence = live.grown(least - 1, None)
     if len(sequence) < least:
-        raise InputError(f"{name} ended after {len(sequence)} image(s): give a source that goes on")
+        raise InputError(f"{name} ended after {counted(len(sequence), 'image')}: give a source that goes on")
     return sequence
 
 

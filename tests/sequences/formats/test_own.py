@@ -175,7 +175,7 @@ def test_a_missing_number_is_a_gap_in_time(tmp_path: Path) -> None:
     (folder / "3.png").unlink()
     sequence = open_sequence(str(folder))
     assert (sequence.times_ns // 50_000_000).tolist() == [0, 1, 2, 4, 5, 6, 7]
-    assert any("1 number(s) are missing in the names" in note for note in sequence.notes)
+    assert any("1 number is missing in the names" in note for note in sequence.notes)
 
 
 def test_names_without_numbers_are_told(tmp_path: Path) -> None:
