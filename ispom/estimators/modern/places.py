@@ -50,8 +50,8 @@ class Place:
     """Their pixels per pixel of the camera's."""
     covariance: Array | None = None
     """(6, 6) of camera_from_world's left twist."""
-    rate: Array | None = None
-    """(6,) of camera_from_world's change (rho [m/s], phi [rad/s]; left), of a pair."""
+    motion: Array | None = None
+    """(12,) of camera_from_world, as of rolling.mean_rates; of a pair."""
     moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
     """Of one camera with a rolling shutter: where tracks were (M, 2) [px], and how fast (M, 2) [px/s]."""
     features: sift.Features | None = None
@@ -63,7 +63,7 @@ class Place:
         camera_from_world: Pose,
         images: tuple[Image, ...],
         covariance: Array | None,
-        rate: Array | None = None,
+        motion: Array | None = None,
         moving: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
     ) -> Place:
         """With the images reduced where they are large."""
@@ -73,7 +73,7 @@ class Place:
             size = (round(width * reduction), round(height * reduction))
             # At every key frame, so it must be quick; by less than half, hence without much aliasing.
             images = tuple(np.asarray(cv2.resize(i, size, interpolation=cv2.INTER_LINEAR), np.uint8) for i in images)
-        return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, rate, moving)
+        return Place(time_ns, camera_from_world, images, images[0].shape[1] / width, covariance, motion, moving)
 
     def reduced(self, uv: Array) -> Array:
         """Pixels (N, 2) of the camera as those of the reduced images."""

@@ -69,6 +69,17 @@ def late_s(camera: Camera, rows: Array) -> Array:
     return camera.line_delay_s * (rows - (camera.height - 1) / 2)
 
 
+def steady(rate: Array) -> Array:
+    """(12,) the motion whose rate (6,) does not change. See `mean_rates`."""
+    return np.concatenate([rate, np.zeros(6)])
+
+
+def mean_rates(motion: Array, seconds: Array) -> Array:
+    """(N, 6) over times (N,) after the middle row, of a motion (12,): its rate then (rho [m/s], phi [rad/s]), and how
+    that changes ([m/s^2], [rad/s^2])."""
+    return motion[:6] + 0.5 * seconds[:, None] * motion[6:]
+
+
 def moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:
     """Points (N, 3) after times (N,), in a camera of which camera_from_world changes by `rate` (6,) (rho [m/s], phi
     [rad/s]; left), or by the mean rates (N, 6) over these times. To second order: an exposure lasts milliseconds.

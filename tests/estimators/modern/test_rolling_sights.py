@@ -14,6 +14,7 @@ from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.monocular.recognise import _intersected, at_middle
 from ispom.estimators.modern.monocular.tracks import Followed
 from ispom.estimators.modern.places import Place
+from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import loop as of_pair
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.estimators.modern.stereo.pair import NewPair
@@ -57,7 +58,7 @@ def test_features_and_points_of_a_pair_are_those_of_one_time(readout_s: float) -
     view, wide = camera(readout_s), texture(320 + DISPARITY_PX)
     setup = ModernStereoConfig().build(Rig.stereo(view, 0.5))._setup
     new = NewPair(0, np.ascontiguousarray(wide[:, :320]), np.ascontiguousarray(wide[:, DISPARITY_PX:]))
-    sight = of_pair._sight(setup, StereoMap(), new, np.array([0.5, 0.3, 1.0, 0.2, -0.3, 0.4]))
+    sight = of_pair._sight(setup, StereoMap(), new, steady(np.array([0.5, 0.3, 1.0, 0.2, -0.3, 0.4])))
     points, known = sight.xyz, np.isfinite(sight.xyz[:, 2])
     assert known.sum() > 100
     np.testing.assert_allclose(points[known, :2] / points[known, 2:], sight.x[known], atol=2e-5)

@@ -53,7 +53,7 @@ def next_state(
 def _with_place(setup: Setup, state: ModernStereoState, now: Current) -> Places:
     """With what this key frame saw, and the others' poses as they are now."""
     here = (now.new.left, now.new.right)
-    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map, setup.loss), now.rate)
+    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map, setup.loss), now.motion)
     return state.places.revised({k.time_ns: k.left_from_world for k in state.map.keys}).with_place(place)
 
 

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.adjustment import optimised
+from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.corrections import corrections
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected, with_rows
-from ispom.estimators.modern.stereo.rates import with_rates
+from ispom.estimators.modern.stereo.row_motions import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, without_oldest
@@ -45,21 +46,22 @@ class Current:
     """left_from_world."""
     points: PairPoints
     """Those alive."""
-    rate: Array
-    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) since the last pair, 0 where that is a gap; or
-    while the rows of a rolling shutter were exposed."""
+    motion: Array
+    """(12,) of left_from_world, as of rolling.mean_rates: since the last pair, 0 where that is a gap; or while the rows
+    of a rolling shutter were exposed."""
 
     @staticmethod
     def of(state: ModernStereoState, new: NewPair, sighting: Sighting) -> Current:
         """Located, or where the motion led."""
         last, located = state.last, sighting.located
         pose = last.predicted(new.time_ns) if located is None else located.camera_from_world
-        rate = np.zeros(6)
-        if sighting.rate is not None:
-            rate = sighting.rate
+        motion = np.zeros(12)
+        if sighting.motion is not None:
+            motion = sighting.motion
         elif last.left is not None and not sighting.relocated:
-            rate = twist_of(pose @ last.left_from_world.inverse()) / ((new.time_ns - last.time_ns) * 1e-9)
-        return Current(new, pose, sighting.alive(last.points), rate)
+            way = pose @ last.left_from_world.inverse()
+            motion = steady(twist_of(way) / ((new.time_ns - last.time_ns) * 1e-9))
+        return Current(new, pose, sighting.alive(last.points), motion)
 
 
 def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[Decision, ...]:
@@ -89,7 +91,7 @@ def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[Pa
     disparity = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(disparity))
     fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])
-    return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.rate))
+    return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.motion))
 
 
 def extended(
@@ -99,14 +101,14 @@ def extended(
     new_ones, xyz = fresh
     points = PairPoints.joined(now.points, new_ones)
     world = state.map.with_points(new_ones.ids, xyz)
-    key = KeyFrame(now.new.time_ns, now.pose, points.ids, points.seen_by(setup.camera), now.rate, setup.shutter)
+    key = KeyFrame(now.new.time_ns, now.pose, points.ids, points.seen_by(setup.camera), now.motion, setup.shutter)
     predicted = None
     if not world.keys and state.last.left is not None:
         predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)
     world = _with_row_errors(
         setup, with_key(world, key, setup.extra_sigma, setup.settling_s, predicted), state, now, sighting
     )
-    world = with_rates(world, setup.baseline_m, setup.loss, setup.limit)
+    world = with_motions(setup, world)
     world, settled, decisions = _adjusted(setup, world, state.settled)
     newest = world.keys[-1]
     points = points.select(places(newest.ids, points.ids) >= 0)
@@ -124,7 +126,7 @@ def _with_row_errors(
         return world
     took = sighting.took_part[located.inliers]
     xyz = now.pose.apply(state.map.xyz[sighting.place[took]])
-    return with_rows(setup, world, xyz, sighting.lower[located.inliers], now.rate)
+    return with_rows(setup, world, xyz, sighting.lower[located.inliers], now.motion[:6])
 
 
 def _adjusted(

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo.pair import PairPoints
-from ispom.estimators.modern.stereo.shutter import RateBelief
+from ispom.estimators.modern.stereo.shutter import Believed
 from ispom.geometry import Array, Pose
 from ispom.numerics.twist import twist_of
 from ispom.types import Image
@@ -23,6 +24,9 @@ REST_BASELINES, REST_RAD = 0.1, 0.05
 UNKNOWN_BASELINES_S, UNKNOWN_RAD_S = 40.0, 1.0
 """Standard deviation of a motion of which nothing was measured, in baselines per second (a car on a country road, a
 camera in a running hand), and [rad/s]: the prediction then is the place of the first pair, which tells nothing."""
+
+SHAKE_RAD_S = 2 * np.pi * 2.5
+"""A hand, a step or a road shakes with some 1 to 4 Hz: how fast a motion changes, for how much it may differ."""
 
 
 def unforeseen(way: Pose, baseline_m: float) -> Array:
@@ -55,10 +59,11 @@ class LastPair:
         """(6,) of left_from_world's change (rho [m/s], phi [rad/s]), left."""
         return twist_of(self.motion) / self.motion_s if self.motion_s > 0 else np.zeros(6)
 
-    def believed_rate(self, time_ns: int, baseline_m: float) -> RateBelief:
-        """How left_from_world changes at a time, if the motion goes on as it was; it may differ, as `unforeseen`."""
+    def believed_motion(self, time_ns: int, baseline_m: float) -> Believed:
+        """How left_from_world moves at a time, if the motion goes on as it was; it may differ, as `unforeseen`."""
         seconds = self.motion_s if self.motion_s > 0 else max(self._since_s(time_ns), 1e-3)
-        return RateBelief(self.rate, unforeseen(self.motion, baseline_m) / seconds)
+        sigma = unforeseen(self.motion, baseline_m) / seconds
+        return Believed(steady(self.rate), np.concatenate([sigma, SHAKE_RAD_S * sigma]))
 
     def predicted(self, time_ns: int) -> Pose:
         """left_from_world if the motion goes on as it was, COASTING_S long at most."""

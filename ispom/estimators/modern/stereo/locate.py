@@ -18,7 +18,7 @@ from ispom.solvers.multiview.resection import resect
 MIN_INLIER_SHARE = 0.6
 """A pose refined from a prediction that fewer of its points agree with is sought again from three-point samples."""
 ROUNDS = 3
-"""The pose is located, and how it changes while the rows are exposed, so many times in turn."""
+"""The pose is located, and how it moves while the rows are exposed, so many times in turn."""
 FEW = 3
 """With fewer points than so many times the least number, the expected motion counts as well."""
 
@@ -33,26 +33,28 @@ def located(
     time_ns: int,
 ) -> tuple[PoseFit | None, Array | None]:
     """left_from_world by reprojection in both images; from three-point samples where the prediction is poor. Of a
-    rolling shutter also how it changed meanwhile (6,).
+    rolling shutter also how it moved meanwhile (12,), as of rolling.mean_rates.
 
     `place` (N,) of the points in the map, `seen` (N, 3) as KeyFrame.seen.
     """
     if not setup.shutter.rolls:
-        return _located(setup, last, world, place, seen, predicted, time_ns), None
-    believed = last.believed_rate(time_ns, setup.baseline_m)
-    rows = Rows(setup.shutter, world.xyz[place], seen, setup.baseline_m, setup.loss)
-    rate, found = believed.rate, None
+        seen = _ideal(setup, last, world, place, seen, predicted, time_ns)
+        return _located(setup, last, world, place, seen, predicted), None
+    believed = last.believed_motion(time_ns, setup.baseline_m)
+    rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.loss)
+    motion, found = believed.motion, None
     for _ in range(ROUNDS):
-        at_middle = setup.shutter.at_middle(seen, rate, setup.baseline_m)
         guess = predicted if found is None else found.camera_from_world
-        found = _located(setup, last, world, place, at_middle, guess, time_ns)
+        middle = setup.shutter.at_middle(seen, motion, setup.baseline_m)
+        middle = _ideal(setup, last, world, place, middle, guess, time_ns)
+        found = _located(setup, last, world, place, middle, guess)
         if found is None:
             return None, None
-        rate, found = rows.refined(believed, rate, found)
-    return found, rate
+        motion, found = rows.refined(believed, motion, middle, found)
+    return found, motion
 
 
-def _located(
+def _ideal(
     setup: Setup,
     last: LastPair,
     world: StereoMap,
@@ -60,14 +62,19 @@ def _located(
     seen: Array,
     predicted: Pose,
     time_ns: int,
+) -> Array:
+    """(N, 3) what a perfect pair would have seen."""
+    rate = twist_of(predicted @ last.left_from_world.inverse()) / ((time_ns - last.time_ns) * 1e-9)
+    return ideal(world, setup.baseline_m, predicted.apply(world.xyz[place]), seen, rate)
+
+
+def _located(
+    setup: Setup, last: LastPair, world: StereoMap, place: NDArray[np.int64], seen: Array, predicted: Pose
 ) -> PoseFit | None:
-    """By what all rows saw at one time."""
+    """By what all rows of a perfect pair saw at one time."""
     xyz, prior = world.xyz[place], None
-    moved = predicted @ last.left_from_world.inverse()
-    rate = twist_of(moved) / ((time_ns - last.time_ns) * 1e-9)
     if len(xyz) < FEW * setup.min_inliers:
-        prior = np.diag(unforeseen(moved, setup.baseline_m) ** -2)
-    seen = ideal(setup, world, predicted.apply(xyz), seen, rate)
+        prior = np.diag(unforeseen(predicted @ last.left_from_world.inverse(), setup.baseline_m) ** -2)
     limits = setup.loss, setup.limit, setup.baseline_m
     found = fit_pose(xyz, seen, predicted, *limits, prior)
     if found is None or found.inliers.mean() < MIN_INLIER_SHARE:

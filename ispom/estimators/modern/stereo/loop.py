@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ispom.estimators.modern.loops.loops import KeyFrameSeen, covariance_at, seen_again
 from ispom.estimators.modern.loops.sight import FEATURES, Eye, Sight
 from ispom.estimators.modern.loops.told import Correction, in_frame, landmarks_at, next_range
+from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo.loop_state import StereoLoops
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
@@ -83,26 +84,26 @@ def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSee
         newest_covariance(world, setup.loss),
         0.0,
         {k.time_ns: k.left_from_world.inverse() for k in world.keys},
-        partial(_sight, setup, world, new, after.last.rate),
+        partial(_sight, setup, world, new, steady(after.last.rate)),
         joined=not outcome.restarted,
     )
 
 
-def _sight(setup: Setup, world: StereoMap, new: NewPair, rate: Array) -> Sight:
+def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> Sight:
     found = sift.detect_and_describe(new.left, FEATURES)
     disparity = PointSearch().search(new.left, new.right, found.uv)
     good = np.isfinite(disparity) & (disparity >= MIN_DISPARITY_PX)
     points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
     xyz = np.full((len(found), 3), np.nan)
-    xyz[good] = intersected(setup, world, points, rate)
-    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, rate), found.descriptors, xyz)
+    xyz[good] = intersected(setup, world, points, motion)
+    return Sight.of(new.left, _at_middle(setup, found.uv, disparity, motion), found.descriptors, xyz)
 
 
-def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.float32], rate: Array) -> Array:
+def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.float32], motion: Array) -> Array:
     """Normalised (N, 2) where the middle row of a rolling shutter would have seen features (N, 2) [px]; what has no
     disparity (N,) is far."""
     seen = PairPoints(np.arange(len(uv)), uv, disparity_px).seen_by(setup.camera)
-    return setup.shutter.at_middle(seen, rate, setup.baseline_m)[:, :2]
+    return setup.shutter.at_middle(seen, motion, setup.baseline_m)[:, :2]
 
 
 def eye_of(setup: Setup) -> Eye:

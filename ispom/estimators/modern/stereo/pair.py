@@ -84,8 +84,8 @@ class Sighting:
     """(K,) which of the points `located` is about."""
     lower: NDArray[np.float32]
     """(K,) normalised: how much lower these are in the right image; NaN where not found."""
-    rate: Array | None = None
-    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) while rows were exposed; of a rolling shutter."""
+    motion: Array | None = None
+    """(12,) of left_from_world while rows were exposed, as of rolling.mean_rates; of a rolling shutter."""
     relocated: bool = False
     """Located by descriptors: since the last pair anything may have happened."""
 

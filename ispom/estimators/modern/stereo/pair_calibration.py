@@ -16,26 +16,27 @@ LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""
 
 
-def ideal(setup: Setup, world: StereoMap, near: Array, seen: Array, rate: Array) -> Array:
+def ideal(world: StereoMap, baseline_m: float, near: Array, seen: Array, rate: Array) -> Array:
     """Observations (N, 3) as a perfect pair's, where points are `near` (N, 3) in the left camera."""
-    late = drift(near, rate[None], world.extra[LAG], setup.baseline_m)
+    late = drift(near, rate[None], world.extra[LAG], baseline_m)
     wrong = by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], late) @ world.extra[:COLUMNS]
     out = without_lens(seen, world.extra)
     out[:, 2] -= wrong
     return out
 
 
-def intersected(setup: Setup, world: StereoMap, points: PairPoints, rate: Array) -> Array:
+def intersected(setup: Setup, world: StereoMap, points: PairPoints, motion: Array) -> Array:
     """Points (N, 3) in the left camera from disparities without the errors of the pair found so far; at 2000 baselines
-    at most. Of a rolling shutter in that of the middle row."""
+    at most; `motion` (12,) as of rolling.mean_rates. Of a rolling shutter in that of the middle row."""
     seen = points.seen_by(setup.camera)
     left, lag = without_lens(seen[:, :2], world.extra), world.extra[LAG]
     x, y = left.T
     right = seen[:, 2] - by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2]) @ world.extra[:COLUMNS]
+    rate = motion[:6]
     disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
     depth = (setup.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, LEAST_DISPARITY)
     near = np.column_stack([left, np.ones(len(seen))]) * depth[:, None]
-    return setup.shutter.points_at_middle(near, rate)
+    return setup.shutter.points_at_middle(near, motion)
 
 
 def with_rows(setup: Setup, world: StereoMap, near: Array, lower: Array, rate: Array) -> StereoMap:

@@ -126,8 +126,8 @@ def _intersected(
     disparity = (reduced / place.reduction).astype(np.float32)
     good = disparity >= MIN_DISPARITY_PX
     points = PairPoints(np.arange(int(good.sum())), features.uv[good], disparity[good])
-    rate = np.zeros(6) if place.rate is None else place.rate
-    return points, features.descriptors[good], intersected(setup, state.map, points, rate)
+    motion = np.zeros(12) if place.motion is None else place.motion
+    return points, features.descriptors[good], intersected(setup, state.map, points, motion)
 
 
 def _agreeing(
@@ -169,8 +169,8 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
         state = replace(state, settled=state.settled.extended((k.time_ns, k.left_from_world) for k in world.keys))
         nothing = PairPoints()
         known = np.zeros((6, 6)) if place.covariance is None else place.covariance
-        seen, rate = nothing.seen_by(setup.camera), np.zeros(6) if place.rate is None else place.rate
-        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, rate, setup.shutter)
+        seen, motion = nothing.seen_by(setup.camera), np.zeros(12) if place.motion is None else place.motion
+        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, setup.shutter)
         world = with_key(emptied(world), key, setup.extra_sigma, setup.settling_s, known)
     world = world.with_points(points.ids, place.camera_from_world.inverse().apply(found.xyz))
     last = replace(state.last, points=PairPoints.joined(state.last.points, points))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.places import in_sight
+from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.locate import located
@@ -90,10 +91,10 @@ def _begun(
     assert sighting.located is not None
     pose, last, (key, *others) = sighting.located.camera_from_world, state.last, state.map.keys
     seconds = (new.time_ns - last.time_ns) * 1e-9
-    rate = twist_of(pose @ last.left_from_world.inverse()) / seconds
-    near = setup.shutter.points_at_middle(key.left_from_world.apply(state.map.xyz), rate - key.rate)
+    motion = steady(twist_of(pose @ last.left_from_world.inverse()) / seconds)
+    near = setup.shutter.points_at_middle(key.left_from_world.apply(state.map.xyz), motion - key.motion)
     xyz = key.left_from_world.inverse().apply(near)
-    world = replace(state.map, xyz=xyz, keys=(replace(key, rate=rate), *others))
+    world = replace(state.map, xyz=xyz, keys=(replace(key, motion=motion), *others))
     last = replace(last, motion=pose @ last.left_from_world.inverse(), motion_s=seconds)
     again = _sighted(setup, last, world, new, pose, sighting.uv, sighting.status)
     return replace(state, map=world), again
@@ -133,7 +134,7 @@ def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, 
     if first.located is None:
         return first
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
-    near = setup.shutter.as_seen(pose.apply(world.xyz[place]), last.rate)
+    near = setup.shutter.as_seen(pose.apply(world.xyz[place]), steady(last.rate))
     uv, status = _projected(setup, world, near)
     uv, status = realigned(setup, last, world, new.left, uv, status, near, pose)
     return _better(first, _sighted(setup, last, world, new, pose, uv, status))
@@ -152,7 +153,7 @@ def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predic
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
         return Sighting.nothing()
-    near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), last.rate)
+    near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), steady(last.rate))
     found = led(setup, last, world, new, near, predicted) if guided else None
     if found is None:
         uv, status = _tracked(setup, last, world, new.left, near if guided else None)
@@ -179,10 +180,10 @@ def _sighted(
     expected = (setup.camera.fx * setup.baseline_m / depth).astype(np.float32)
     disparity[alive], lower = PointSearch().follow(new.left, new.right, uv[alive], expected, guided)
     seen = PairPoints(points.ids[alive], uv[alive], disparity[alive]).seen_by(setup.camera)
-    motion, rate = located(setup, last, world, place[alive], seen, predicted, new.time_ns)
-    if motion is not None:
-        status[alive[~motion.inliers]] = TrackStatus.REPROJECTION
-    return Sighting(uv, disparity, status, place, motion, alive, lower / setup.camera.fy, rate)
+    found, motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns)
+    if found is not None:
+        status[alive[~found.inliers]] = TrackStatus.REPROJECTION
+    return Sighting(uv, disparity, status, place, found, alive, lower / setup.camera.fy, motion)
 
 
 def _tracked(

@@ -32,13 +32,18 @@ class KeyFrame:
     """(N,) of the points seen, ascending."""
     seen: Array
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
-    rate: Array
-    """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
+    motion: Array
+    """(12,) of left_from_world, as of rolling.mean_rates; its change is known of a rolling shutter only."""
     shutter: Shutter = Shutter()
+
+    @property
+    def rate(self) -> Array:
+        """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
+        return self.motion[:6]
 
     def at_middle(self, baseline_m: float) -> Array:
         """(N, 3) `seen` as it was with the middle row."""
-        return self.shutter.at_middle(self.seen, self.rate, baseline_m)
+        return self.shutter.at_middle(self.seen, self.motion, baseline_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +122,7 @@ def with_key(
         prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
         if len(keys) == 1:
             # Nothing was before the first one: it moved as the second does.
-            keys = (replace(keys[0], rate=key.rate),)
+            keys = (replace(keys[0], motion=key.motion),)
     return replace(state, keys=(*keys, key), prior=prior, covariance=covariance, start=start)
 
 

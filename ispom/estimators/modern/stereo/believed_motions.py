@@ -1,0 +1,42 @@
+"""How each key frame is held to move while the rows of a rolling shutter are exposed, by where those beside it are."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ispom.estimators.modern.rolling import steady
+from ispom.estimators.modern.stereo.last_pair import SHAKE_RAD_S, unforeseen
+from ispom.estimators.modern.stereo.shutter import Believed
+from ispom.estimators.modern.stereo.window import KeyFrame
+from ispom.geometry import Array
+from ispom.numerics.twist import twist_of
+
+
+def believed_motions(keys: tuple[KeyFrame, ...], baseline_m: float) -> list[Believed]:
+    """How each key frame moves, by where those beside it are."""
+    ways = [b.left_from_world @ a.left_from_world.inverse() for a, b in pairwise(keys)]
+    seconds = np.array([b.time_ns - a.time_ns for a, b in pairwise(keys)]) * 1e-9
+    rates = np.array([twist_of(way) for way in ways]) / seconds[:, None]
+    foreseen = np.array([unforeseen(way, baseline_m) for way in ways]) / seconds[:, None]
+    shaken = SHAKE_RAD_S * _shaken(rates, seconds, foreseen.mean(axis=0) / SHAKE_RAD_S)
+    sigma = np.concatenate([shaken, SHAKE_RAD_S * shaken])
+    # The nearer in time a neighbour is, the more it says of the motion here.
+    share = (seconds[:-1] / (seconds[:-1] + seconds[1:]))[:, None]
+    between = (1 - share) * rates[:-1] + share * rates[1:]
+    change = (rates[1:] - rates[:-1]) / (0.5 * (seconds[:-1] + seconds[1:]))[:, None]
+    inner = np.concatenate([between, change], axis=1)
+    every = [steady(rates[0]), *inner, steady(rates[-1])]
+    return [Believed(motion, sigma) for motion in every]
+
+
+def _shaken(rates: Array, seconds: Array, usual: Array) -> Array:
+    """(6,) by how much poses deviate from a steady motion: by how much the mean rates (C, 6) between them, over times
+    (C,), differ; and by the `usual` (6,), as if that were one more difference along one axis."""
+    before, after = 1 / seconds[:-1], 1 / seconds[1:]
+    # Of deviations that are independent and alike: of the middle pose, and of those at the ends.
+    gain = (before + after) ** 2 + before**2 + after**2
+    found = np.diff(rates, axis=0) ** 2 / gain[:, None]
+    square = [np.append(found[:, part], usual[part][0] ** 2).mean() for part in (slice(0, 3), slice(3, 6))]
+    return np.sqrt(np.repeat(square, 3))

@@ -1,0 +1,139 @@
+"""How the key frames moved while the rows of a rolling shutter were exposed: sought for all of the window together.
+
+Against a map alone it cannot be found: points that a wrong motion put aside are put aside alike the next time. What
+tells is that the same points are seen in other rows, and where the key frames before and after are. What is wrong with
+the pair bends images much as a motion does, so it is sought as well. Steps of bundle adjustment of poses, motions,
+points and pair; the adjustment that follows holds the motions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.estimators.modern.stereo.believed_motions import believed_motions
+from ispom.estimators.modern.stereo.pair_calibration import ideal
+from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shutter import Believed, pair_reprojected
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
+from ispom.geometry import Array, Pose
+from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, LAG, PAIR, by_column, drift
+from ispom.solvers.window.prior import POSE
+
+STEPS = 3
+MOVES = 18
+"""Unknowns of a key frame: the left twist of its pose, and its motion."""
+HELD = 1e30
+"""Information of what is not to be estimated."""
+LEAST = 1e-9
+"""Added to the information of each unknown: far points say nothing of their depth, and nothing may be left to see of a
+key frame's points."""
+
+
+def with_motions(setup: Setup, world: StereoMap) -> StereoMap:
+    """The map with better motions of its key frames. Nothing changes with a global shutter, or a single key frame."""
+    if len(world.keys) < 2 or not setup.shutter.rolls:
+        return world
+    believed = believed_motions(world.keys, setup.baseline_m)
+    for _ in range(STEPS):
+        world = _stepped(setup, world, believed)
+    return world
+
+
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """What a key frame observed of points that are seen twice."""
+
+    point: NDArray[np.int64]
+    """(O,) ascending."""
+    by_unknown: Array
+    """(O, 3, MOVES + PAIR) how x, y and the right x follow the key frame's unknowns, and the pair's."""
+    by_point: Array
+    """(O, 3, 3) how they follow the point in the world."""
+    error: Array
+    """(O, 3) where they were seen, minus where they are."""
+
+    @staticmethod
+    def of(
+        setup: Setup, world: StereoMap, key: KeyFrame, place: NDArray[np.int64], count: NDArray[np.int64]
+    ) -> _Observed:
+        """Where its points have places (N,) in the map, whose points are seen (M,) times; without those beyond the
+        limit."""
+        near = key.left_from_world.apply(world.xyz[place])
+        good = np.flatnonzero((place >= 0) & (count[place] >= 2) & (near[:, 2] > 1e-6))
+        middle, near = key.at_middle(setup.baseline_m)[good], near[good]
+        exact = ideal(world, setup.baseline_m, near, middle, key.rate)
+        by_twist, by_point, error = pair_reprojected(near, exact, setup.baseline_m)
+        by_motion = key.shutter.by_motion(by_twist, key.seen[good, 1])
+        by_unknown = np.concatenate([by_twist, by_motion, _by_pair(setup, world, key, near, middle)], axis=2)
+        inside = (error**2).sum(axis=1) < setup.limit**2
+        in_world = by_point[inside] @ key.left_from_world.rotation
+        return _Observed(place[good][inside], by_unknown[inside], in_world, error[inside])
+
+
+def _by_pair(setup: Setup, world: StereoMap, key: KeyFrame, near: Array, middle: Array) -> Array:
+    """(N, 3, PAIR) how x, y and the right x, seen at (N, 3), follow what is wrong with the pair; 0 where the right x is
+    unknown."""
+    late = drift(near, key.rate[None], world.extra[LAG], setup.baseline_m)
+    out, square = np.zeros((len(middle), 3, PAIR)), (middle[:, :2] ** 2).sum(axis=1)
+    out[:, :2, BOTH_K1], out[:, :2, BOTH_K2] = square[:, None] * middle[:, :2], square[:, None] ** 2 * middle[:, :2]
+    out[:, 2, :COLUMNS] = by_column(middle[:, [2, 1]], middle[:, 0] - middle[:, 2], late)
+    return out
+
+
+def _stepped(setup: Setup, world: StereoMap, believed: list[Believed]) -> StereoMap:
+    places = [world.places(k.ids) for k in world.keys]
+    every = np.concatenate(places)
+    count = np.bincount(every[every >= 0], minlength=len(world.ids))
+    observed = [_Observed.of(setup, world, *each, count) for each in zip(world.keys, places, strict=True)]
+    used = np.unique(np.concatenate([seen.point for seen in observed]))
+    first = len(observed) * MOVES
+    pair = np.arange(first, first + PAIR)
+    # Key frames and pair: normal equations. Points: own blocks and sides, and rows of what each shares with those.
+    hessian, right = LEAST * np.eye(first + PAIR), np.zeros(first + PAIR)
+    own, side, rows = np.zeros((len(used), 3, 3)), np.zeros((len(used), 3)), np.zeros((len(used), 3, first + PAIR))
+    for c, seen in enumerate(observed):
+        here, point = np.concatenate([MOVES * c + np.arange(MOVES), pair]), np.searchsorted(used, seen.point)
+        root = 1 / np.sqrt(setup.loss**2 + (seen.error**2).sum(axis=1))[:, None, None]
+        by_unknown, by_point, error = root * seen.by_unknown, root * seen.by_point, root[:, 0] * seen.error
+        flat, turned = by_unknown.reshape(-1, len(here)), by_point.transpose(0, 2, 1)
+        hessian[np.ix_(here, here)] += flat.T @ flat
+        right[here] += flat.T @ error.ravel()
+        own[point] += turned @ by_point
+        side[point] += (turned @ error[:, :, None])[:, :, 0]
+        shared = turned @ by_unknown
+        rows[point, :, MOVES * c : MOVES * (c + 1)] = shared[:, :, :MOVES]
+        rows[point, :, first:] += shared[:, :, MOVES:]
+    _add_known(setup, world, believed, hessian, right)
+    inverse = np.linalg.inv(own + LEAST * np.eye(3))
+    carried, flat = (inverse @ rows).reshape(-1, len(right)), rows.reshape(-1, len(right))
+    step = np.linalg.solve(hessian - flat.T @ carried, right - carried.T @ side.ravel())
+    xyz = world.xyz.copy()
+    xyz[used] += (inverse @ (side - rows @ step)[:, :, None])[:, :, 0]
+    keys = tuple(
+        replace(k, left_from_world=Pose.exp(s[:POSE]) @ k.left_from_world, motion=k.motion + s[POSE:])
+        for k, s in zip(world.keys, step[:-PAIR].reshape(-1, MOVES), strict=True)
+    )
+    return replace(world, keys=keys, xyz=xyz, extra=world.extra + step[-PAIR:])
+
+
+def _add_known(setup: Setup, world: StereoMap, believed: list[Believed], hessian: Array, right: Array) -> None:
+    """Adds what is known of the motions, and what has left the window says of poses and pair."""
+    for c, (key, known) in enumerate(zip(world.keys, believed, strict=True)):
+        here = MOVES * c + np.arange(POSE, MOVES)
+        hessian[here, here] += known.sigma**-2
+        right[here] += (known.motion - key.motion) / known.sigma**2
+    assert world.prior is not None
+    first = len(right) - PAIR
+    of_poses = (MOVES * np.arange(len(world.prior.rotations))[:, None] + np.arange(POSE)).ravel()
+    here = np.concatenate([of_poses, np.arange(first, first + PAIR)])
+    poses = [k.left_from_world for k in world.keys]
+    shift = world.prior.shifted(
+        np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]), world.extra
+    )
+    hessian[np.ix_(here, here)] += world.prior.hessian
+    right[here] -= world.prior.gradient + world.prior.hessian @ shift
+    held = first + np.flatnonzero(setup.extra_sigma <= 0)
+    hessian[held, held] += HELD
