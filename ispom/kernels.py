@@ -96,7 +96,7 @@ def is_kept(found: Dispatcher) -> bool:
 def kept_share() -> float:
     """How much of the machine code of all kernels is kept, 0..1, by what it takes to compile it.
 
-    That is about the length of the kernel, and a third of that of what it calls: most of that others call, too.
+    That is about the length of the kernel with all that it calls, also where others call it, too.
     """
     folder = kept_code.folder()
     present = {name.rpartition("-")[0] for name in os.listdir(folder) if name.endswith(SUFFIX)} if folder else set()
@@ -104,9 +104,8 @@ def kept_share() -> float:
     return sum(lengths[name] for name in lengths if name in present) / max(sum(lengths.values()), 1)
 
 
-def _length(function: FunctionType) -> float:
-    called = [len(one.__code__.co_code) for one in _called(function, set())]
-    return called[0] + sum(called[1:]) / 3
+def _length(function: FunctionType) -> int:
+    return sum(len(one.__code__.co_code) for one in _called(function, set()))
 
 
 def may_keep() -> bool:

@@ -7,6 +7,7 @@ first exposure is computed. The app's first start of all does not wait: it shows
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import time
 from collections.abc import Iterable
@@ -26,8 +27,8 @@ COMMAND = [sys.executable, "-m", "ispom.warm_up"]
 COMPILED = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
 _running: list[Child] = []
 """The process: at most one."""
-_pace: list[Pace] = [Pace()]
-"""How far it has been [s, monotonic]."""
+_pace: list[Pace] = []
+"""How far the process has been, by the monotonic clock."""
 _failures: list[str] = []
 
 
@@ -45,7 +46,7 @@ class Progress:
         """For people: "20 s left", "1 % done"."""
         if self.left_s is None:
             return f"{100 * self.share:.0f} % done"
-        return f"{self.left_s:.0f} s left"
+        return f"{math.ceil(self.left_s)} s left"
 
 
 def needed(methods: Iterable[str], config: Config) -> bool:
@@ -70,7 +71,7 @@ def start(methods: Iterable[str], config: Config) -> None:
     if needed(methods, config) and not _running and not _failures and not compiled_before():
         try:
             _running.append(Child(COMMAND))
-            _pace[0] = Pace()
+            _pace[:] = [Pace(time.monotonic())]
         except OSError as fault:
             _failed(str(fault))
 
@@ -94,9 +95,10 @@ def progress() -> Progress | None:
     """How far it is; None where no compilation is going on."""
     if finished() or not _running:
         return None
-    share, now_s = kept_share(), time.monotonic()
-    _pace[0] = pace = _pace[0].after(now_s, share)
-    return Progress(share, pace.left_s(now_s))
+    share, spent_s = kept_share(), _running[0].spent_s
+    if spent_s is not None:
+        _pace[0] = _pace[0].after(time.monotonic(), spent_s, share)
+    return Progress(share, _pace[0].left_s)
 
 
 def message() -> str:

@@ -11,6 +11,7 @@ from ispom_app.run import warmup
 from ispom_app.session import commands as do
 
 from ispom import warm_up
+from ispom.child import Child
 from ispom.methods import Config
 from tests.app import helpers
 
@@ -42,17 +43,21 @@ def test_it_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("started")
 def test_how_far_it_is_can_be_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    def at(now_s: float, spent_s: float | None, share: float) -> str:
+        monkeypatch.setattr(warmup.time, "monotonic", lambda: now_s)
+        monkeypatch.setattr(Child, "spent_s", spent_s)
+        monkeypatch.setattr(warmup, "kept_share", lambda: share)
+        return warmup.message().removeprefix(f"{warmup.MESSAGE}: ")
+
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
+    monkeypatch.setattr(warmup.time, "monotonic", lambda: 100.0)
     assert warmup.progress() is None and warmup.message() == warmup.MESSAGE
     warmup.start(*MODERN)
     (child,) = warmup._running
-    monkeypatch.setattr(warmup, "kept_share", lambda: 0.0)
-    assert warmup.message() == f"{warmup.MESSAGE}: 0 % done"
-    for share, now_s in ((0.1, 50.0), (0.75, 50.0 + 0.75 * 30)):
-        monkeypatch.setattr(warmup.time, "monotonic", lambda now_s=now_s: now_s)
-        monkeypatch.setattr(warmup, "kept_share", lambda share=share: share)
-        now = warmup.progress()
-    assert now == warmup.Progress(0.75, pytest.approx(7.5)) and warmup.message() == f"{warmup.MESSAGE}: 8 s left"
+    assert at(101.0, 0.5, 0.0) == "0 % done"
+    assert at(110.0, 5.0, 0.1) == "28 s left"  # 14.0 of a processor of which half is given
+    assert at(114.0, 7.0, 0.1) == "24 s left"
+    assert at(120.0, None, 0.1) == "24 s left"  # the system does not tell
     child.stop()
     assert warmup.progress() is None
 
