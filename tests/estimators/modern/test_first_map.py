@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.monocular import first_map as module
-from ispom.estimators.modern.monocular.first_map import first_map
+from ispom.estimators.modern.monocular.first_map import anchored_prior, first_map
 from ispom.estimators.modern.monocular.map import Map
 from ispom.estimators.modern.monocular.start import Start
 from ispom.estimators.tracked_frame import TrackedFrame
@@ -59,3 +59,18 @@ def test_a_lone_hypothesis_is_never_clear(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(module, "hypotheses", lambda *_: alone)
     found, decisions = tried(still=COUNT, impatient=False)
     assert found is None and not decisions["ambiguity"].passed
+
+
+@pytest.mark.parametrize("unit_sigma", [0.0, 0.3])
+@pytest.mark.parametrize("place_m", [0.0, 5.0])
+def test_the_unit_of_a_map_is_as_sure_as_told_wherever_its_first_pose_may_be(place_m: float, unit_sigma: float) -> None:
+    """After a loss the place is not known; how far its first two key frames are apart is what it was."""
+    poses = (Pose.exp(np.array([3.0, -1, 2, 0.4, -0.2, 0.9])), Pose.exp(np.array([3.2, -1.4, 2.3, 0.5, -0.3, 0.7])))
+    known = np.diag([place_m**2] * 3 + [(0.1 * place_m) ** 2] * 3)
+    prior = anchored_prior(poses, np.zeros(2), known, unit_sigma)
+    covariance = np.linalg.inv(prior.hessian + np.diag([0.0] * 6 + [1e-4] * 6 + [0.0] * 2))
+    apart = poses[1].translation - poses[0].translation
+    away = apart / (apart @ apart)
+    # Left twists of camera_from_world: its centre moves by -R' rho.
+    log_unit = np.concatenate([poses[0].rotation.T @ away, np.zeros(3), -poses[1].rotation.T @ away, np.zeros(5)])
+    np.testing.assert_allclose(np.sqrt(log_unit @ covariance @ log_unit), unit_sigma, atol=1e-3, rtol=1e-3)

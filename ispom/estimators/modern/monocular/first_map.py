@@ -276,9 +276,12 @@ def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, un
     unit = float(np.linalg.norm(apart))
     # A right twist of world_from_camera is, but for its sign, the left one of its inverse.
     hessian[:POSE, :POSE] = np.linalg.inv(first + 1e-12 * np.diag([unit**2] * 3 + [1.0] * 3))
-    along = -rotations[-1] @ apart / unit  # how a left twist's rho moves the last centre away from the first
-    last = slice(POSE * (len(poses) - 1), POSE * len(poses))
-    hessian[last, last][:3, :3] += np.outer(along, along) / (unit**2 * (1e-12 + unit_sigma**2))
+    # How left twists' rho move the last centre away from the first, which may be anywhere after a loss.
+    along, last = np.zeros(size), POSE * (len(poses) - 1)
+    along[last : last + 3] = -rotations[-1] @ apart / unit
+    if first.any():
+        along[:3] = rotations[0] @ apart / unit
+    hessian += np.outer(along, along) / (unit**2 * (1e-12 + unit_sigma**2))
     hessian[size - LENS :, size - LENS :] = np.diag(np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0)
     sandwich = Sandwich(hessian, hessian / LOSS**2)
     return Prior(rotations, translations, np.zeros(LENS), hessian, np.zeros(size), sandwich=sandwich)
