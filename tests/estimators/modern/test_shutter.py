@@ -46,7 +46,7 @@ def seen(near: Array) -> Array:
 def rolled(xyz: Array, pose: Pose = POSE, motion: Array = MOTION) -> Array:
     """(N, 3) as rows that are exposed when they are saw points (N, 3) in the world."""
     found = seen(pose.apply(xyz))
-    for _ in range(8):
+    for _ in range(5):
         late_s = SHUTTER.late_s(found[:, 1])
         ways = [Pose.exp(t * motion[:6] + 0.5 * t**2 * motion[6:]) for t in late_s]
         near = [way.apply(pose.apply(p[None]))[0] for way, p in zip(ways, xyz, strict=True)]
