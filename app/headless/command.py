@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
+from ispom.frontends.pair_look import MIXED_UP
 from ispom.methods import default_methods, in_order, require_cameras, with_asked
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
@@ -111,7 +112,9 @@ def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
 def _require_poses(job: Job, finished: Finished) -> None:
     if all(len(finished.trajectories[method]) < 2 for method in job.methods):
         source = without_secrets(job.options.source)
-        raise InputError(f"{source}: no method found any motion: give images with texture in focus, and overlap")
+        mixed_up = [f"{note[0].lower()}{note[1:-1]}" for note in job.playback.sequence.notes if note in MIXED_UP]
+        cure = mixed_up[0] if mixed_up else "give images with texture in focus, and overlap"
+        raise InputError(f"{source}: no method found any motion: {cure}")
 
 
 def _reason(error: BaseException, playback: Playback) -> str:

@@ -45,6 +45,9 @@ EXCHANGED = (
     "other way round."
 )
 
+MIXED_UP = (SIDE_BY_SIDE, SAME, EXCHANGED)
+"""Of such images no method finds any motion."""
+
 
 def with_look(sequence: Sequence) -> Sequence:
     """The same, with a note where its first images cannot be those of the cameras that its rig has.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ from ispom_app.run.folder.run_folder import MARKER, RunFolder
 from ispom_app.run.playback import Builder
 
 from ispom.ensemble import Ensemble, build
+from ispom.frontends.pair_look import EXCHANGED
 from ispom.io.tum import read_tum
 from ispom.methods import Config
 from ispom.types import Rig
@@ -231,6 +233,15 @@ def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     told = sentence(capsys, str(drive), "--out", str(out), builder=build)
     assert "no method found any motion: give images with texture" in told
     assert "no method" in (out / MARKER).read_text() and (out / "metrics.json").exists()
+
+
+def test_no_motion_of_images_that_are_mixed_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ispom_app.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED)))
+    drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
+    told = sentence(capsys, str(drive), "--out", str(out), builder=build)
+    assert "no method found any motion: left and right seem to be exchanged" in told and "texture" not in told
 
 
 @pytest.mark.parametrize(
