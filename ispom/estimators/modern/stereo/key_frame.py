@@ -19,6 +19,7 @@ from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, without_oldest
 from ispom.frontends.buckets import detect_spread
 from ispom.frontends.corners import at_subpixel
+from ispom.frontends.patches import deviations
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
@@ -33,6 +34,12 @@ CROWD = 2.0
 """Times its share of the points that a part of the image may hold. The strongest corners alone stand in heaps, mostly
 on what is far ahead, and what they have in common, such as one edge's disparity, is not averaged out; of equal shares
 many are weak ones."""
+CANDIDATES = 1.5
+"""Corners looked for, over those wanted: of a third the match is not as sure as of most."""
+LIKE_MOST = 1.3
+"""Times their median that deviations of new disparities may be. What a patch predicts of its match is what it turns out
+to be off by: from 0.04 px to ten times that, and where it sees two surfaces, several pixels, towards the nearer one.
+One weight and one covariance for all points hold for like ones."""
 CORNER_RADIUS_PX, CORNER_STEPS = 3, 5
 """Of the sub-pixel place of a corner."""
 
@@ -79,19 +86,31 @@ def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple
     )
 
 
-def corners(setup: Setup, new: NewPair, points: PairPoints) -> NDArray[np.float32]:
-    """(N, 2) [px] in the left image, between the points there are."""
-    found = detect_spread(new.left, setup.max_tracks, points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0])
+def corners(setup: Setup, new: NewPair, points: PairPoints, share: float = 1.0) -> NDArray[np.float32]:
+    """(N, 2) [px] in the left image, between the points there are; so many that with them there are `share` times as
+    many points as are tracked."""
+    count = int(share * setup.max_tracks)
+    found = detect_spread(new.left, count, points.uv, CORNER_DISTANCE_PX, crowd=CROWD, half=new.halves[0])
     return at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
 
 
 def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
     """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
-    new, uv = now.new, corners(setup, now.new, now.points)
+    new, uv = now.new, corners(setup, now.new, now.points, CANDIDATES)
     disparity = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(disparity))
+    if len(found) > setup.min_inliers:
+        found = found[_like_most(new, uv[found], disparity[found])]
+    found = found[: max(setup.max_tracks - len(now.points), 0)]
     fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])
     return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.motion))
+
+
+def _like_most(new: NewPair, uv: NDArray[np.float32], disparity_px: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(N,) of which points (N, 2) [px] the disparity (N,) is about as sure as usual."""
+    in_right = uv - np.column_stack([disparity_px, np.zeros_like(disparity_px)])
+    found = deviations(new.left, uv, new.right, in_right)
+    return np.asarray(found <= LIKE_MOST * median(found))
 
 
 def extended(
