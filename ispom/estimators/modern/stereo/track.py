@@ -62,8 +62,10 @@ def sight(
         return state, sighting, (guided, nearby)
     if not setup.relocalise or not has_contrast(new.left, last.left):
         why = "the image shows nothing to describe" if setup.relocalise else "descriptors are not compared"
-        nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, setup.min_inliers, why)
-        return state, sighting, (guided, nearby, nothing)
+        # After a loss, few points may agree about another window of the same facade, and nothing tells them apart.
+        needed = wanted if state.lost_pairs else setup.min_inliers
+        nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, needed, why)
+        return state, sighting if nothing.passed else Sighting.nothing(), (guided, nearby, nothing)
     state, found = recognised(setup, state, new)
     if found is not None:
         joint = joined(setup, state, found)
