@@ -22,7 +22,7 @@ def test_a_turned_and_grown_patch_is_found() -> None:
     uv = detect_spread(image, 150, np.zeros((0, 2), np.float32), 10.0, 30)
     motion = cv2.getRotationMatrix2D((160, 120), 4.0, 1.12)
     motion[:, 2] += (0.37, -0.61)
-    moved = cv2.warpAffine(image, motion, (320, 240), flags=cv2.INTER_CUBIC)
+    moved = np.asarray(cv2.warpAffine(image, motion, (320, 240), flags=cv2.INTER_CUBIC), np.uint8)
     true = uv @ motion[:, :2].T + motion[:, 2]
     warps = np.repeat(np.linalg.inv(motion[:, :2])[None], len(uv), axis=0)
     found, score = align(image, uv, moved, true + 1.0, warps)
