@@ -112,7 +112,7 @@ def test_an_address_that_cannot_be_opened(calibration: Path) -> None:
 
 
 def test_a_stream_of_too_few_images(calibration: Path) -> None:
-    with streaming(images(2, 0)) as stream, pytest.raises(InputError, match=r"ended after 2 image\(s\)"):
+    with streaming(images(2, 0)) as stream, pytest.raises(InputError, match=r"ended after 2 images"):
         open_sequence(stream.url, camera=calibration)
 
 

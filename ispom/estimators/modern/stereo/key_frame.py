@@ -40,6 +40,8 @@ LIKE_MOST = 1.3
 """Times their median that deviations of new disparities may be. What a patch predicts of its match is what it turns out
 to be off by: from 0.04 px to ten times that, and where it sees two surfaces, several pixels, towards the nearer one.
 One weight and one covariance for all points hold for like ones."""
+SURE_PX = 0.03
+"""Deviations below this are as good as each other: images without noise would leave out all but their finest match."""
 CORNER_RADIUS_PX, CORNER_STEPS = 3, 5
 """Of the sub-pixel place of a corner."""
 
@@ -110,7 +112,7 @@ def _like_most(new: NewPair, uv: NDArray[np.float32], disparity_px: NDArray[np.f
     """(N,) of which points (N, 2) [px] the disparity (N,) is about as sure as usual."""
     in_right = uv - np.column_stack([disparity_px, np.zeros_like(disparity_px)])
     found = deviations(new.left, uv, new.right, in_right)
-    return np.asarray(found <= LIKE_MOST * median(found))
+    return np.asarray(found <= LIKE_MOST * max(median(found), SURE_PX))
 
 
 def extended(
