@@ -22,6 +22,7 @@ function step(name, shown, ask) {
 // `drives` says whether this page may change all that; one that follows another's may look at an exposure of its own.
 export function makeAddress(send, drives) {
   let wanted = read(late.instead(location.hash)); // what is still to be reached; null while the address follows the page
+  if (wanted && played.before()) delete wanted.at; // a run that plays goes on: its address is behind it
   let since = performance.now(); // when that was read
   let asked = null; // the step that was asked for, and the notices that there were then
   let driving = false; // whether this page drove when it last looked
@@ -44,8 +45,16 @@ export function makeAddress(send, drives) {
     written = location.hash;
     if (wanted && shown) follow(shown);
   });
+  // What is written while the page is left goes with it: it stays due.
+  addEventListener("beforeunload", () => {
+    if (due === null) return;
+    clearTimeout(due);
+    due = setTimeout(() => write(shown), 2 * WRITE_MS);
+    writtenAt = performance.now() + WRITE_MS;
+  });
   let shown = null;
   const follow = (state) => {
+    if (state.playing !== shown?.playing) played.keep(state.playing);
     shown = state;
     if (state.phase === "opening" || state.index < 0) return;
     if (wanted && !reached(state)) return;
@@ -95,6 +104,12 @@ const late = {
     const [written, due] = JSON.parse(stored((session) => session.getItem("address")) ?? "[]");
     return written === hash ? due : hash;
   },
+};
+
+// Whether the run played when this page was left to be loaded again.
+const played = {
+  keep: (playing) => stored((session) => session.setItem("playing", playing)),
+  before: () => performance.getEntriesByType("navigation")[0]?.type === "reload" && stored((session) => session.getItem("playing")) === "true",
 };
 
 // A browser may forbid to keep anything.

@@ -1,4 +1,6 @@
 // The calibration page: asks, shows how far it is, and then images, points, residuals and maps of each camera.
+import { keepFocus } from "./focus.js";
+
 const POLL_MS = 400;
 const by = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
@@ -73,6 +75,7 @@ function showCamera() {
     const tab = document.createElement("button");
     tab.textContent = each.name;
     tab.role = "tab";
+    tab.dataset.camera = i;
     tab.ariaSelected = String(i === camera);
     tab.onclick = () => { camera = i; view = 0; showCamera(); };
     return tab;
@@ -83,6 +86,7 @@ function showCamera() {
   const bars = (each?.views ?? []).map((v, i) => {
     const bar = document.createElement("button");
     bar.role = "option";
+    bar.dataset.view = i;
     bar.className = v.reason ? "lost" : "";
     bar.style.height = `${Math.max(12, 100 * ((v.rms_px ?? most) / most))}%`;
     bar.title = bar.ariaLabel = `${v.name}: ${v.reason || (v.rms_px == null ? `${v.points} points` : `${v.rms_px.toFixed(3)} px`)}`;
@@ -172,5 +176,6 @@ by("simulate").onclick = () => {
   start();
 };
 by("scale").querySelector("input").oninput = draw;
+keepFocus(document);
 poll();
 window.calibration = { get state() { return state; }, get view() { return [camera, view]; } };

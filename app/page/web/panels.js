@@ -1,19 +1,30 @@
 // What the panels' own HTML asks for: an element with data-select, data-seek, data-pick or data-learn is one that a click, or Enter,
 // answers, and so is a button with data-plot (Enter and Space click it anyway); and which tab is open, for what nobody sees is not drawn.
 
+const ASKS = "[data-select], [data-seek], [data-pick], [data-plot], [data-learn]";
+const same = (one, other) => Object.keys(one.dataset).every((name) => name === "index" || one.dataset[name] === other.dataset[name]);
+
 export function listenToPanels(page, command, tabOpened) {
   const body = page.body;
+  let pressed = null;
   const asked = (event) => {
-    const element = event.target.closest?.("[data-select], [data-seek], [data-pick], [data-plot], [data-learn]");
+    const element = event.target.closest?.(ASKS);
     if (!element) return;
     const { select, seek, pick, plot, learn } = element.dataset;
     if (learn !== undefined) command({ do: "learn", lesson: learn });
     if (seek !== undefined) command({ do: "seek", index: Number(seek) });
     if (select !== undefined) command({ do: "select", what: select });
-    if (plot !== undefined && event.type === "click") command({ do: "plot", name: plot });
-    if (pick !== undefined && event.type === "click") command({ do: "pick", camera: pick, ...place(element, event) });
+    if (plot !== undefined && event.type !== "keydown") command({ do: "plot", name: plot });
+    if (pick !== undefined && event.type !== "keydown") command({ do: "pick", camera: pick, ...place(element, event) });
   };
   body.addEventListener("click", asked);
+  // Where a panel is drawn anew between press and release there is no click: what asks for the same then stands for what was pressed.
+  body.addEventListener("pointerdown", ({ target }) => (pressed = target.closest?.(ASKS)));
+  body.addEventListener("pointerup", (event) => {
+    const element = event.target.closest?.(ASKS);
+    if (element && pressed && !pressed.isConnected && same(pressed, element)) asked(event);
+    pressed = null;
+  });
   body.addEventListener("keydown", (event) => event.key === "Enter" && asked(event));
   const watch = () => tabOpened(body.querySelector("[role=tab][aria-selected=true]")?.textContent ?? "");
   new MutationObserver(watch).observe(body, { subtree: true, childList: true, attributeFilter: ["aria-selected"] });

@@ -86,6 +86,15 @@ def test_an_image_is_looked_at_with_its_points_and_residuals(page: CalibrationTa
         page.tab.wait_for_timeout(50)
 
 
+@pytest.mark.parametrize("where", ["#cameras button", "#views button:nth-child(4)", "#said .new a:nth-of-type(2)"])
+def test_what_is_drawn_anew_keeps_the_focus(page: CalibrationTab, where: str):
+    page.tab.locator(where).focus()
+    page.tab.locator(where).evaluate("(e) => (window.old = e)")
+    page.tab.evaluate("window.calibration.state.known = ''")  # as if there were news
+    page.until("!window.old.isConnected", "the page to be drawn anew")
+    assert page.tab.locator(f"{where}:focus").count() == 1
+
+
 def test_the_result_is_kept_and_can_be_opened_and_downloaded(page: CalibrationTab):
     kept = page.state["kept"]
     line = page.tab.locator("#said li.new")

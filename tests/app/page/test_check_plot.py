@@ -155,6 +155,20 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
 
 
 @in_chromium
+def test_a_press_counts_once_where_the_cards_are_drawn_anew_before_the_button_is_let_go(page: Page) -> None:
+    page.send("{do: 'plot', name: ''}")
+    go_to(page, 15)
+    page.until("state.plotted === ''", "no plot")
+    row(page).hover()
+    page.tab.mouse.down()
+    go_to(page, 16)
+    page.tab.mouse.up()
+    page.until(f"state.plotted === '{NAME}'", "the plot")
+    go_to(page, 15)
+    assert page.state["plotted"] == NAME
+
+
+@in_chromium
 def test_the_plot_is_closed_by_its_button_without_a_seek(page: Page) -> None:
     index = page.state["index"]
     page.tab.locator("#plot button").click()
