@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,8 +18,8 @@ from ispom.geometry import Array, Pose
 from ispom.io.files import expanded, read_bytes
 from ispom.io.meshes import ColouredMesh, read_coloured_mesh
 from ispom.simulation.caster import NOTHING, RayCaster
-from ispom.simulation.renderer import View
 from ispom.simulation.samples import ROOKS
+from ispom.simulation.view import View
 from ispom.types import Camera, Image
 
 WORD = "mesh:"
@@ -45,39 +45,48 @@ class MeshPlace:
     caster: RayCaster
     _views: dict[Camera, View] = field(default_factory=dict)
 
-    def image(self, camera: Camera, world_from_camera: Pose, threads: int = 1) -> NDArray[np.float32]:
-        """(H, W, 3) RGB, 0-255 without noise or rounding. The same for any number of threads."""
+    def image(
+        self, camera: Camera, world_from_camera: Pose, threads: int = 1, rows: Sequence[Pose] | None = None
+    ) -> NDArray[np.float32]:
+        """(H, W, 3) RGB, 0-255 without noise or rounding; `rows` (H,) camera_from_row of a rolling shutter. The same
+        for any number of threads."""
         if camera not in self._views:
             self._views[camera] = View.of(camera)
-        change = self._views[camera].change.reshape(6, camera.height, camera.width)
+        view = self._views[camera] if rows is None else self._views[camera].rolled(rows)
 
-        def rows(first: int) -> NDArray[np.float32]:
-            part = change[:, first : first + _ROWS].reshape(6, -1)
-            looks = [self._look(part, world_from_camera, x, y) for x, y in ROOKS]
+        def shade(first: int) -> NDArray[np.float32]:
+            some = slice(first * camera.width, (first + _ROWS) * camera.width)
+            origin = world_from_camera.translation
+            if view.start is not None:
+                origin = world_from_camera.apply(view.start[:, some].T)
+            looks = [self._look(view.change[:, some], world_from_camera.rotation, origin, x, y) for x, y in ROOKS]
             return np.mean(looks, axis=0, dtype=np.float32).reshape(-1, camera.width, 3)
 
         with ThreadPoolExecutor(threads) as pool:
-            return np.concatenate(list(pool.map(rows, range(0, camera.height, _ROWS))))
+            return np.concatenate(list(pool.map(shade, range(0, camera.height, _ROWS))))
 
-    def _look(self, change: NDArray[np.float32], pose: Pose, x: float, y: float) -> NDArray[np.float32]:
-        """(N, 3) what is seen at (x, y) [px] from the centres of N pixels."""
+    def _look(
+        self, change: NDArray[np.float32], rotation: Array, origin: Array, x: float, y: float
+    ) -> NDArray[np.float32]:
+        """(N, 3) what is seen at (x, y) [px] from the centres of N pixels, from `origin` (3,) or (N, 3)."""
         a, b, ra, rb, da, db = change
         rays = np.stack([a + x * ra + y * da, b + x * rb + y * db, np.ones_like(a)], axis=1)
-        directions = rays @ pose.rotation.T.astype(np.float32)
-        hits = self.caster.hits(pose.translation, directions)
+        directions = rays @ rotation.T.astype(np.float32)
+        hits = self.caster.hits(origin, directions)
         out = np.empty((len(a), 3), np.float32)
         out[:] = self.background
         seen = np.flatnonzero(hits != NOTHING)
         if len(seen):
             found = hits[seen].astype(np.intp)
-            xyz, weights, depth = self.met(found, pose.translation, directions[seen].astype(float))
+            begin = origin if origin.ndim == 1 else origin[seen]
+            xyz, weights, depth = self.met(found, begin, directions[seen].astype(float))
             width = depth * np.sqrt(np.abs(ra * db - rb * da))[seen] / 2  # four looks to a pixel
             out[seen] = self.colour(found, weights, xyz, width)
         return out
 
     def met(self, triangle: NDArray[np.intp], origin: Array, directions: Array) -> tuple[Array, Array, Array]:
-        """Where rays from `origin` along `directions` (N, 3) meet triangles (N,): (N, 3) points in the world, (N, 3)
-        weights of the corners, (N,) lengths in units of the directions."""
+        """Where rays from `origin` (3,) or (N, 3) along `directions` (N, 3) meet triangles (N,): (N, 3) points in the
+        world, (N, 3) weights of the corners, (N,) lengths in units of the directions."""
         first, along, up, normal = (part[triangle] for part in self._edges)
         t = ((first - origin) * normal).sum(axis=1) / (directions * normal).sum(axis=1)
         xyz = origin + t[:, None] * directions

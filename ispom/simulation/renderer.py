@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -14,6 +15,7 @@ from ispom.simulation.materials import sky
 from ispom.simulation.noise import Values
 from ispom.simulation.samples import ROOKS, Samples, edges
 from ispom.simulation.scene import Scene
+from ispom.simulation.view import View
 from ispom.types import Camera, Image
 
 SKY = NOTHING
@@ -28,25 +30,6 @@ _HAZE_M = 260.0
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A camera's rays, on the plane z = 1 of the camera."""
-
-    rays: Array
-    """(H, W, 2) of the pixel centres."""
-    change: Values
-    """(6, H W) the rays again, their change per pixel to the right, and per pixel down."""
-
-    @staticmethod
-    def of(camera: Camera) -> View:
-        u, v = np.meshgrid(np.arange(-1, camera.width + 1.0), np.arange(-1, camera.height + 1.0))
-        rays = camera.normalise(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(*u.shape, 2)
-        right, down = (rays[1:-1, 2:] - rays[1:-1, :-2]) / 2, (rays[2:, 1:-1] - rays[:-2, 1:-1]) / 2
-        rays = np.ascontiguousarray(rays[1:-1, 1:-1])
-        change = np.concatenate([a.reshape(-1, 2).T for a in (rays, right, down)]).astype(np.float32, order="C")
-        return View(rays, change)
-
-
-@dataclass(frozen=True, eq=False)
 class Renderer:
     """Renders one scene. Same input, same bytes, whatever the number of threads."""
 
@@ -58,36 +41,46 @@ class Renderer:
             self._views[camera] = View.of(camera)
         return self._views[camera]
 
-    def faces(self, camera: Camera, world_from_camera: Pose, threads: int = 1) -> NDArray[np.int32]:
+    def faces(self, view: View, world_from_camera: Pose, threads: int = 1) -> NDArray[np.int32]:
         """(H, W) the face behind each pixel's centre, SKY where none."""
-        a, b = self.view(camera).change[:2]
-        out = np.full((camera.height + 2, camera.width + 2), SKY - 1, np.int32)
+        height, width = view.rays.shape[:2]
+        out = np.full((height + 2, width + 2), SKY - 1, np.int32)
         inside = out[1:-1, 1:-1]
         # Rays for every other pixel, as on a chessboard; of the rest only where its four neighbours are not one face.
         black = np.indices(inside.shape).sum(axis=0) % 2 == 0
-        inside[black] = self._cast(world_from_camera, a[black.ravel()], b[black.ravel()], threads)
+        inside[black] = self._seen(view, black, world_from_camera, threads)
         above, below, left, right = out[:-2, 1:-1], out[2:, 1:-1], out[1:-1, :-2], out[1:-1, 2:]
         alike = (above == below) & (left == right) & (above == left)
         np.copyto(inside, above, where=~black & alike)
         open_ = ~black & ~alike
-        inside[open_] = self._cast(world_from_camera, a[open_.ravel()], b[open_.ravel()], threads)
+        inside[open_] = self._seen(view, open_, world_from_camera, threads)
         return np.ascontiguousarray(inside)
+
+    def _seen(self, view: View, some: NDArray[np.bool_], pose: Pose, threads: int) -> NDArray[np.int32]:
+        """(N,) the faces behind the centres of some (H, W) of the pixels."""
+        a, b = (c[some.ravel()] for c in view.change[:2])
+        return self._cast(pose, a, b, None if view.start is None else view.start[:, some.ravel()], threads)
 
     def depth(self, camera: Camera, world_from_camera: Pose) -> Array:
         """(H, W) z [m] in the camera of what each pixel's centre sees, inf for the sky."""
-        faces, rays, scene = self.faces(camera, world_from_camera), self.view(camera).rays, self.scene
+        view, scene = self.view(camera), self.scene
+        faces, rays = self.faces(view, world_from_camera), view.rays
         normal = scene.axes[:, 2]
         height = ((world_from_camera.translation - scene.corner) * normal).sum(axis=1)
         slope = (normal @ world_from_camera.rotation)[faces] * np.dstack([rays, np.ones_like(rays[..., :1])])
         return np.where(faces == SKY, np.inf, -height[faces] / slope.sum(axis=-1))
 
-    def image(self, camera: Camera, world_from_camera: Pose, threads: int = 1) -> NDArray[np.float32]:
-        """(H, W, 3) RGB, 0-255 without noise or rounding."""
-        view, faces = self.view(camera), self.faces(camera, world_from_camera, threads)
+    def image(
+        self, camera: Camera, world_from_camera: Pose, threads: int = 1, rows: Sequence[Pose] | None = None
+    ) -> NDArray[np.float32]:
+        """(H, W, 3) RGB, 0-255 without noise or rounding; `rows` (H,) camera_from_row of a rolling shutter."""
+        view = self.view(camera) if rows is None else self.view(camera).rolled(rows)
+        faces = self.faces(view, world_from_camera, threads)
         edge = edges(faces)
         a, b, ra, rb, da, db = (c[:, None] for c in view.change[:, edge.ravel()])
         x, y = ROOKS.T
-        hits = self._cast(world_from_camera, a + x * ra + y * da, b + x * rb + y * db, threads)
+        start = None if view.start is None else np.repeat(view.start[:, edge.ravel()], len(ROOKS), axis=1)
+        hits = self._cast(world_from_camera, a + x * ra + y * da, b + x * rb + y * db, start, threads)
         samples = Samples.of(faces, edge, hits.reshape(-1, len(ROOKS)))
         colour = np.empty((len(samples.face), 3), np.float32)
         frame = self._frame(world_from_camera)
@@ -126,8 +119,12 @@ class Renderer:
         f = frame.take(face, axis=1)
         slope = f[6] * a + f[7] * b + f[8]
         east, north = (f[0] * a + f[1] * b + f[2]) / slope, (f[3] * a + f[4] * b + f[5]) / slope
-        t = -f[11] / slope
-        u, v = f[9] - f[11] * east, f[10] - f[11] * north
+        place = f[9:]
+        if view.start is not None:
+            begin = view.start.take(samples.pixel[some], axis=1)
+            place = place + np.einsum("ijn,jn->in", f[:9].reshape(3, 3, -1), begin)
+        t = -place[2] / slope
+        u, v = place[0] - place[2] * east, place[1] - place[2] * north
         scale = _SPREAD * size * t
         u1, v1 = _moved(f, east, north, scale, ra, rb)
         u2, v2 = _moved(f, east, north, scale, da, db)
@@ -159,12 +156,13 @@ class Renderer:
         colour *= self.scene.light.take(face) / count
         return colour + (_HAZE - colour) * (1 - np.exp(t * (-1 / _HAZE_M)))
 
-    def _cast(self, pose: Pose, a: Values, b: Values, threads: int) -> NDArray[np.int32]:
-        """(N,) the faces that rays (a, b, 1) of the camera hit."""
+    def _cast(self, pose: Pose, a: Values, b: Values, start: Values | None, threads: int) -> NDArray[np.int32]:
+        """(N,) the faces that rays (a, b, 1) of the camera hit, from its centre or from places (3, N) in it."""
         directions = np.empty((a.size, 3), np.float32)
         for i, r in enumerate(pose.rotation):
             directions[:, i] = (float(r[0]) * a + float(r[1]) * b + float(r[2])).ravel()
-        return self.scene.caster.hits(pose.translation, directions, threads) >> 1  # two triangles to a face
+        origin = pose.translation if start is None else pose.apply(start.T)
+        return self.scene.caster.hits(origin, directions, threads) >> 1  # two triangles to a face
 
 
 def _moved(f: Values, east: Values, north: Values, scale: Values, a: Values, b: Values) -> tuple[Values, Values]:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ispom.geometry import Pose
 from ispom.simulation.building import build_building
 from ispom.simulation.cameras import NOISE_SIGMA, Optics, simulated_rig
 from ispom.simulation.city import build_city
@@ -26,8 +27,6 @@ from ispom.types import Camera, Frame, Image, Kind, Rig
 BLUR_EXPOSURE_S = 0.008
 """How long the shutter is open where motion blur is asked for; times are those of its middle."""
 BLUR_SAMPLES = 5
-STRIP_NS = 500_000
-"""Rows that a rolling shutter exposes in so short a time are rendered together."""
 PLACES: Mapping[str, Callable[[int], Scene | MeshPlace]] = {
     "city": build_city,
     "town": build_town,
@@ -74,8 +73,12 @@ class Source:
     def light(self, name: Frame, time_ns: int, threads: int) -> NDArray[np.float32]:
         """(H, W, 3) what falls on a camera's sensor in an exposure at a time, 0-255."""
         exposed_ns = time_ns + (self.right_late_ns if name == "right" else 0)
-        renderer, strips = self._renderer(exposed_ns), self.strips(self.rig.camera(name))
-        return np.concatenate([self._rows(renderer, name, rows, exposed_ns + ns, threads) for rows, ns in strips])
+        renderer, camera = self._renderer(exposed_ns), self.rig.camera(name)
+        count = BLUR_SAMPLES if self.motion_blur else 1
+        offsets_s = BLUR_EXPOSURE_S * ((np.arange(count) + 0.5) / count - 0.5)
+        times_ns = [exposed_ns + round(s * 1e9) for s in offsets_s]
+        seen = [renderer.image(camera, self._pose(name, ns), threads, self._rows(name, ns)) for ns in times_ns]
+        return np.mean(seen, axis=0)
 
     @cached_property
     def scene(self) -> Scene | MeshPlace:
@@ -104,24 +107,18 @@ class Source:
         noise_seed = zlib.crc32(f"{self.seed} {time_ns} {name}".encode())
         return exposed(self.light(name, time_ns, threads), noise_seed, NOISE_SIGMA)
 
-    def strips(self, camera: Camera) -> list[tuple[Camera, int]]:
-        """The rows that are exposed together, as cameras from the top, and how long after the middle row [ns]."""
-        if not self.rolling_ns:
-            return [(camera, 0)]
-        found = []
-        together = max(1, camera.height * STRIP_NS // self.rolling_ns)
-        for first in range(0, camera.height, together):
-            rows = min(together, camera.height - first)
-            share = (first + (rows - 1) / 2) / (camera.height - 1) - 0.5
-            found.append((replace(camera, height=rows, cy=camera.cy - first), round(share * self.rolling_ns)))
-        return found
+    def late_ns(self, camera: Camera) -> NDArray[np.int64]:
+        """(H,) how long after the middle row each one is exposed."""
+        share = np.arange(camera.height) / (camera.height - 1) - 0.5
+        return np.rint(share * self.rolling_ns).astype(np.int64)
 
-    def _rows(
-        self, renderer: Renderer | MeshPlace, name: Frame, camera: Camera, time_ns: int, threads: int
-    ) -> NDArray[np.float32]:
-        """What a camera on the rig sees while its shutter is open around a time."""
-        rig_from_camera, path = self.rig.rig_from(name), motion_of(self.motion, self.seed)
-        count = BLUR_SAMPLES if self.motion_blur else 1
-        offsets_s = BLUR_EXPOSURE_S * ((np.arange(count) + 0.5) / count - 0.5)
-        poses = [path.pose_at(time_ns + round(s * 1e9)) @ rig_from_camera for s in offsets_s]
-        return np.mean([renderer.image(camera, pose, threads) for pose in poses], axis=0)
+    def _rows(self, name: Frame, time_ns: int) -> list[Pose] | None:
+        """(H,) camera_from_row of each row's pose while an image is read out; None with a global shutter."""
+        if not self.rolling_ns:
+            return None
+        late_ns, camera_from_world = self.late_ns(self.rig.camera(name)), self._pose(name, time_ns).inverse()
+        return [camera_from_world @ self._pose(name, time_ns + int(ns)) for ns in late_ns]
+
+    def _pose(self, name: Frame, time_ns: int) -> Pose:
+        """world_from_CAMERA."""
+        return motion_of(self.motion, self.seed).pose_at(time_ns) @ self.rig.rig_from(name)

@@ -11,6 +11,7 @@ from ispom.simulation.motions import motion_of
 from ispom.simulation.movers import DRIVING_M_S, WALKING_M_S, city_with_traffic
 from ispom.simulation.renderer import Renderer
 from ispom.simulation.source import Source
+from ispom.simulation.view import View
 
 T_NS, SECOND_NS = 3_000_000_000, 1_000_000_000
 
@@ -41,7 +42,7 @@ def test_only_the_pixels_that_show_them_change() -> None:
     pose = motion_of("flight", 2).pose_at(T_NS) @ rig.rig_from_video
     assert source.traffic is not None
     static = len(alone.scene.triangles) // 2
-    shown = Renderer(source.traffic.at(T_NS)).faces(rig.camera("video"), pose) >= static
+    shown = Renderer(source.traffic.at(T_NS)).faces(View.of(rig.camera("video")), pose) >= static
     near = cv2.dilate(shown.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     differs = (source.render(T_NS, "video", 1) != alone.render(T_NS, "video", 1)).any(axis=2)
     assert shown.sum() > 100 and differs[shown].mean() > 0.9

@@ -11,6 +11,7 @@ import pytest
 from ispom.simulation.renderer import Renderer
 from ispom.simulation.source import Source
 from ispom.simulation.truth import Truth
+from ispom.simulation.view import View
 
 SOURCE = Source(2, False, 0.4, vehicles=12, people=12)
 T_NS, LATER_NS = 3_000_000_000, 3_100_000_000
@@ -46,7 +47,8 @@ def test_moving_things_carry_their_pixels_with_them() -> None:
     moving, still = Truth(SOURCE), Truth(replace(SOURCE, vehicles=0, people=0))
     assert SOURCE.traffic is not None
     static = len(still.source.scene.triangles) // 2
-    shown = Renderer(SOURCE.traffic.at(T_NS)).faces(moving.camera("video"), moving.pose("video", T_NS)) >= static
+    view = View.of(moving.camera("video"))
+    shown = Renderer(SOURCE.traffic.at(T_NS)).faces(view, moving.pose("video", T_NS)) >= static
     flow = moving.flow("video", T_NS, "video", LATER_NS)[0] - still.flow("video", T_NS, "video", LATER_NS)[0]
     assert np.nanmax(np.abs(flow[~cv2.dilate(shown.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)])) < 1e-6
     assert np.nanmedian(np.abs(flow[shown]).max(axis=1)) > 0.5
