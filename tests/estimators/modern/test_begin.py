@@ -13,6 +13,7 @@ from ispom.types import Decision
 
 SIGMA, NOISE = 1e-3, 4e-4
 FRAMES = 20
+RIGHT, SHIFT_DEG = np.array([1.0, 0.0, 0.0]), 0.2
 
 
 def progress(moved: list[tuple[Pose, float]], focal: float = 1.0) -> tuple[Progress, list[dict[str, Decision]]]:
@@ -43,6 +44,14 @@ def test_a_pan_makes_no_map_even_by_a_wrong_focal_length(focal: float) -> None:
     assert found.map is None and found.held is not None
     if focal != 1.0:
         assert said[-1]["start_parallax"].passed and not said[-1]["travel"].passed, "the turn alone looks like travel"
+
+
+@pytest.mark.parametrize("focal", [1.3, 1.6])
+def test_travel_is_an_angle_by_the_focal_length_that_a_pan_has(focal: float) -> None:
+    """A hand that pans goes along by some centimetres: 0.2 degrees, by whatever focal length is given."""
+    found, said = progress([(panned(0.03 * i) @ Pose(np.eye(3), 0.003 * i * RIGHT), 1.0) for i in range(FRAMES)], focal)
+    assert found.map is None and said[-1]["start_parallax"].passed
+    assert said[-1]["travel"].value == pytest.approx(SHIFT_DEG, rel=0.15)
 
 
 def test_a_zoom_makes_no_map() -> None:

@@ -30,8 +30,8 @@ LEAVING_SHARE = 0.4
 LEAVING_PARALLAX = 0.25
 """Share of the usual parallax that such a map wants."""
 STAYING_SHARE = 0.25
-"""Share of the usual parallax that no turn and zoom of a camera that stays where it is may explain. Forward motion,
-which is most like a zoom, leaves 0.26 degrees or more of 1 on roads, on a board, and in simulated streets."""
+"""Share of the usual parallax that no turn and zoom of a camera that stays where it is may explain. Forward motion is
+most like a zoom: 117 starts on roads, on a board, in simulated streets and rooms wait for it for 50 frames in all."""
 STAYING_NOISE = 1.25
 """At least so many widths of the loss of it: in small images a share of the parallax is noise. Errors of tracks alone,
 as large as `noise_px` says, have a median distance of 0.8 widths."""
@@ -118,12 +118,14 @@ def _travelled(x1: Array, x2: Array, sigma: float, min_parallax_rad: float) -> t
     """Whether points (N, 2) in two frames show that the camera travelled, and did not only turn and zoom.
 
     By area: something small that is full of corners and moves before a still background is no travel. Where there is
-    none, what moves all the same is told.
+    none, what moves all the same is told. What is left is an angle of the camera that stays, whose focal length is
+    found with its turn: by a given one that is too short, errors of the lens or the shutter in a pan look like travel.
     """
     weights = area_weights(x1)
     staying = turn_and_zoom(x1, x2, TURN_LOSS * sigma, weights)
     distances = staying.distances(x1, x2)
-    left, needed = weighted_median(distances, weights), max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * sigma)
+    left = weighted_median(distances, weights) / staying.focal
+    needed = max(STAYING_SHARE * min_parallax_rad, STAYING_NOISE * sigma / staying.focal)
     because = f"zoom {staying.zoom:.3f}, focal length {staying.focal:.0%} of the camera's"
     travel = checks.TRAVEL.of(np.degrees(left), np.degrees(needed), because)
     return (travel,) if travel.passed else (travel, second_motion(x1, x2, distances > MOVING * sigma, sigma))
