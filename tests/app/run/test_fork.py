@@ -99,10 +99,10 @@ def test_other_settings_count_from_the_fork_on(flight: Sequence) -> None:
     events, snapshots = played(run)
     pairs = [i for i, steps, *_ in events if steps]
     at = pairs[2]
-    config = changed_stereo(200)
+    config = changed_stereo(300)
     fork, _ = played(run.forked(at, ("stereo",), config))
     assert_same(fork[:at], events[:at])
-    assert tracked(fork)[-1] <= 200 < tracked(events)[-1]
+    assert tracked(fork)[-1] <= 300 < tracked(events)[-1]
     assert_same(played(run.forked(at, ("stereo",), config, snapshots[at]))[0], fork[at:])
 
 

@@ -140,6 +140,17 @@ def test_half_a_minute_of_darkness_is_no_jump(flight: Sequence, exposures: list[
     assert spread is not None and np.sqrt(np.linalg.eigvalsh(spread[:3, :3])[0]) > 25 * speed
 
 
+def test_points_in_sight_are_found_again_where_the_motion_was_not_foreseen(
+    flight: Sequence, exposures: list[Exposure]
+) -> None:
+    """At three pairs a second a hand's shake is not: tracked from the last image alone, a third to a half was found."""
+    _, steps = run(ModernStereoConfig().build(flight.rig), exposures)
+    for step in steps[1:]:
+        status = step.tracks["left"].status
+        in_sight = status[(status != TrackStatus.NEW) & (status != TrackStatus.OUT_OF_IMAGE)]
+        assert (in_sight == TrackStatus.ALIVE).mean() > 0.9
+
+
 def test_ended_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
     _, steps = run(ModernStereoConfig().build(flight.rig), exposures)
     seen = {int(s) for step in steps for s in step.tracks["left"].status}

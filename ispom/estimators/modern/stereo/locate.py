@@ -31,6 +31,7 @@ def located(
     seen: Array,
     predicted: Pose,
     time_ns: int,
+    motion: Array | None = None,
 ) -> tuple[PoseFit | None, Array | None]:
     """left_from_world by reprojection in both images; from three-point samples where the prediction is poor. Of a
     rolling shutter also how it moved meanwhile (12,), as of rolling.mean_rates.
@@ -42,7 +43,7 @@ def located(
         return _located(setup, last, world, place, seen, predicted), None
     believed = last.believed_motion(time_ns, setup.baseline_m)
     rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.loss)
-    motion, found = believed.motion, None
+    motion, found = believed.motion if motion is None else motion, None
     for _ in range(ROUNDS):
         guess = predicted if found is None else found.camera_from_world
         middle = setup.shutter.at_middle(seen, motion, setup.baseline_m)

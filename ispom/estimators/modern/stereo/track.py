@@ -46,12 +46,14 @@ def sight(
     """
     last, world = state.last, state.map
     predicted = last.predicted(new.time_ns)
-    sighting = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
+    sighting, as_led = _follow(setup, last, world, new, predicted, guided=last.motion_s > 0)
     if last.left is None:
         return state, sighting, ()
     if setup.shutter.rolls and last.motion_s <= 0 and sighting.located is not None:
         state, sighting = _begun(setup, state, sighting, new)
         last, world = state.last, state.map
+    if setup.shutter.rolls or not as_led:
+        sighting = _better(sighting, _where_located(setup, last, world, new, sighting))
     wanted = max(setup.min_inliers, ENOUGH_SHARE * len(last.points))
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
     if guided.passed:
@@ -127,19 +129,25 @@ def _rejoined(setup: Setup, state: ModernStereoState, found: Recognised, new: Ne
 
 
 def _looked_again(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose) -> Sighting:
-    """Tracked around where the points were; then all of them looked for where that pose puts them.
+    """Tracked around where the points were; then all of them looked for where that pose puts them."""
+    first, _ = _follow(setup, last, world, new, predicted, guided=False)
+    return _better(first, _where_located(setup, last, world, new, first))
 
-    What was found around was compared with patches as the prediction, which is wrong here, warps them: it is found a
-    little beside its place, and many are not found.
+
+def _where_located(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, first: Sighting) -> Sighting:
+    """All points looked for where the pose, and the motion while rows were exposed, put them.
+
+    What was found before was compared with patches as a prediction that was wrong warps them: it is found a little
+    beside its place, and many are not found.
     """
-    first = _follow(setup, last, world, new, predicted, guided=False)
     if first.located is None:
         return first
     pose, place = first.located.camera_from_world, world.places(last.points.ids)
-    near = setup.shutter.as_seen(pose.apply(world.xyz[place]), steady(last.rate))
+    motion = steady(last.rate) if first.motion is None else first.motion
+    near = setup.shutter.as_seen(pose.apply(world.xyz[place]), motion)
     uv, status = _projected(setup, world, near)
     uv, status = realigned(setup, last, world, new.left, uv, status, near, pose)
-    return _better(first, _sighted(setup, last, world, new, pose, uv, status))
+    return _sighted(setup, last, world, new, pose, uv, status, motion=motion)
 
 
 def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
@@ -150,17 +158,21 @@ def _projected(setup: Setup, world: StereoMap, near: Array) -> tuple[NDArray[np.
     return np.where(inside[:, None], uv, 0.0).astype(np.float32), status
 
 
-def _follow(setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool) -> Sighting:
-    """Found in the left image, where `predicted` puts the points or around where they were; then in the right one."""
+def _follow(
+    setup: Setup, last: LastPair, world: StereoMap, new: NewPair, predicted: Pose, guided: bool
+) -> tuple[Sighting, bool]:
+    """Found in the left image, where `predicted` puts the points or around where they were; then in the right one. And
+    whether they were found where `predicted` led."""
     points, place = last.points, world.places(last.points.ids)
     if last.left is None or not len(points):
-        return Sighting.nothing()
+        return Sighting.nothing(), False
     near = setup.shutter.as_seen(predicted.apply(world.xyz[place]), steady(last.rate))
     found = led(setup, last, world, new, near, predicted) if guided else None
+    as_led = found is not None
     if found is None:
         uv, status = _tracked(setup, last, world, new.left, near if guided else None)
         found = realigned(setup, last, world, new.left, uv, status, near, predicted)
-    return _sighted(setup, last, world, new, predicted, *found, guided)
+    return _sighted(setup, last, world, new, predicted, *found, guided), as_led
 
 
 def _sighted(
@@ -172,6 +184,7 @@ def _sighted(
     uv: NDArray[np.float32],
     status: NDArray[np.uint8],
     guided: bool = False,
+    motion: Array | None = None,
 ) -> Sighting:
     """The pair located by the points alive at `uv` (N, 2) [px] in its left image, once found in the right one."""
     points, place = last.points, world.places(last.points.ids)
@@ -182,7 +195,7 @@ def _sighted(
     expected = (setup.camera.fx * setup.baseline_m / depth).astype(np.float32)
     disparity[alive], lower = PointSearch().follow(new.left, new.right, uv[alive], expected, guided)
     seen = PairPoints(points.ids[alive], uv[alive], disparity[alive]).seen_by(setup.camera)
-    found, motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns)
+    found, motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns, motion)
     if found is not None:
         status[alive[~found.inliers]] = TrackStatus.REPROJECTION
     return Sighting(uv, disparity, status, place, found, alive, lower / setup.camera.fy, motion)
