@@ -33,9 +33,9 @@ def make_map(options: Map) -> int:
     take."""
     if not options.dense and options.laser is None:
         raise InputError("--no-dense without --laser leaves nothing to do: give one of them")
-    open3d()  # before long work
     ran = read_ran(options.run, options.source)
     method = ran.method(options.method)
+    open3d()  # before long work
     settings = _settings(options, ran) if options.dense else None
     laser = None if options.laser is None else measured(ran, options.laser, int(ran.file.options.get("seed") or 0))
     folder = options.out or options.run / MAP

@@ -1,15 +1,20 @@
 """How far off the tracks of one camera are, found from what they leave in each adjusted window.
 
 A track is found again by a patch that is itself one of an earlier image: from key frame to key frame its errors add
-up. Against the truth of simulations they are a random walk: its steps are uncorrelated, 0.07-0.1 px from pair to pair
-and 0.1-0.15 px between key frames of the video (in images of half size), after five of them it is 0.15-0.25 px off,
-and hardly any error is new in each image. An adjustment takes the errors of a track's views to be independent. What it
-leaves does not say what it needs then: the point follows the walk, and the rest is a third of it (0.06 and 0.08 px);
-but the ends of a track, which carry the pose from one key frame to a later one, are as far apart as all steps between
-them. Hence `sigma`: the independent error that puts the ends of a track as far apart as they are. A constant is right
-for one length of tracks, one interval between key frames and one texture; so 0.17 px stood for pairs, and 0.34 px for
-the video's wider intervals and longer tracks. In the integration, where a track has a view in each video frame, 0.13 px
-(and 0.26 px for pairs) only say how much the cameras count beside each other.
+up. Against the truth of simulations they are nearly a random walk: from pair to pair its steps are 0.07-0.1 px, between
+key frames of the video (in images of half size) 0.1-0.15 px, and after five of them it is 0.15-0.25 px off. Not quite,
+though: about half of a step's variance is new in each image, and much of the rest goes on, as a patch that slides over
+its surface slides further. Steps from pair to pair correlate by -0.1 to 0.2 with the next one, as new errors take back
+what goes on, by 0.1-0.3 with the second, and by 0.05-0.2 with the fifth (those below 0.2 px, in sim:tiny, sim:city and
+indoors). And of the error of a disparity a third to a half stays outdoors, and eight tenths indoors.
+
+An adjustment takes the errors of a track's views to be independent. What it leaves does not say what it needs then: the
+point follows the walk, and the rest is a third of it (0.06 and 0.08 px); but the ends of a track, which carry the pose
+from one key frame to a later one, are as far apart as all steps between them. Hence `sigma`: the independent error that
+puts the ends of a track as far apart as they are. A constant is right for one length of tracks, one interval between
+key frames and one texture; so 0.17 px stood for pairs, and 0.34 px for the video's wider intervals and longer tracks.
+In the integration, where a track has a view in each video frame, 0.13 px (and 0.26 px for pairs) only say how much the
+cameras count beside each other.
 
 From the residuals r of a track with n views, r = P e with P what the point leaves of errors e (its null projector; the
 poses, held by hundreds of tracks, take next to nothing). With E[e e'] = new^2 I + step^2 min(i, j) the expectations of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -140,3 +141,12 @@ def test_a_mistake_is_one_sentence(
     filled = [word.format(run=run, folder=tmp_path) for word in arguments]
     assert main(["map", *filled]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_run_that_is_not_there_is_named_before_what_the_machine_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "open3d", None)  # as where it is not installed
+    assert main(["map", str(tmp_path / "nowhere")]) == 2
+    error = capsys.readouterr().err
+    assert "nowhere" in error and "Open3D" not in error
