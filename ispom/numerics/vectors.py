@@ -132,6 +132,13 @@ def congruent(m, s):
 
 
 @part
+def plus_square(s, f, v):
+    """A symmetric matrix, given by six, plus f v v'."""
+    a, b, c = scaled(f, v)
+    return s[0] + a * v[0], s[1] + a * v[1], s[2] + a * v[2], s[3] + b * v[1], s[4] + b * v[2], s[5] + c * v[2]
+
+
+@part
 def symmetric(s):
     """All nine entries of a symmetric matrix given by six."""
     return (s[0], s[1], s[2]), (s[1], s[3], s[4]), (s[2], s[4], s[5])

@@ -172,8 +172,9 @@ class Equations:
     eliminated: Eliminated
 
     @staticmethod
-    def of(window: Window, scale: float, damping: float = 0.0) -> Equations:
-        """`damping` raises the points' diagonal entries by this share; the matrix is as it is."""
+    def of(window: Window, scale: float, damping: float = 0.0, bends: float = 0.0) -> Equations:
+        """`damping` raises the points' diagonal entries by this share; the matrix is as it is. With `bends` 2 it is of
+        the loss's own second derivatives, and with 0 of these with weights held; the priors' are as they are."""
         views, points, seen = len(window.rotations), len(window.points), len(window.cameras)
         poses, extra = POSE * views, len(window.extra)
         shown = window.shown
@@ -183,7 +184,7 @@ class Equations:
             np.empty((points, 6)), np.empty((points, 3)), np.empty((seen, 12)), np.zeros((points, 3, wide))
         )
         reduced = Reduced(blocks, side, np.zeros((shown, wide)), np.zeros((views, POSE)), np.zeros(shown))
-        reduce_points(scale, damping, reduced, eliminated, window.observed)
+        reduce_points(scale, damping, bends, reduced, eliminated, window.observed)
         matrix, right, last = np.zeros((poses + extra, poses + extra)), np.zeros(poses + extra), poses + shown
         matrix[:poses, :poses] = blocks.transpose(0, 2, 1, 3).reshape(poses, poses)
         matrix[poses:last, :poses] = side[:, :, :shown].reshape(poses, shown).T

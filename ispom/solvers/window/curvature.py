@@ -19,6 +19,7 @@ from ispom.numerics.vectors import (
     minus,
     plus,
     plus6,
+    plus_square,
     scaled,
     store,
     store_matrix,
@@ -115,16 +116,9 @@ def _linearise(begin, end, observed, scale, errors, out):
         store(out.by_point[k], 1, by_y)
         own = plus(scaled(weight * ex, by_x), scaled(weight * ey, by_y))
         pull = plus(pull, own)
-        held = _with_square(_with_square(held, weight, by_x), weight, by_y)
-        bends = _with_square(bends, -2.0, own)
+        held = plus_square(plus_square(held, weight, by_x), weight, by_y)
+        bends = plus_square(bends, -2.0, own)
     return plus6(held, bends), held, pull
-
-
-@part
-def _with_square(s, f, v):
-    """A symmetric matrix plus f v v'."""
-    a, b, c = scaled(f, v)
-    return s[0] + a * v[0], s[1] + a * v[1], s[2] + a * v[2], s[3] + b * v[1], s[4] + b * v[2], s[5] + c * v[2]
 
 
 @part

@@ -26,6 +26,7 @@ from ispom.numerics.vectors import (
     minus,
     plus,
     plus6,
+    plus_square,
     product,
     product_transposed,
     scaled,
@@ -52,6 +53,11 @@ from ispom.solvers.window.prior import LENS
 
 LANES = 8
 """Corrections are worked on so many at a time: arrays have room for a multiple of it, W, filled with zeros."""
+
+
+LEAST_SHARE = 0.1
+"""Of a point's own second derivatives with weights held: one of which a direction keeps less says nothing of the
+rest."""
 
 
 def padded(count: int) -> int:
@@ -95,23 +101,53 @@ x and y the same come after them (3 + LENS), as its first corrections only do th
 
 
 @kernel(fastmath={"contract"})
-def reduce_points(scale, damping, reduced, eliminated, observed):
-    """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back."""
+def reduce_points(scale, damping, bends, reduced, eliminated, observed):
+    """Adds to the normal equations of poses and corrections, the points eliminated; fills what gives those back.
+
+    With `bends` 2 the second derivatives are the loss's own, w J'J - 2 (w J'e) (w J'e)' with J the derivatives of an
+    error e and w Cauchy's weight; a point adds none where a direction of its own keeps less than LEAST_SHARE. With 0
+    weights are held.
+    """
     longest, end, per = longest_track(observed.owners), np.int64(0), 1.0 / (scale * scale)
     wide = FACTORS + eliminated.mixed_extra.shape[2]
     terms = np.zeros((longest, wide if observed.baseline == 0.0 else wide + 3 + LENS))
+    views, shown, columns = len(reduced.blocks), reduced.corner.shape[0], reduced.corner.shape[1]
+    nowhere = Reduced(
+        np.zeros((views, views, 6, 6)), np.zeros((views, 6, columns)), np.zeros((shown, columns)),
+        np.zeros((views, 6)), np.zeros(shown),
+    )  # fmt: skip
     for m in range(len(observed.points)):
-        end = _reduce_point(m, end, per, damping, reduced, eliminated, terms, observed)
+        if bends == 0.0 or _keeps(m, end, per, bends, observed):
+            end = _reduce_point(m, end, per, damping, bends, reduced, eliminated, terms, observed)
+        else:
+            end = _reduce_point(m, end, per, damping, 0.0, nowhere, eliminated, terms, observed)
 
 
 @part
-def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
+def _keeps(m, begin, per, bends, observed):
+    """Whether each direction of point m, whose observations start at `begin`, keeps LEAST_SHARE of its curvature."""
+    held, bent, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), begin
+    while k < len(observed.owners) and observed.owners[k] == m:
+        q, rotation = in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
+        if q[2] > MIN_DEPTH:
+            seen, wrong = vector(observed.seen, k), correction(observed.extra)
+            hessian, by_q, _, _, _ = linearised(q, seen, observed.baseline, wrong, per)
+            _, own = congruent(rotation, hessian)
+            held, bent = plus6(held, own), plus_square(bent, -bends, times_transposed(rotation, by_q))
+        k += 1
+    a, b, c, d, e, f = held
+    rest = 1.0 - LEAST_SHARE
+    return inverse_by_pivots(plus6(bent, (rest * a, rest * b, rest * c, rest * d, rest * e, rest * f)))[0] > 0.0
+
+
+@part
+def _reduce_point(m, begin, per, damping, bent, reduced, eliminated, terms, observed):
     """Point m, whose observations start at `begin`; where they end."""
-    end, block, gradient = _linearise(m, begin, per, reduced, eliminated, terms, observed)
+    end, block, gradient = _linearise(m, begin, per, bent, reduced, eliminated, terms, observed)
     if observed.baseline == 0.0:
         inverted = inverse(damped(block, damping))
     else:
-        _add_lenses(m, begin, end, per, reduced, eliminated, terms, observed)
+        _add_lenses(m, begin, end, per, bent, reduced, eliminated, terms, observed)
         inverted = inverse_by_pivots(damped_of_pair(block, damping))
     store6(eliminated.inverses, m, inverted)
     store(eliminated.gradients, m, gradient)
@@ -122,7 +158,7 @@ def _reduce_point(m, begin, per, damping, reduced, eliminated, terms, observed):
 
 
 @part
-def _linearise(m, begin, per, reduced, eliminated, terms, observed):
+def _linearise(m, begin, per, bent, reduced, eliminated, terms, observed):
     """Sums up the observations of point m, from `begin` on: where they end, its own block (6), its gradient (3)."""
     block, gradient, k = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), begin
     wrong, baseline = correction(observed.extra), observed.baseline
@@ -130,6 +166,9 @@ def _linearise(m, begin, per, reduced, eliminated, terms, observed):
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
             hessian, by_q, mixed, second, first = linearised(q, vector(observed.seen, k), baseline, wrong, per)
+            if bent > 0.0:
+                hessian, mixed = plus_square(hessian, -bent, by_q), minus(mixed, scaled(bent * first, by_q))
+                second -= bent * first * first
             fill_factors(terms, n, FACTORS, q, observed, k)
             with_point, own = congruent(rotation, hessian)
             block, gradient = plus6(block, own), plus(gradient, times_transposed(rotation, by_q))
@@ -145,15 +184,21 @@ def _linearise(m, begin, per, reduced, eliminated, terms, observed):
 
 
 @part
-def _add_lenses(m, begin, end, per, reduced, eliminated, terms, observed):
+def _add_lenses(m, begin, end, per, bent, reduced, eliminated, terms, observed):
     """Adds to the blocks of a pair's corrections what the first ones do to the left x and y of point m."""
     at, corner, baseline = terms.shape[1] - LENS, reduced.corner, observed.baseline
     for k in range(begin, end):
         n, q, rotation = k - begin, in_camera(observed, k), matrix(observed.rotations, observed.cameras[k])
         if q[2] > MIN_DEPTH:
-            mixed, second, first = linearised_lens(q, vector(observed.seen, k), baseline, per)
+            seen = vector(observed.seen, k)
+            mixed, second, first = linearised_lens(q, seen, baseline, per)
+            if bent > 0.0:
+                _, by_q, _, _, other = linearised(q, seen, baseline, correction(observed.extra), per)
+                mixed, second = minus(mixed, scaled(bent * first, by_q)), second - bent * first * first
             store(terms, n, mixed, at - 3)
             fill_lens(terms, n, at, observed, k)
+            if bent > 0.0:
+                _bend_lenses(n, at, bent * first * other, corner, terms)
             by_point = times_transposed(rotation, mixed)
             for e in range(LENS):
                 factor = terms[n, at + e]
@@ -162,6 +207,16 @@ def _add_lenses(m, begin, end, per, reduced, eliminated, terms, observed):
                 for d in range(LENS):
                     corner[e, d] += factor * second * terms[n, at + d]
                 reduced.by_corrections[e] += factor * first
+
+
+@part
+def _bend_lenses(n, at, product, corner, terms):
+    """Takes from the corrections' corner what bends between those of the left x and y, and of the right x."""
+    for e in range(LENS):
+        for d in range(len(corner)):
+            between = product * terms[n, at + e] * terms[n, FACTORS + d]
+            corner[e, d] -= between
+            corner[d, e] -= between
 
 
 @part
@@ -174,7 +229,7 @@ def _store_mixed(out, k, q, m):
 
 
 @part
-def _mixed(mixed, k):
+def mixed_of(mixed, k):
     """q and F of row k of Eliminated.mixed."""
     return (mixed[k, 0], mixed[k, 1], mixed[k, 2]), (
         (mixed[k, 3], mixed[k, 4], mixed[k, 5]),
@@ -211,14 +266,14 @@ def _eliminate_from_corrections(m, inverted, gradient, reduced, eliminated):
 @part
 def _eliminate_from_pose(m, i, begin, end, inverted, gradient, reduced, eliminated, terms, cameras):
     """Schur complement of observation i's pose: with the corrections, the gradient, and the poses that come after."""
-    n, c, (q, f) = i - begin, cameras[i], _mixed(eliminated.mixed, i)
+    n, c, (q, f) = i - begin, cameras[i], mixed_of(eliminated.mixed, i)
     gain = product(f, symmetric(inverted))
     _eliminate_corrections_from_pose(m, n, c, q, gain, reduced.side, eliminated.mixed_extra, terms)
     add_by_twist(reduced.by_poses, c, q, minus(vector(terms, n, GRADIENT), times(gain, gradient)))
     own = _minus_symmetric(product_transposed(f, gain), vector6(terms, n))
     subtract_by_twists(reduced.blocks, c, c, q, own, q)
     for j in range(i + 1, end):
-        u, other = _mixed(eliminated.mixed, j)
+        u, other = mixed_of(eliminated.mixed, j)
         subtract_by_twists(reduced.blocks, cameras[j], c, u, product_transposed(other, gain), q)
 
 
@@ -269,7 +324,7 @@ def point_steps(cameras, owners, eliminated, pose_step, extra_step):
 
 @part
 def _subtract_pose_step(left, m, k, eliminated, c, step):
-    q, f = _mixed(eliminated.mixed, k)
+    q, f = mixed_of(eliminated.mixed, k)
     moved = plus((step[c, 0], step[c, 1], step[c, 2]), cross((step[c, 3], step[c, 4], step[c, 5]), q))
     store(left, m, minus(vector(left, m), times_transposed(f, moved)))
 

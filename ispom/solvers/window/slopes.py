@@ -1,0 +1,178 @@
+"""What each track of a window says of the slope of its cost by poses and corrections, the points eliminated."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.geometry import Array
+from ispom.kernels import kernel, part
+from ispom.numerics.vectors import (
+    cross,
+    dot,
+    matrix,
+    minus,
+    plus,
+    scaled,
+    store,
+    symmetric,
+    times,
+    times_transposed,
+    vector,
+    vector6,
+)
+from ispom.solvers.window.kernels import Eliminated, mixed_of
+from ispom.solvers.window.observation import (
+    MIN_DEPTH,
+    Observed,
+    correction,
+    fill_factors,
+    fill_lens,
+    in_camera,
+    linearised,
+    linearised_lens,
+    longest_track,
+)
+from ispom.solvers.window.prior import LENS, POSE
+
+
+def slopes(observed: Observed, eliminated: Eliminated, corrections: int, scale: float) -> Array:
+    """(M, 6 C + E) first derivatives by left twists and corrections that each of M tracks has.
+
+    `eliminated` is of these observations, without damping, E the number of `corrections`, `scale` that of the loss.
+    """
+    out = np.zeros((len(observed.points), POSE * len(observed.rotations) + corrections))
+    _fill(observed, eliminated, 1 / scale**2, out)
+    return out
+
+
+def by_group(count: int, groups: NDArray[np.int64], rows: Array) -> Array:
+    """(G, D) sums of `rows` (M, D) over the tracks of each of `count` groups; `groups` (M,)."""
+    out = np.zeros((count, rows.shape[1]))
+    _sum(groups, rows, out)
+    return out
+
+
+def followed(
+    observed: Observed, eliminated: Eliminated, scale: float, bends: float, groups: NDArray[np.int64], moved: Array
+) -> Array:
+    """(G, D) by how much the slopes of each group's tracks change with poses and corrections `moved` (G, D), the points
+    following; `groups` (M,). `bends` as in kernels.reduce_points, of which `eliminated` is."""
+    out = np.zeros_like(moved)
+    _follow(observed, eliminated, 1 / scale**2, bends, groups, moved, out)
+    return out
+
+
+@kernel()
+def _sum(groups, rows, out):
+    for m in range(len(rows)):
+        row, into = rows[m], out[groups[m]]
+        for d in range(len(into)):
+            into[d] += row[d]
+
+
+@kernel(fastmath={"contract"})
+def _fill(observed, eliminated, per, out):
+    end, longest = np.int64(0), longest_track(observed.owners)
+    by_q, factors = np.empty((longest, 3)), np.zeros((1, _shown(observed) + LENS))
+    for m in range(len(observed.points)):
+        begin, pull, into = end, (0.0, 0.0, 0.0), out[m]
+        while end < len(observed.owners) and observed.owners[end] == m:
+            own = _slope(end, observed, per, factors, into)
+            store(by_q, end - begin, own)
+            pull = plus(pull, times_transposed(matrix(observed.rotations, observed.cameras[end]), own))
+            end += 1
+        _eliminate(m, begin, end, observed, eliminated, pull, by_q, into)
+
+
+@kernel(fastmath={"contract"})
+def _follow(observed, eliminated, per, bends, groups, moved, out):
+    end, longest = np.int64(0), longest_track(observed.owners)
+    by_q, factors = np.empty((longest, 3)), np.zeros((1, _shown(observed) + LENS))
+    for m in range(len(observed.points)):
+        begin, pull, into = end, (0.0, 0.0, 0.0), out[groups[m]]
+        while end < len(observed.owners) and observed.owners[end] == m:
+            change = _change(end, observed, per, bends, groups[m], moved, factors, into)
+            store(by_q, end - begin, change)
+            pull = plus(pull, times_transposed(matrix(observed.rotations, observed.cameras[end]), change))
+            end += 1
+        _eliminate(m, begin, end, observed, eliminated, pull, by_q, into)
+
+
+@part
+def _shown(observed):
+    """Corrections that observations depend on."""
+    return observed.factors.shape[1] if observed.baseline != 0.0 else LENS
+
+
+@part
+def _slope(k, observed, per, factors, out):
+    """Of the cost of observation k by its place in the camera; adds that by the corrections to `out` (D,)."""
+    q, count = in_camera(observed, k), factors.shape[1] - LENS
+    if not q[2] > MIN_DEPTH:
+        return 0.0, 0.0, 0.0
+    seen, first_of = vector(observed.seen, k), POSE * len(observed.rotations)
+    _, by_q, _, _, first = linearised(q, seen, observed.baseline, correction(observed.extra), per)
+    fill_factors(factors, 0, 0, q, observed, k)
+    for e in range(count):
+        out[first_of + e] += first * factors[0, e]
+    if observed.baseline != 0.0:
+        _, _, first = linearised_lens(q, seen, observed.baseline, per)
+        fill_lens(factors, 0, count, observed, k)
+        for e in range(LENS):
+            out[first_of + e] += first * factors[0, count + e]
+    return by_q
+
+
+@part
+def _change(k, observed, per, bends, g, moved, factors, out):
+    """What `_slope` gives changes by so much with poses and corrections `moved[g]` (D,), the point held."""
+    q, count, at = in_camera(observed, k), factors.shape[1] - LENS, POSE * observed.cameras[k]
+    if not q[2] > MIN_DEPTH:
+        return 0.0, 0.0, 0.0
+    seen, first_of, turn = vector(observed.seen, k), POSE * len(observed.rotations), vector(moved, g, at + 3)
+    hessian, by_q, mixed, second, first = linearised(q, seen, observed.baseline, correction(observed.extra), per)
+    v, grown, stretched = plus(vector(moved, g, at), cross(turn, q)), 0.0, 0.0
+    fill_factors(factors, 0, 0, q, observed, k)
+    for e in range(count):
+        grown += factors[0, e] * moved[g, first_of + e]
+    change, own = plus(times(symmetric(hessian), v), scaled(grown, mixed)), second * grown + dot(mixed, v)
+    rise, lens, lens_first = dot(by_q, v) + first * grown, 0.0, 0.0
+    if observed.baseline != 0.0:
+        mixed, second, lens_first = linearised_lens(q, seen, observed.baseline, per)
+        fill_lens(factors, 0, count, observed, k)
+        for e in range(LENS):
+            stretched += factors[0, count + e] * moved[g, first_of + e]
+        change, lens = plus(change, scaled(stretched, mixed)), second * stretched + dot(mixed, v)
+        rise += lens_first * stretched
+    own, lens = own - bends * first * rise, lens - bends * lens_first * rise
+    for e in range(count):
+        out[first_of + e] += own * factors[0, e]
+    if observed.baseline != 0.0:
+        for e in range(LENS):
+            out[first_of + e] += lens * factors[0, count + e]
+    return minus(change, scaled(bends * rise, by_q))
+
+
+@part
+def _eliminate(m, begin, end, observed, eliminated, pull, by_q, out):
+    """Adds to `out` (D,) the slopes by poses, from those by places in the camera, and takes from all what the step of
+    point m does that answers its `pull`."""
+    step = times(symmetric(vector6(eliminated.inverses, m)), pull)
+    corrections, mixed = POSE * len(observed.rotations), eliminated.mixed_extra
+    for k in range(begin, end):
+        q, f = mixed_of(eliminated.mixed, k)
+        _add_by_twist(out, POSE * observed.cameras[k], q, minus(vector(by_q, k - begin), times(f, step)))
+    for e in range(_shown(observed)):
+        out[corrections + e] -= dot(step, (mixed[m, 0, e], mixed[m, 1, e], mixed[m, 2, e]))
+
+
+@part
+def _add_by_twist(out, at, q, v):
+    x, y, z = cross(q, v)
+    out[at] += v[0]
+    out[at + 1] += v[1]
+    out[at + 2] += v[2]
+    out[at + 3] += x
+    out[at + 4] += y
+    out[at + 5] += z
