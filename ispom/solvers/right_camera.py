@@ -11,9 +11,11 @@ Columns and rows tell a turn from decentring.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.kernels import kernel, part
+from ispom.solvers.window.prior import Evidence
 
 TERMS: tuple[str, ...] = (
     "both_k1", "both_k2", "offset_x", "pitch", "yaw", "roll", "focal", "k1", "k2", "p1", "p2", "q1", "q2", "ahead",
@@ -149,18 +151,23 @@ def drift_of(point, rates, n, lag, baseline):
 
 
 def row_evidence(
-    factors: Array, lower: Array, extra: Array, covariance: Array, scale: float, iterations: int = 5
-) -> tuple[Array, Array]:
-    """What points say that lie `lower` (N,) in the right image than in the left one, normalised, NaN where unknown.
+    ids: NDArray[np.int64],
+    factors: Array,
+    lower: Array,
+    extra: Array,
+    covariance: Array,
+    scale: float,
+    iterations: int = 5,
+) -> Evidence:
+    """What points (N,) say that lie `lower` (N,) in the right image than in the left one, normalised; NaN if unknown.
 
-    As for Prior.with_evidence: factors (M, E) and rows (M,) in deviations, M known ones. `factors` (N, E) as of
-    `by_row`, `extra` and `covariance` what is known without them; Cauchy loss of scale `scale`. Rows have next to
-    nothing to say of points and poses, beside the left image's rows from which they are found.
+    `factors` (N, E) as of `by_row`, `extra` and `covariance` what is known without them; Cauchy loss of scale `scale`.
+    Rows have next to nothing to say of points and poses, beside the left image's rows from which they are found.
     """
     good = np.isfinite(lower) & np.isfinite(factors).all(1)
-    design, rows = factors[good], lower[good]
+    design, rows, ids = factors[good], lower[good], ids[good]
     if not len(rows):
-        return design, rows
+        return Evidence(design, rows, rows, ids)
     free, root = np.diag(covariance) > 0, np.ones(len(rows))
     known, error = np.linalg.inv(covariance[np.ix_(free, free)]), rows - design @ extra
     start, part, middle = error, design[:, free], len(rows) // 2
@@ -169,5 +176,7 @@ def row_evidence(
         wide = max(scale, 1.5 * float(np.partition(np.abs(error), middle)[middle]))
         weight = 1 / (wide**2 + error**2)
         weighted, root = part.T * weight, np.sqrt(weight)
-        error = start - part @ np.linalg.solve(known + weighted @ part, weighted @ start)
-    return design * root[:, None], rows * root
+        inverse = np.linalg.inv(known + weighted @ part)
+        error = start - part @ (inverse @ (weighted @ start))
+    drawn = np.einsum("ni,in->n", part @ inverse, weighted)
+    return Evidence(design * root[:, None], rows * root, -error * root / (1 - drawn), ids)

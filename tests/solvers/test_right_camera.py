@@ -16,6 +16,7 @@ from ispom.solvers.right_camera import (
     drift,
     row_evidence,
 )
+from ispom.solvers.window.prior import Evidence
 from tests.solvers.pairs import BASELINE, RATE, SIGMA, F, points, seen, seen_left
 
 SMALL = 1e-4
@@ -47,9 +48,14 @@ def test_the_right_image_drifts_by_motion_and_depth() -> None:
     np.testing.assert_allclose(found, wanted, atol=0.02 / F)
 
 
-def known_by(evidence: tuple[Array, Array]) -> tuple[Array, Array]:
+def told(rows: Array, lower: Array, scale: float) -> Evidence:
+    """By points of which nothing was known before."""
+    return row_evidence(np.arange(len(rows)), rows, lower, np.zeros(PAIR), np.diag(SIGMA**2), scale)
+
+
+def known_by(evidence: Evidence) -> tuple[Array, Array]:
     """The corrections (E,) and their covariance (E, E) by rows and what was known before."""
-    design, rows = evidence
+    design, rows = evidence.design, evidence.seen
     covariance = np.linalg.inv(design.T @ design + np.diag(SIGMA**-2))
     return covariance @ design.T @ rows, covariance
 
@@ -58,11 +64,10 @@ def test_rows_without_noise_tell_what_they_depend_on() -> None:
     xyz = points()
     truth = np.random.default_rng(0).normal(0, SIGMA)
     _, rows = patterns(xyz)
-    evidence = row_evidence(rows, rows @ truth, np.zeros(PAIR), np.diag(SIGMA**2), 1e-4 / F)
+    evidence = told(rows, rows @ truth, 1e-4 / F)
     found, covariance = known_by(evidence)
     shown = np.sqrt(np.diag(covariance)) < 0.01 * SIGMA
-    told = {TERMS[i] for i in np.flatnonzero(shown)}
-    assert told >= {"offset_y", "pitch", "roll", "focal", "k1", "down"}
+    assert {TERMS[i] for i in np.flatnonzero(shown)} >= {"offset_y", "pitch", "roll", "focal", "k1", "down"}
     np.testing.assert_allclose(found[shown], truth[shown], atol=0.01 * SIGMA.max())
     np.testing.assert_allclose(rows @ found, rows @ truth, atol=1e-3 / F)
 
@@ -75,7 +80,7 @@ def test_rows_with_noise_and_false_matches_are_as_good_as_they_say() -> None:
         lower = rows @ truth + rng.normal(0, 0.1 / F, len(xyz))
         lower[::10] += rng.uniform(-2, 2, len(xyz[::10])) / F
         lower[1::10] = np.nan
-        found, covariance = known_by(row_evidence(rows, lower, np.zeros(PAIR), np.diag(SIGMA**2), 0.17 / F))
+        found, covariance = known_by(told(rows, lower, 0.17 / F))
         score.append((found - truth) @ np.linalg.solve(covariance, found - truth) / PAIR)
     assert 0.3 < np.mean(score) < 1.3
 
@@ -84,12 +89,27 @@ def test_what_rows_do_not_show_stays_as_uncertain_as_it_was() -> None:
     xyz = points()
     xyz *= 1e4 / xyz[:, 2:]
     _, rows = patterns(xyz, np.zeros(6))
-    evidence = row_evidence(rows, np.zeros(len(xyz)), np.zeros(PAIR), np.diag(SIGMA**2), 0.17 / F)
+    evidence = told(rows, np.zeros(len(xyz)), 0.17 / F)
     spread = dict(zip(TERMS, np.sqrt(np.diag(known_by(evidence)[1])) / SIGMA, strict=True))
     assert min(spread[name] for name in ("offset_x", "down", "ahead", "lag")) > 0.99
     assert max(spread[name] for name in ("offset_y", "pitch", "roll")) < 0.2
 
 
 def test_without_rows_nothing_is_said() -> None:
-    design, rows = row_evidence(np.zeros((3, PAIR)), np.full(3, np.nan), np.zeros(PAIR), np.diag(SIGMA**2), 0.1)
-    assert design.shape == (0, PAIR) and not len(rows)
+    evidence = told(np.zeros((3, PAIR)), np.full(3, np.nan), 0.1)
+    assert evidence.design.shape == (0, PAIR) and not len(evidence.seen) and not len(evidence.ids)
+
+
+def test_what_a_row_is_off_by_is_as_if_it_had_had_no_part() -> None:
+    """Few rows tell much of some corrections, and leave little there."""
+    rng, xyz = np.random.default_rng(5), points()[:40]
+    _, rows = patterns(xyz)
+    lower, ids = rng.normal(0, 0.1 / F, len(rows)), 7 + np.arange(len(rows))
+    known, wide = np.diag(SIGMA**2), 3 / F  # so wide a loss has one weight for all
+    evidence = row_evidence(ids, rows, lower, np.zeros(PAIR), known, wide)
+    np.testing.assert_array_equal(evidence.ids, ids)
+    for i in (0, 17, 39):
+        others = np.arange(len(rows)) != i
+        told_by = row_evidence(ids[others], rows[others], lower[others], np.zeros(PAIR), known, wide)
+        found, _ = known_by(told_by)
+        assert evidence.left[i] == pytest.approx((rows[i] @ found - lower[i]) / wide, rel=0.02, abs=1e-5)

@@ -9,11 +9,61 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.numerics.lie import logs
+from ispom.numerics.places import places
 
 POSE = 6
 """Unknowns of a pose: left twist (rho, phi) of camera_from_world."""
 LENS = 2
 """Unknowns of what is wrong with one lens, or with both of a pair: see window.Window.extra."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lasting:
+    """What tracks that go on have said of the slope of the cost: it is squared together with what they say later."""
+
+    ids: NDArray[np.int64]
+    """(T,) ascending."""
+    slopes: Array
+    """(T, D)."""
+
+    @staticmethod
+    def none(size: int) -> Lasting:
+        """Of no track, by so many unknowns."""
+        return Lasting(np.zeros(0, np.int64), np.zeros((0, size)))
+
+    def and_of(self, ids: NDArray[np.int64], slopes: Array) -> Lasting:
+        """With (N, D) `slopes` of tracks (N,) more, each of which is in it once at most."""
+        at = places(self.ids, ids)
+        known, own = at >= 0, self.slopes.copy()
+        own[at[known]] += slopes[known]
+        every = np.concatenate([self.ids, ids[~known]])
+        order = np.argsort(every, kind="stable")
+        return Lasting(every[order], np.concatenate([own, slopes[~known]])[order])
+
+    def without(self, gain: Array, gone: NDArray[np.bool_]) -> Lasting:
+        """See Sandwich.without."""
+        return Lasting(self.ids, self.slopes[:, ~gone] - self.slopes[:, gone] @ gain.T)
+
+
+def _without(form: Array, gain: Array, gone: NDArray[np.bool_]) -> Array:
+    """A symmetric matrix (D, D), see Sandwich.without."""
+    rows = form[gone]
+    taken = gain @ (rows[:, ~gone] - rows[:, gone] @ gain.T / 2)
+    return form[np.ix_(~gone, ~gone)] - taken - taken.T
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What else the corrections show in: `design` times them is `seen`, in deviations, by Cauchy's weights."""
+
+    design: Array
+    """(N, E)."""
+    seen: Array
+    """(N,)."""
+    left: Array
+    """(N,) what the rows are off by where the weights are of."""
+    ids: NDArray[np.int64]
+    """(N,) of the tracks that say it, each once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +73,23 @@ class Sandwich:
     curvature: Array
     """H (D, D), second derivatives of the cost: its loss's own, where `Prior.hessian` holds the weights."""
     scatter: Array
-    """S (D, D), the covariance of the cost's gradient."""
+    """S (D, D), the covariance of the cost's gradient, but for what `lasting` tracks make of it."""
+    lasting: Lasting | None = None
 
     def without(self, gain: Array, gone: NDArray[np.bool_]) -> Sandwich:
         """Of what is left when the unknowns `gone` (D,) are eliminated: `gain` (D - G, G) times their gradient is taken
         from that of the others."""
-        over = np.zeros((len(gain), len(gone)))
-        over[:, gone], over[:, ~gone] = -gain, np.eye(len(gain))
-        return Sandwich(over @ self.curvature @ over.T, over @ self.scatter @ over.T)
+        lasting = None if self.lasting is None else self.lasting.without(gain, gone)
+        return Sandwich(_without(self.curvature, gain, gone), _without(self.scatter, gain, gone), lasting)
+
+    def with_evidence(self, evidence: Evidence) -> Sandwich:
+        """The loss's second derivatives by what a row is off by are its weight times 1 - 2 left^2."""
+        design, left, size = evidence.design, evidence.left, len(self.curvature)
+        corrections = slice(size - design.shape[1], size)
+        curvature, slopes = self.curvature.copy(), np.zeros((len(design), size))
+        curvature[corrections, corrections] += design.T @ (design * (1 - 2 * left**2)[:, None])
+        slopes[:, corrections] = design * left[:, None]
+        return Sandwich(curvature, self.scatter, (self.lasting or Lasting.none(size)).and_of(evidence.ids, slopes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,35 +118,52 @@ class Prior:
         rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
         return np.concatenate([np.hstack([rho, logs(turn)]).ravel(), extra - self.extra])
 
-    def with_evidence(self, design: Array, seen: Array) -> Prior:
-        """With what else the corrections show in: `design` (N, E) times them is `seen` (N,), in deviations."""
-        hessian, gradient, e = self.hessian.copy(), self.gradient.copy(), len(self.extra)
-        error = design @ self.extra - seen
+    def with_evidence(self, evidence: Evidence) -> Prior:
+        """With what else the corrections show in."""
+        hessian, gradient, e, design = self.hessian.copy(), self.gradient.copy(), len(self.extra), evidence.design
+        error = design @ self.extra - evidence.seen
         hessian[-e:, -e:] += design.T @ design
         gradient[-e:] += design.T @ error
-        return replace(self, hessian=hessian, gradient=gradient, constant=self.constant + 0.5 * float(error @ error))
+        sandwich = None if self.sandwich is None else self.sandwich.with_evidence(evidence)
+        constant = self.constant + 0.5 * float(error @ error)
+        return replace(self, hessian=hessian, gradient=gradient, constant=constant, sandwich=sandwich)
 
     def aged(self, kept: float, sigma: Array) -> Prior:
         """Of the corrections a while later: `kept` of each is left, and as much has come that its deviation returns to
         `sigma` (E,) if nothing is seen (a Gauss-Markov process); 0 holds one.
         """
-        poses = len(self.hessian) - len(sigma)
+        poses, size = len(self.hessian) - len(sigma), len(self.hessian)
         now = np.flatnonzero(sigma > 0) + poses
         if not 0 <= kept < 1 or not len(now):
             return self
         came = 1 / ((1 - kept**2) * sigma[now - poses] ** 2)
-        # now = kept * then + what came; the values then are eliminated
-        gone = (1 - kept) * self.extra[now - poses]
-        then, hessian, gradient = self.hessian[now], self.hessian.copy(), self.gradient.copy()
-        mixed, own = then.copy(), then[:, now] + np.diag(kept**2 * came)
-        mixed[:, now] = -kept * np.diag(came)
-        hessian[now], hessian[:, now] = 0.0, 0.0
-        hessian[now, now] = came
+        # now = kept * then + what came; the values then, at the end, are eliminated
+        gone, then = (1 - kept) * self.extra[now - poses], size + np.arange(len(now))
+        before = np.arange(size)
+        before[now] = then
+
+        def with_then(information: Array) -> Array:
+            out = np.zeros((size + len(now), size + len(now)))
+            out[np.ix_(before, before)] = information
+            out[now, now], out[now, then], out[then, now] = came, -kept * came, -kept * came
+            out[then, then] += kept**2 * came
+            return out
+
+        both, gradient = with_then(self.hessian), self.gradient.copy()
+        gain = np.linalg.solve(both[size:, size:], both[size:, :size]).T
+        hessian = both[:size, :size] - gain @ both[size:, :size]
         gradient[now] = came * gone
-        gain = np.linalg.solve(own, mixed).T
-        hessian = hessian - gain @ mixed
-        gradient = gradient - gain @ (self.gradient[now] - kept * came * gone)
-        return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient)
+        gradient -= gain @ (self.gradient[now] - kept * came * gone)
+        sandwich = self.sandwich
+        if sandwich is not None:
+            lasting = sandwich.lasting
+            if lasting is not None:
+                slopes = lasting.slopes - lasting.slopes[:, now] @ gain.T
+                slopes[:, now] -= lasting.slopes[:, now]
+                lasting = Lasting(lasting.ids, slopes)
+            own = Sandwich(with_then(sandwich.curvature), with_then(sandwich.scatter))
+            sandwich = replace(own.without(gain, np.arange(len(both)) >= size), lasting=lasting)
+        return replace(self, hessian=(hessian + hessian.T) / 2, gradient=gradient, sandwich=sandwich)
 
     def cost(self, shift: Array) -> float:
         """Of a change `shift` (6 P + E,); inf where a step ended at no number, so that it is not taken."""
@@ -99,5 +175,6 @@ class Prior:
 def anchored(rotation: Array, translation: Array, extra_sigma: Array, sigma: float = 1e-6) -> Prior:
     """The prior that makes the first pose the world: known to `sigma`."""
     information = np.concatenate([np.full(POSE, sigma**-2), np.where(extra_sigma > 0, extra_sigma, 1.0) ** -2.0])
-    zeros = np.zeros(len(information))
-    return Prior(rotation[None], translation[None], np.zeros(len(extra_sigma)), np.diag(information), zeros)
+    zeros, held = np.zeros(len(information)), np.diag(information)
+    sandwich = Sandwich(held, held)
+    return Prior(rotation[None], translation[None], np.zeros(len(extra_sigma)), held, zeros, sandwich=sandwich)

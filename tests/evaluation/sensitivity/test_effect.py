@@ -38,12 +38,13 @@ def adjusted(scene: Scene, values: Values, wrong: Perturbation, adjustment: Adju
         told.baseline_m if scene.is_pair else 0.0, np.zeros(len(sigmas)), sigmas, factors, fixed=1,
     )  # fmt: skip
     if sigmas.any():
-        from ispom.solvers.window.prior import anchored
+        from ispom.solvers.window.prior import Evidence, anchored
 
         prior = anchored(values.rotations[0], values.translations[0], sigmas)
         if scene.is_pair:  # rows as they should be
             rows = (camera.fx / adjustment.loss_px) * by_row(right, disparity, late)
-            prior = prior.with_evidence(rows * (sigmas > 0), np.zeros(len(rows)))
+            none = np.zeros(len(rows))
+            prior = prior.with_evidence(Evidence(rows * (sigmas > 0), none, none, np.arange(len(rows))))
         window = replace(window, prior=prior, fixed=0)
     found = adjust(window, adjustment.loss_px / camera.fx, iterations=60, tolerance=1e-10).window
     rotations = np.swapaxes(found.rotations, 1, 2)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
 from ispom.geometry import Array
-from ispom.solvers.window.prior import POSE, Prior, anchored
+from ispom.solvers.window.prior import POSE, Evidence, Lasting, Prior, Sandwich, anchored
 
 SIGMA = np.array([0.5, 2.0, 0.0])
 
@@ -52,11 +53,48 @@ def test_in_no_time_nothing_changes() -> None:
 def test_evidence_is_a_least_squares_problem_more() -> None:
     rng, before = np.random.default_rng(1), prior()
     design, seen = rng.normal(size=(5, 3)), rng.normal(size=5)
-    after = before.with_evidence(design, seen)
+    after = before.with_evidence(Evidence(design, seen, np.zeros(5), np.arange(5)))
     for _ in range(3):
         shift = rng.normal(size=POSE + 3)
         error = design @ (before.extra + shift[POSE:]) - seen
         np.testing.assert_allclose(after.cost(shift), before.cost(shift) + 0.5 * error @ error)
+
+
+def test_what_tracks_said_goes_along_as_their_squares_do() -> None:
+    """Through time, and where unknowns are eliminated."""
+    rng, before = np.random.default_rng(2), prior()
+    slopes = rng.normal(size=(4, POSE + 3)) * (SIGMA > 0)[[0] * POSE + [0, 1, 2]]
+    squares = slopes.T @ slopes
+    found = []
+    for sandwich in (
+        Sandwich(before.hessian, squares),
+        Sandwich(before.hessian, 0 * squares, Lasting(np.arange(4), slopes)),
+        Sandwich(before.hessian, 0 * squares),
+    ):
+        aged = replace(before, sandwich=sandwich).aged(0.8, SIGMA).sandwich
+        assert aged is not None
+        gone = np.arange(POSE + 3) < 2
+        left = aged.without(rng.normal(size=(POSE + 1, 2)) * 0 + 0.3, gone)
+        said = np.zeros((0, POSE + 1)) if left.lasting is None else left.lasting.slopes
+        found.append(left.scatter + said.T @ said)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+    assert np.abs(found[1] - found[2]).max() > 0.1
+
+
+def test_a_track_says_the_same_twice_and_it_counts_twice_in_one() -> None:
+    rng, first = np.random.default_rng(3), anchored(np.eye(3), np.zeros(3), SIGMA)
+    design, left = rng.normal(size=(3, 3)), np.array([0.5, -0.2, 0.1])
+    once = Evidence(design, np.zeros(3), left, np.array([2, 5, 9]))
+    other = Evidence(design[:2], np.zeros(2), left[:2], np.array([5, 7]))
+    found = first.with_evidence(once).with_evidence(other).sandwich
+    assert found is not None and found.lasting is not None
+    np.testing.assert_array_equal(found.lasting.ids, [2, 5, 7, 9])
+    said = left[:, None] * design
+    np.testing.assert_allclose(found.lasting.slopes[:, POSE:], [said[0], said[1] + said[0], said[1], said[2]])
+    weights = 1 - 2 * np.concatenate([left, left[:2]]) ** 2
+    every = np.vstack([design, design[:2]])
+    wanted = anchored(np.eye(3), np.zeros(3), SIGMA).hessian[POSE:, POSE:] + every.T @ (every * weights[:, None])
+    np.testing.assert_allclose(found.curvature[POSE:, POSE:], wanted)
 
 
 def test_a_step_to_no_number_costs_more_than_any_other_and_is_not_warned_of() -> None:

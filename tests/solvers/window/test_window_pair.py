@@ -35,7 +35,8 @@ def found(extra: Array, noise_px: float, motion: Array = BEND, nearest: float = 
     for c in k:
         own = camera == c
         rows = by_row(right[own], disparity[own], late[own]), right[own, 1] - left[own, 1]
-        prior = prior.with_evidence(*row_evidence(*rows, np.zeros(PAIR), np.diag(SIGMA**2), SCALE))
+        evidence = row_evidence(owner[own], *rows, np.zeros(PAIR), np.diag(SIGMA**2), SCALE)
+        prior = prior.with_evidence(evidence)
     off = so3_exp(np.vstack([np.zeros(3), rng.normal(0, 0.002, (POSES - 1, 3))]))
     window = Window(
         off @ turn, shift, xyz * rng.normal(1, 0.01, (POINTS, 1)), camera, owner, np.column_stack([left, right[:, 0]]),

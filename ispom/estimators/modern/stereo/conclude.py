@@ -53,13 +53,13 @@ def next_state(
 def _with_place(setup: Setup, state: ModernStereoState, now: Current) -> Places:
     """With what this key frame saw, and the others' poses as they are now."""
     here = (now.new.left, now.new.right)
-    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map, setup.loss), now.motion)
+    place = Place.of(now.new.time_ns, now.pose, here, newest_covariance(state.map), now.motion)
     return state.places.revised({k.time_ns: k.left_from_world for k in state.map.keys}).with_place(place)
 
 
 def _covariance(setup: Setup, state: ModernStereoState, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:
     """(6, 6) of left_from_world's left twist: the newest key frame's, and the way from there."""
-    of_key = newest_covariance(state.map, setup.loss)
+    of_key = newest_covariance(state.map)
     if of_key is None or is_key or sighting.located is None:
         return of_key
     way = (pose @ state.map.keys[-1].left_from_world.inverse()).adjoint

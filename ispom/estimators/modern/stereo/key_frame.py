@@ -145,9 +145,9 @@ def _with_row_errors(
     located = sighting.located
     if located is None:
         return world
-    took = sighting.took_part[located.inliers]
-    xyz = now.pose.apply(state.map.xyz[sighting.place[took]])
-    return with_rows(setup, world, xyz, sighting.lower[located.inliers], now.motion[:6])
+    place = sighting.place[sighting.took_part[located.inliers]]
+    near, lower = now.pose.apply(state.map.xyz[place]), sighting.lower[located.inliers]
+    return with_rows(setup, world, state.map.ids[place], near, lower, now.motion[:6])
 
 
 def _adjusted(

@@ -81,7 +81,7 @@ def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSee
         new.time_ns,
         world.keys[-1].left_from_world.inverse(),
         # left_from_world's left twist is one on the right of world_from_left, the other way.
-        newest_covariance(world, setup.loss),
+        newest_covariance(world),
         0.0,
         {k.time_ns: k.left_from_world.inverse() for k in world.keys},
         partial(_sight, setup, world, new, steady(after.last.rate)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.estimators.modern.stereo.pair import PairPoints
 from ispom.estimators.modern.stereo.setup import Setup
@@ -39,8 +40,10 @@ def intersected(setup: Setup, world: StereoMap, points: PairPoints, motion: Arra
     return setup.shutter.points_at_middle(near, motion)
 
 
-def with_rows(setup: Setup, world: StereoMap, near: Array, lower: Array, rate: Array) -> StereoMap:
-    """The map that knows that points `near` (N, 3) in the left camera lie `lower` (N,) in the right image."""
+def with_rows(
+    setup: Setup, world: StereoMap, ids: NDArray[np.int64], near: Array, lower: Array, rate: Array
+) -> StereoMap:
+    """The map that knows that points (N,), `near` (N, 3) in the left camera, lie `lower` (N,) in the right image."""
     if world.prior is None or not setup.self_calibration:
         return world
     seen = (near[:, :2] - (setup.baseline_m, 0.0)) / np.maximum(near[:, 2:], 1e-6)
@@ -48,6 +51,5 @@ def with_rows(setup: Setup, world: StereoMap, near: Array, lower: Array, rate: A
     disparity = setup.baseline_m / np.maximum(near[:, 2], 1e-6)
     factors, known = by_row(seen, disparity, late), known_of_pair(world, setup.extra_sigma)
     factors = np.where(near[:, 2:] > 1e-6, factors, np.nan)
-    return replace(
-        world, prior=world.prior.with_evidence(*row_evidence(factors, lower, world.extra, known, setup.loss))
-    )
+    evidence = row_evidence(ids, factors, lower, world.extra, known, setup.loss)
+    return replace(world, prior=world.prior.with_evidence(evidence))

@@ -14,8 +14,9 @@ from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.solvers.right_camera import LAG, PAIR, lens_of_both
-from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance, marginalise
-from ispom.solvers.window.prior import POSE, Prior, anchored
+from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
+from ispom.solvers.window.groups import Groups
+from ispom.solvers.window.prior import POSE, Prior, Sandwich, anchored
 from ispom.types import Camera
 
 KEPT_FRAMES = 2
@@ -71,8 +72,11 @@ class StereoMap:
     """(E,) what is wrong with the pair (see right_camera.TERMS)."""
     prior: Prior | None = None
     covariance: Array | None = None
-    """(6 C + E, 6 C + E) of the key frames' left twists and the extras, relative to the start; None before a second
-    key frame."""
+    """(6 C + E, 6 C + E) of the key frames' left twists and the extras, relative to the start, were errors
+    independent and as large as the loss says: what the adjustment goes by. None before a second key frame."""
+    newest: Array | None = None
+    """(6, 6) covariance of the newest key frame's left twist, relative to the start, by what tracks turn out to be
+    off by (see groups.Groups)."""
     start: Start | None = None
     """None where the first key frame is the world."""
     noise: TrackNoise = TrackNoise()
@@ -106,7 +110,7 @@ def with_key(
 
     Since the last one the pair may have changed: within `settling_s` as much as was open before any data.
     """
-    keys, prior, covariance, start = state.keys, state.prior, state.covariance, state.start
+    keys, prior, covariance, newest, start = state.keys, state.prior, state.covariance, state.newest, state.start
     if not keys:
         prior = anchored(key.left_from_world.rotation, key.left_from_world.translation, extra_sigma)
         if predicted is not None:
@@ -116,14 +120,15 @@ def with_key(
             )
             if state.covariance is not None:
                 covariance[POSE:, POSE:] = state.covariance[-PAIR:, -PAIR:]
-            prior = replace(prior, extra=state.extra, hessian=np.linalg.inv(covariance))
+            hessian, newest = np.linalg.inv(covariance), covariance[:POSE, :POSE]
+            prior = replace(prior, extra=state.extra, hessian=hessian, sandwich=Sandwich(hessian, hessian))
     else:
         assert prior is not None
         prior = prior.aged(float(np.exp((keys[-1].time_ns - key.time_ns) * 1e-9 / settling_s)), extra_sigma)
         if len(keys) == 1:
             # Nothing was before the first one: it moved as the second does.
             keys = (replace(keys[0], motion=key.motion),)
-    return replace(state, keys=(*keys, key), prior=prior, covariance=covariance, start=start)
+    return replace(state, keys=(*keys, key), prior=prior, covariance=covariance, newest=newest, start=start)
 
 
 def emptied(state: StereoMap) -> StereoMap:
@@ -157,22 +162,30 @@ def adjusted(
         keys[c] = replace(keys[c], ids=keys[c].ids[keep], seen=keys[c].seen[keep])
     xyz = state.xyz.copy()
     xyz[used] = window.points
-    known = covariance(window, scale)
-    noise = state.noise.after(result, scale)
-    return replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=known, noise=noise), result
+    groups, noise = Groups.of(window, state.ids[used], scale), state.noise.after(result, scale)
+    known, newest = groups.covariance, groups.newest()
+    made = replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=known, newest=newest, noise=noise)
+    return made, result
 
 
 def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
     """The oldest key frame and its points become a prior on the others; tracks that go on keep their newest places."""
-    oldest, newest = state.keys[0], len(state.keys) - KEPT_FRAMES
+    oldest, newest, known = state.keys[0], len(state.keys) - KEPT_FRAMES, state.covariance
+    assert known is not None
     gone = [
         places(oldest.ids, k.ids) >= 0 if i < newest else np.zeros(len(k.ids), bool) for i, k in enumerate(state.keys)
     ]
     past = tuple(replace(k, ids=k.ids[m], seen=k.seen[m]) for k, m in zip(state.keys, gone, strict=True))
-    window, _, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
-    prior = marginalise(window, np.ones(len(window.points), bool), scale)
+    window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
     rest = (replace(k, ids=k.ids[~m], seen=k.seen[~m]) for k, m in zip(state.keys[1:newest], gone[1:], strict=False))
-    return replace(state, keys=(*rest, *state.keys[newest:]), prior=prior)
+    keys = (*rest, *state.keys[newest:])
+    lasting = np.concatenate([k.ids for k in keys])
+
+    def of_part(part: Window) -> Sandwich:
+        return Groups.of(part, state.ids[used], scale).sandwich(lasting, known)
+
+    prior = marginalise(window, np.ones(len(window.points), bool), scale, of_part)
+    return replace(state, keys=keys, prior=prior)
 
 
 def _packed(
@@ -216,16 +229,12 @@ def variance_factor(state: StereoMap, scale: float) -> float:
     return state.noise.variance(scale) / scale**2
 
 
-def newest_covariance(state: StereoMap, scale: float) -> Array | None:
-    """(6, 6) of the newest key frame's left twist in the world, at a loss's `scale`; None before an adjustment."""
-    if state.covariance is None or not state.keys:
-        return None
-    o = POSE * (len(state.keys) - 1)
-    own = state.covariance[o : o + POSE, o : o + POSE] * variance_factor(state, scale)
-    if state.start is None:
-        return own
+def newest_covariance(state: StereoMap) -> Array | None:
+    """(6, 6) of the newest key frame's left twist in the world; None before an adjustment."""
+    if state.newest is None or not state.keys or state.start is None:
+        return state.newest
     way = (state.keys[-1].left_from_world @ state.start.left_from_world.inverse()).adjoint
-    return own + way @ state.start.covariance @ way.T
+    return state.newest + way @ state.start.covariance @ way.T
 
 
 def _proper(rotations: Array) -> Array:

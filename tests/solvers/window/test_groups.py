@@ -1,0 +1,109 @@
+"""Covariances of a pair's window by what groups of its tracks say: by chance, and across what leaves the window."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ispom.evaluation.consistency import band
+from ispom.geometry import Array, Pose
+from ispom.solvers.right_camera import PAIR
+from ispom.solvers.window.adjustment import Window, adjust, marginalise
+from ispom.solvers.window.groups import Groups
+from ispom.solvers.window.prior import Lasting, Sandwich, anchored
+from tests.estimators.modern.test_noise import flown
+from tests.solvers.window.left import without_oldest
+
+ERROR, SCALE, BASELINE = 1e-3, 5e-3, 0.3
+KINDS = {
+    "alike": {"new": ERROR, "step": 0.0, "disparity": ERROR},
+    "walk": {"new": 0.0, "step": ERROR, "disparity": ERROR},
+    "kept disparity": {"new": 0.3 * ERROR, "step": 0.0, "disparity": 0.3 * ERROR},
+    "narrow loss": {"new": ERROR, "step": 0.0, "disparity": ERROR},
+    "alike in a cell": {"new": ERROR, "step": 0.0, "disparity": 0.0},
+}
+
+
+def made(seed: int, kind: str = "alike") -> Window:
+    """At its truth; the first pose is the world."""
+    window = flown(seed, KINDS[kind], BASELINE, cell=0.06 if kind == "alike in a cell" else 0.0)
+    if kind == "kept disparity":
+        seen, rng = window.seen.copy(), np.random.default_rng(seed)
+        seen[:, 2] += 2 * ERROR * rng.normal(size=len(window.points))[window.owners]
+        window = replace(window, seen=seen)
+    return replace(window, fixed=0, prior=anchored(window.rotations[0], window.translations[0], np.zeros(PAIR)))
+
+
+def groups(window: Window, scale: float = SCALE) -> Groups:
+    return Groups.of(window, np.arange(len(window.points)), scale)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_covariance_is_that_of_the_errors(kind: str) -> None:
+    """Of the newest pose: where errors are independent and of one size, where they walk, where those of disparities
+    stay, where the loss is no wider than they are, and where neighbours share them."""
+    nees, scale = [], 1.5 * ERROR if kind == "narrow loss" else SCALE
+    for seed in range(24):
+        true = made(seed, kind)
+        done = adjust(true, scale, 30, 1e-8).window
+        pose, was = (Pose(w.rotations[-1], w.translations[-1]) for w in (done, true))
+        off = (pose @ was.inverse()).log()
+        nees.append(off @ np.linalg.solve(groups(done, scale).newest(), off))
+    low, high = band(6, len(nees), 0.999)
+    assert low < np.mean(nees) < high
+
+
+@pytest.mark.parametrize("kind", ["alike", "kept disparity"])
+def test_what_leaves_the_window_is_as_unsure_as_in_it(kind: str) -> None:
+    """On the mean: in what left and in what stays, groups are others than in both together."""
+    shares = []
+    for seed in range(8):
+        whole = adjust(made(seed, kind), SCALE, 60, 1e-14).window
+        gone = np.isin(np.arange(len(whole.points)), whole.owners[whole.cameras == 0])
+        prior = marginalise(whole, gone, SCALE, partial(_leaving, groups(whole).covariance, np.flatnonzero(gone)))
+        rest = without_oldest(whole, gone, prior)
+        before, after = groups(whole).newest(), groups(rest).newest()
+        shares.append(np.trace(np.linalg.solve(before, after)) / 6)
+    assert np.mean(shares) == pytest.approx(1, abs=0.1)
+
+
+def _leaving(known: Array, ids: NDArray[np.int64], part: Window) -> Sandwich:
+    return Groups.of(part, ids, SCALE).sandwich(np.zeros(0, np.int64), known)
+
+
+def test_what_a_track_said_is_squared_with_what_it_says_later() -> None:
+    """Not each by itself: an error that stays counts once for all its views."""
+    whole, ids = adjust(made(4), SCALE, 60, 1e-14).window, np.array([3, 10])
+    assert whole.prior is not None and whole.prior.sandwich is not None
+    said = groups(whole)
+    first = said.slopes[ids][:, np.r_[0:6, -PAIR:0]]  # those that the prior is about
+    for lasting, share in ((Lasting(ids, first), 2.0), (Lasting(ids + 1000, first), 1.0)):
+        sandwich = replace(whole.prior.sandwich, lasting=lasting)
+        window = replace(whole, prior=replace(whole.prior, sandwich=sandwich))
+        found = groups(window)
+        np.testing.assert_allclose(found.slopes[ids][:, :6], share * first[:, :6])
+        assert len(found.others.ids) == (0 if share == 2 else 2)
+        went_on = found.sandwich(np.array([3, 1010]), said.covariance).lasting
+        assert went_on is not None and went_on.ids.tolist() == ([3] if share == 2 else [3, 1010])
+
+
+def test_few_tracks_make_it_no_surer() -> None:
+    """With hardly more groups than unknowns, they say next to nothing of how far all are off."""
+    whole = made(5)
+    few = np.arange(len(whole.points)) < 12
+    keep = few[whole.owners]
+    window = replace(
+        whole,
+        points=whole.points[few],
+        cameras=whole.cameras[keep],
+        owners=whole.owners[keep],
+        seen=whole.seen[keep],
+        factors=whole.factors[keep],
+    )
+    window = adjust(window, SCALE, 60, 1e-14).window
+    found, many = groups(window).newest(), groups(adjust(whole, SCALE, 60, 1e-14).window).newest()
+    assert np.isfinite(found).all() and (np.diag(found) > 10 * np.diag(many)).all()
