@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
+from ispom.solvers.neighbours import POSE, SHIFTS, by_group, cells, left_open
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.observation import (
     MIN_DEPTH,
@@ -15,12 +18,25 @@ from ispom.solvers.spline.observation import (
     empty_rows,
     linearise,
     placed,
-    slope,
 )
 from ispom.solvers.spline.problem import AnchoredPoints
 
-POSE = 6
-"""Unknowns of a pose."""
+BENDS = 2.0
+"""Of the loss's own second derivatives, w J'J - 2 (w J'e) (w J'e)' / loss^2: where it is as narrow as the errors, poses
+are off by more than with weights held."""
+
+
+class Equations(NamedTuple):
+    """Of a pose, by a twist (rho, phi) on its right, from K points."""
+
+    information: Array
+    """(6, 6)."""
+    pull: Array
+    """(6, n) how its right side follows the window."""
+    slopes: Array
+    """(K, 6) what each point says of it."""
+    curvatures: Array
+    """(K, 6, 6) of the information, the part of each point."""
 
 
 def pose_covariance(
@@ -41,27 +57,28 @@ def pose_covariance(
     as far as they turn out to be (`Solution.as_far_off`), what is wrong with each point included. What all points
     follow is led back to the unknowns of their window, so that it is counted jointly. Errors with covariance `shared`
     (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
+
+    The sandwich H^-1 S H^-1 (Huber 1967; White 1982), as in `window.groups`: H has the loss's own second derivatives,
+    S is by groups of neighbours.
     """
     n = uncertainty.sensitivity.shape[2]
     direct = np.zeros((len(seen), 2, n + uncertainty.shared.shape[2]))
     if moved is not None:
         direct[:, :, n:] = moved / sigma
-    information, noise, pull, weights = _equations(
-        _observed(world_from_rig, rig_from_camera, points, seen, sigma),
-        loss,
-        np.concatenate([uncertainty.sensitivity, uncertainty.shared], axis=2),
-        direct,
-    )
-    # Six of the errors' degrees of freedom went into the pose.
-    noise /= slope(weights, 2) ** 2 * (1 - POSE / (2 * len(seen)))
-    inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(6))
-    turn, of_shared, of_rig = inverse @ pull[:, :n], inverse @ pull[:, n:], np.zeros((6, RIG))
+    observed = _observed(world_from_rig, rig_from_camera, points, seen, sigma)
+    follow = np.concatenate([uncertainty.sensitivity, uncertainty.shared], axis=2)
+    equations = _equations(observed, loss, BENDS, follow, direct)
+    if not _is_minimum(equations.information):
+        equations = _equations(observed, loss, 0.0, follow, direct)
+    information, pull = equations.information, equations.pull
+    inverse = np.linalg.inv(information + 1e-9 * np.trace(information) * np.eye(POSE))
+    turn, of_shared, of_rig = inverse @ pull[:, :n], inverse @ pull[:, n:], np.zeros((POSE, RIG))
     if of_video:
         # What is found is the camera; where the rig is depends on how the camera sits in it.
         r, t = rig_from_camera.rotation, rig_from_camera.translation
         of_rig[3:, :3], of_rig[:3, :3], of_rig[:3, 3:6] = r, np.cross(t, r.T).T, np.eye(3)
         turn[:, -RIG:] -= of_rig
-    found = inverse @ noise @ inverse + turn @ uncertainty.parameters @ turn.T
+    found = inverse @ _scatter(seen, equations, inverse) @ inverse + turn @ uncertainty.parameters @ turn.T
     return found if shared is None else found + of_shared @ shared @ of_shared.T
 
 
@@ -70,7 +87,7 @@ def pose_information(
 ) -> Array:
     """(6, 6) of the twist (rho, phi) on the right of such a pose, relative to points that count as exact."""
     observed, nothing = _observed(world_from_rig, rig_from_camera, points, seen, sigma), np.zeros((len(seen), 3, 0))
-    return _equations(observed, loss, nothing, nothing[:, :2].copy())[0]
+    return _equations(observed, loss, 0.0, nothing, nothing[:, :2].copy()).information
 
 
 def _observed(
@@ -96,47 +113,77 @@ def _observed(
     )
 
 
-@kernel()
-def _equations(observed, loss, follow, moved):
-    """Information (6, 6) of the pose, the noise (6, 6) in its right side, how that follows the window (6, n); weights.
+def _is_minimum(information: Array) -> bool:
+    try:
+        np.linalg.cholesky(information)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
-    Points follow the window by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations.
-    """
-    information, noise, pull = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, follow.shape[2]))
-    rows, by_pose, weights = empty_rows(), np.empty((6, 2)), np.zeros(len(follow))
-    for m in range(len(follow)):
+
+def _scatter(seen: Array, equations: Equations, inverse: Array) -> Array:
+    """(6, 6) of the right side, by what groups of neighbours say."""
+    total, count = np.zeros((POSE, POSE)), 0
+    for numbers in cells(seen):
+        groups, cell = np.unique(numbers, return_inverse=True)
+        said = by_group(len(groups), cell, equations.slopes)
+        own = by_group(len(groups), cell, equations.curvatures.reshape(-1, POSE * POSE)).reshape(-1, POSE, POSE)
+        without = said + np.einsum("gij,gj->gi", own, said @ inverse)
+        total += without.T @ without
+        count += len(groups)
+    return left_open(count / len(SHIFTS)) * total / len(SHIFTS)
+
+
+@kernel()
+def _equations(observed, loss, bends, follow, moved):
+    """Points follow the window by `follow` (K, 3, n), observations by `moved` (K, 2, n) in standard deviations."""
+    count = len(follow)
+    found = Equations(
+        np.zeros((POSE, POSE)),
+        np.zeros((POSE, follow.shape[2])),
+        np.zeros((count, POSE)),
+        np.zeros((count, POSE, POSE)),
+    )
+    rows, by_pose = empty_rows(), np.empty((POSE, 2))
+    for m in range(count):
         rig, camera = placed(observed, m)
         if camera[2] > MIN_DEPTH:
-            weights[m] = weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
+            weight = cauchy_weight(rows, linearise(rows, observed, m, rig, camera), loss)
             for k in range(3):
                 for i in range(2):
                     by_pose[k, i] = -observed.points[m, 2] * rows.by_rig[i, k]
                     by_pose[3 + k, i] = rows.by_pose[i, k]
-            _add(information, noise, weight, by_pose, rows.errors)
-            _pull(pull, weight, by_pose, rows.by_point, follow[m], moved[m])
-    return information, noise, pull, weights
+            x, y = rows.errors[0], rows.errors[1]
+            bent = bends * weight * weight / (loss * loss)
+            second = weight - bent * x * x, -bent * x * y, weight - bent * y * y
+            for k in range(POSE):
+                found.slopes[m, k] = weight * (by_pose[k, 0] * x + by_pose[k, 1] * y)
+            _add(found.information, found.curvatures[m], second, by_pose)
+            _pull(found.pull, second, by_pose, rows.by_point, follow[m], moved[m])
+    return found
 
 
 @part
-def _add(information, noise, weight, by_pose, errors):
-    """Adds a point that is seen with such errors."""
-    for k in range(6):
-        a, b = weight * by_pose[k, 0], weight * by_pose[k, 1]
-        pull = weight * (a * errors[0] + b * errors[1])
-        for j in range(6):
-            information[k, j] += a * by_pose[j, 0] + b * by_pose[j, 1]
-            noise[k, j] += pull * (by_pose[j, 0] * errors[0] + by_pose[j, 1] * errors[1])
+def _add(information, own, second, by_pose):
+    """Adds what a point, by its own second derivatives (xx, xy, yy), says of the pose."""
+    xx, xy, yy = second
+    for k in range(POSE):
+        a, b = xx * by_pose[k, 0] + xy * by_pose[k, 1], xy * by_pose[k, 0] + yy * by_pose[k, 1]
+        for j in range(POSE):
+            own[k, j] = a * by_pose[j, 0] + b * by_pose[j, 1]
+            information[k, j] += own[k, j]
 
 
 @part
-def _pull(out, weight, by_pose, by_point, follow, moved):
+def _pull(out, second, by_pose, by_point, follow, moved):
     """Subtracts from out (6, n) what pose and point (3, n) `follow` have to do with each other; adds the observation's
     own (2, n) `moved`."""
-    for k in range(6):
-        first, second = weight * by_pose[k, 0], weight * by_pose[k, 1]
+    xx, xy, yy = second
+    for k in range(POSE):
+        a, b = xx * by_pose[k, 0] + xy * by_pose[k, 1], xy * by_pose[k, 0] + yy * by_pose[k, 1]
         for i in range(out.shape[1]):
-            out[k, i] += first * moved[0, i] + second * moved[1, i]
+            out[k, i] += a * moved[0, i] + b * moved[1, i]
         for j in range(3):
-            side = first * by_point[0, j] + second * by_point[1, j]
+            side = a * by_point[0, j] + b * by_point[1, j]
             for i in range(out.shape[1]):
                 out[k, i] -= side * follow[j, i]

@@ -2,14 +2,9 @@
 
 An estimate is off by H^-1 g, so its covariance is the sandwich H^-1 S H^-1 (Huber 1967; White 1982), S the covariance
 of the slope g of the cost at the truth. H has the loss's own second derivatives: where the loss is as narrow as the
-errors, poses are off by a fifth to a third more than with weights held. S is the sum over groups of tracks of the
-squares of what each group says (Liang & Zeger 1986): within one, errors may hang together as they like, from view to
-view, with those of the rows, and from neighbour to neighbour. Neighbours share pixels, a surface and what stands before
-it: at the truth of sim:tiny and indoors, their slopes hang together up to some 90 px apart, which adds a fifth to the
-variance.
-
-What a group says is as it would be, to first order, had it had no part in the estimate (a jackknife: Bell & McCaffrey
-2002), and S is as much larger as few groups leave open (Student's t).
+errors, poses are off by a fifth to a third more than with weights held. S is the sum over groups of tracks, by where
+their newest places are (`neighbours`), of the squares of what each group says: within one, errors may hang together as
+they like, from view to view, with those of the rows, and from neighbour to neighbour.
 """
 
 from __future__ import annotations
@@ -22,18 +17,12 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.numerics.places import places
+from ispom.solvers.neighbours import GROUPS, SHIFTS, by_group, cells, left_open
 from ispom.solvers.window.adjustment import Equations, Window, covariance
 from ispom.solvers.window.kernels import Eliminated
 from ispom.solvers.window.prior import POSE, Lasting, Sandwich
-from ispom.solvers.window.slopes import by_group, followed, slopes
+from ispom.solvers.window.slopes import followed, slopes
 
-CELLS = 8, 6
-"""Of the image, across and down: tracks whose newest places are in one are a group. In images of 640 pixels a cell is
-wider than neighbours hang together."""
-SHIFTS = (0.0, 0.0), (0.5, 0.5)
-"""Of the cells, in cells; S is the mean over them: neighbours on both sides of a border are a group in another."""
-LEAST_SHARE = 0.1
-"""Of groups that count, where there are hardly more than unknowns."""
 BENDS = 2.0
 """See kernels.reduce_points: the loss's own second derivatives."""
 
@@ -94,7 +83,7 @@ class Groups:
         way = known[:, last - POSE : last]
         others = self.others.slopes @ way
         squares, groups = self._squares(np.ones(len(self.ids), bool), known, way)
-        return _open(groups) * squares + way.T @ self.scatter @ way + others.T @ others
+        return left_open(groups) * squares + way.T @ self.scatter @ way + others.T @ others
 
     def sandwich(self, lasting: NDArray[np.int64], known: Array) -> Sandwich:
         """Of what is marginalised; tracks `lasting` (N,) go on. `known` (D, D): `covariance` of the whole window."""
@@ -112,22 +101,12 @@ class Groups:
         if not use.any():
             return total, 0.0
         newest = self.window.seen[np.append(np.flatnonzero(np.diff(self.window.owners)), -1), :2]
-        low, high = newest.min(axis=0), newest.max(axis=0)
-        place = (newest - low) / np.maximum(high - low, 1e-12) * (1 - 1e-9) * CELLS
-        none = (CELLS[0] + 1) * (CELLS[1] + 1)
-        for shift in SHIFTS:
-            cell = (place + shift).astype(np.int64) @ (CELLS[1] + 1, 1)
-            cell[~use] = none
-            said = by_group(none + 1, cell, self.slopes)
-            said[none] = 0.0
+        for cell in cells(newest):
+            cell[~use] = GROUPS
+            said = by_group(GROUPS + 1, cell, self.slopes)
+            said[GROUPS] = 0.0
             said += followed(self.window.observed, self.eliminated, self.scale, BENDS, cell, said @ known)
-            found = said[:none] if way is None else said[:none] @ way
+            found = said[:GROUPS] if way is None else said[:GROUPS] @ way
             total += found.T @ found
-            count += np.count_nonzero(np.bincount(cell, minlength=none)[:none])
+            count += np.count_nonzero(np.bincount(cell, minlength=GROUPS)[:GROUPS])
         return total / len(SHIFTS), count / len(SHIFTS)
-
-
-def _open(groups: float) -> float:
-    """By how much the squares of deviations of a pose are larger than so many groups show: the mean of an inverse
-    Wishart matrix."""
-    return groups / max(groups - POSE - 1, LEAST_SHARE * groups) if groups else 1.0

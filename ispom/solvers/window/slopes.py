@@ -46,13 +46,6 @@ def slopes(observed: Observed, eliminated: Eliminated, corrections: int, scale: 
     return out
 
 
-def by_group(count: int, groups: NDArray[np.int64], rows: Array) -> Array:
-    """(G, D) sums of `rows` (M, D) over the tracks of each of `count` groups; `groups` (M,)."""
-    out = np.zeros((count, rows.shape[1]))
-    _sum(groups, rows, out)
-    return out
-
-
 def followed(
     observed: Observed, eliminated: Eliminated, scale: float, bends: float, groups: NDArray[np.int64], moved: Array
 ) -> Array:
@@ -61,14 +54,6 @@ def followed(
     out = np.zeros_like(moved)
     _follow(observed, eliminated, 1 / scale**2, bends, groups, moved, out)
     return out
-
-
-@kernel()
-def _sum(groups, rows, out):
-    for m in range(len(rows)):
-        row, into = rows[m], out[groups[m]]
-        for d in range(len(into)):
-            into[d] += row[d]
 
 
 @kernel(fastmath={"contract"})

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.resection import refine_pose
 from ispom.solvers.spline import continuous
@@ -181,6 +182,37 @@ def walks(owner: NDArray[np.int64], step: float, seed: int) -> Array:
 def test_a_frame_outside_the_window_is_as_far_off_as_its_covariance_says(claimed: float, walk_px: float) -> None:
     nees = np.mean([held_out(seed, claimed, walk_px) for seed in range(8)])
     assert nees == pytest.approx(6, abs=2.6)  # the 95 % band of the mean of eight
+
+
+NOISE = 1e-3
+
+
+@pytest.mark.parametrize(("alike", "loss"), [(False, 50.0), (False, 1.5), (True, 50.0)])
+def test_a_pose_is_as_far_off_as_the_errors_put_it(alike: bool, loss: float) -> None:
+    """Where they are independent, where the loss is no wider than they are, and where neighbours share them."""
+    pose, points, exact = scene(150)
+    camera_from_world, nees = (pose @ RIG.rig_from_video).inverse(), list[float]()
+    of_nothing = PointUncertainty(np.zeros((150, 3, 0)), np.zeros((0, 0)), np.zeros((150, 3, 0)))
+    _, patch = np.unique(np.floor(exact / 0.1).astype(int), axis=0, return_inverse=True)
+    for seed in range(60):
+        errors = NOISE * np.random.default_rng(seed).normal(size=exact.shape)
+        seen = exact + (errors[patch.reshape(-1)] if alike else errors)
+        found = refine_pose(points.xyz_in_world, seen, camera_from_world, 1.0, 60, scale=loss * NOISE)
+        assert found is not None
+        located = found.camera_from_world.inverse() @ RIG.rig_from_video.inverse()
+        covariance = pose_covariance(located, RIG.rig_from_video, False, points, seen, NOISE, loss, of_nothing)
+        error = (located.inverse() @ pose).log()
+        nees.append(float(error @ np.linalg.solve(covariance, error)))
+    low, high = band(6, len(nees), 0.999)
+    assert low < np.mean(nees) < high
+
+
+def test_where_the_loss_is_no_minimum_weights_are_held() -> None:
+    (pose, points, exact), rng = scene(9), np.random.default_rng(0)
+    seen = exact + 0.1 * rng.normal(size=exact.shape)
+    nothing = PointUncertainty(np.zeros((9, 3, 0)), np.zeros((0, 0)), np.zeros((9, 3, 0)))
+    covariance = pose_covariance(pose, RIG.rig_from_video, False, points, seen, NOISE, 1.0, nothing)
+    assert np.isfinite(covariance).all() and (np.linalg.eigvalsh(covariance) > 0).all()
 
 
 def test_what_was_never_seen_has_a_large_variance_and_a_finite_one() -> None:

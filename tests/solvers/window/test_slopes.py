@@ -12,7 +12,7 @@ from ispom.numerics.twist import moved
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.adjustment import Equations, Window, adjust, total_cost
 from ispom.solvers.window.prior import LENS, POSE
-from ispom.solvers.window.slopes import by_group, followed, slopes
+from ispom.solvers.window.slopes import followed, slopes
 from tests.estimators.modern.test_noise import VIEWS, flown
 from tests.solvers.window.test_window_pair import POSES, SCALE, found
 
@@ -71,12 +71,6 @@ def test_slopes_follow_as_the_curvature_says(kind: str, bends: float) -> None:
     wanted[POSE * len(window.rotations) :] -= way[POSE * len(window.rotations) :]
     np.testing.assert_allclose(found.sum(axis=0), wanted, atol=1e-9 * np.abs(wanted).max())
     assert (np.abs(found).max(axis=1) > 0.1 * np.abs(wanted).max()).all(), "each group says its part"
-
-
-def test_sums_by_group() -> None:
-    rows = np.random.default_rng(0).normal(size=(7, 2))
-    found = by_group(4, np.array([0, 3, 3, 1, 0, 0, 3]), rows)
-    np.testing.assert_allclose(found, [rows[[0, 4, 5]].sum(0), rows[3], [0, 0], rows[[1, 2, 6]].sum(0)])
 
 
 def _errors(window: Window) -> Array:
