@@ -17,6 +17,9 @@ RADIUS_PX = 5
 SIDE, ROW, WIDE = 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 2, 2 * RADIUS_PX + 3
 """Pixels of a patch along each side; of its rows in memory, the last of which counts nothing, so that a patch goes many
 pixels at a time from end to end; and with a border for its gradient."""
+AREA, HALF, NONE = np.float32(SIDE * SIDE), np.float32(0.5), np.float32(0)
+"""Of a patch; and numbers that keep single precision: grey values and what is summed of them go in single precision, twice as many
+at a time."""
 
 
 def align(
@@ -87,20 +90,29 @@ def _reaches_out(k, uv, warps, shape):
 @part
 def _warp(k, pixels, columns, uv, warps, places, room, out):
     """Fills the patch k of the reference with its border (WIDE^2); row after row, as the `pixels` of the image are."""
-    px, py, across, down, a, b = uv[k, 0], uv[k, 1], room[0], room[1], room[2], room[3]
-    xx, xy, yx, yy = warps[k, 0, 0], warps[k, 0, 1], warps[k, 1, 0], warps[k, 1, 1]
+    across, down, a, b = room[0], room[1], room[2], room[3]
+    middle = np.int32(uv[k, 0]), np.int32(uv[k, 1])  # single precision is enough for what is counted from it
+    px, py = np.float32(uv[k, 0] - middle[0]), np.float32(uv[k, 1] - middle[1])
+    xx, xy, yx, yy = (
+        np.float32(warps[k, 0, 0]),
+        np.float32(warps[k, 0, 1]),
+        np.float32(warps[k, 1, 0]),
+        np.float32(warps[k, 1, 1]),
+    )
+    origin = middle[1] * columns + middle[0]
     for i in range(len(out)):
         u, v = px + xx * across[i] + xy * down[i], py + yx * across[i] + yy * down[i]
-        x, y = np.int32(u), np.int32(v)
-        a[i], b[i], places[i] = u - x, v - y, y * columns + x
+        x, y = np.floor(u), np.floor(v)
+        a[i], b[i], places[i] = u - x, v - y, origin + np.int32(y) * columns + np.int32(x)
     for i in range(len(out)):  # by itself: only this cannot go many at a time
         at = np.uintp(places[i])
         below = at + np.uintp(columns)
         room[4, i], room[5, i] = pixels[at], pixels[at + np.uintp(1)]
         room[6, i], room[7, i] = pixels[below], pixels[below + np.uintp(1)]
     for i in range(len(out)):
-        upper = (1 - a[i]) * room[4, i] + a[i] * room[5, i]
-        out[i] = (1 - b[i]) * upper + b[i] * ((1 - a[i]) * room[6, i] + a[i] * room[7, i])
+        upper = room[4, i] + a[i] * (room[5, i] - room[4, i])
+        lower = room[6, i] + a[i] * (room[7, i] - room[6, i])
+        out[i] = upper + b[i] * (lower - upper)
 
 
 @part
@@ -110,8 +122,8 @@ def _derive(wide, patch, gx, gy):
         for j in range(SIDE):
             at, to = (i + 1) * WIDE + j + 1, i * ROW + j
             patch[to] = wide[at]
-            gx[to] = 0.5 * (wide[at + 1] - wide[at - 1])
-            gy[to] = 0.5 * (wide[at + WIDE] - wide[at - WIDE])
+            gx[to] = HALF * (wide[at + 1] - wide[at - 1])
+            gy[to] = HALF * (wide[at + WIDE] - wide[at - WIDE])
 
 
 @part
@@ -125,36 +137,37 @@ def _copy(pixels, columns, x, y, out):
 
 @kernel(fastmath={"contract", "reassoc"})
 def _align(reference, reference_uv, image, uv, warps, iterations):
-    n, area, last = len(uv), SIDE * SIDE, RADIUS_PX + 1
+    n, last = len(uv), RADIUS_PX + 1
     score, deviation = np.full(n, -1.0), np.full(n, np.inf)
     places, room, wide, now = (
         np.empty(WIDE * WIDE, np.int32),
-        np.empty((8, WIDE * WIDE)),
-        np.empty(WIDE * WIDE),
-        np.zeros(ROW * ROW + 1),
+        np.empty((8, WIDE * WIDE), np.float32),
+        np.empty(WIDE * WIDE, np.float32),
+        np.zeros(ROW * ROW + 1, np.float32),
     )
     for i in range(WIDE * WIDE):
         room[0, i], room[1, i] = i % WIDE - last, i // WIDE - last
-    patch, gx, gy, counts = np.zeros(SIDE * ROW), np.zeros(SIDE * ROW), np.zeros(SIDE * ROW), np.ones(SIDE * ROW)
-    counts[SIDE::ROW] = 0.0
+    patch, gx, gy, counts = np.zeros((4, SIDE * ROW), np.float32)
+    counts[:] = np.float32(1)
+    counts[SIDE::ROW] = np.float32(0)
     origin, pixels = reference.reshape(reference.size), image.reshape(image.size)
     for k in range(n):
         if _reaches_out(k, reference_uv, warps, reference.shape):
             continue
         _warp(k, origin, np.int32(reference.shape[1]), reference_uv, warps, places, room, wide)
         _derive(wide, patch, gx, gy)
-        mean, mx, my = 0.0, 0.0, 0.0
+        mean, mx, my = NONE, NONE, NONE
         for i in range(len(patch)):
             mean += patch[i]
             mx += gx[i]
             my += gy[i]
-        mean, mx, my = mean / area, mx / area, my / area
+        mean, mx, my = mean / AREA, mx / AREA, my / AREA
         # Without its mean everything is free of the brightness offset.
         for i in range(len(patch)):
             patch[i] -= mean * counts[i]
             gx[i] -= mx * counts[i]
             gy[i] -= my * counts[i]
-        hxx, hxy, hyy, power, px, py = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        hxx, hxy, hyy, power, px, py = NONE, NONE, NONE, NONE, NONE, NONE
         for i in range(len(patch)):
             hxx += gx[i] * gx[i]
             hxy += gx[i] * gy[i]
@@ -163,7 +176,7 @@ def _align(reference, reference_uv, image, uv, warps, iterations):
             px += gx[i] * patch[i]
             py += gy[i] * patch[i]
         det = hxx * hyy - hxy * hxy
-        if det < 1e-3 * (hxx + hyy) * (hxx + hyy) or power < area:
+        if det < 1e-3 * (hxx + hyy) * (hxx + hyy) or power < AREA:
             continue
         u, v = uv[k, 0], uv[k, 1]
         for _ in range(iterations + 1):
@@ -172,21 +185,26 @@ def _align(reference, reference_uv, image, uv, warps, iterations):
                 break
             x, y = int(u), int(v)
             a, b = u - x, v - y
-            w00, w01, w10, w11 = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+            w00, w01, w10, w11 = (
+                np.float32((1 - a) * (1 - b)),
+                np.float32(a * (1 - b)),
+                np.float32((1 - a) * b),
+                np.float32(a * b),
+            )
             _copy(pixels, image.shape[1], x - RADIUS_PX, y - RADIUS_PX, now)
-            bx, by, total, squares, product = -px, -py, 0.0, 0.0, 0.0
+            bx, by, total, squares, product = -px, -py, NONE, NONE, NONE
             for i in range(len(patch)):
                 value = w00 * now[i] + w01 * now[i + 1] + w10 * now[i + ROW] + w11 * now[i + ROW + 1]
-                value *= counts[i]
+                value = (value - mean) * counts[i]
                 total += value
                 squares += value * value
                 product += value * patch[i]
                 bx += gx[i] * value
                 by += gy[i] * value
-            variance = squares - total * total / area
+            variance = squares - total * total / AREA
             score[k] = product / np.sqrt(power * variance) if variance > 1e-6 else -1.0
             if score[k] > -1.0:
-                differing = max(1.0 - score[k] * score[k], 0.0) * power / area
+                differing = max(1.0 - score[k] * score[k], 0.0) * power / AREA
                 deviation[k] = np.sqrt(differing * hyy / det)
             du, dv = (hyy * bx - hxy * by) / det, (hxx * by - hxy * bx) / det
             if du * du + dv * dv < 1e-6:
