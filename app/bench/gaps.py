@@ -201,7 +201,7 @@ def driven(method: FilmedMethod, folder: Path) -> Iterator[Found]:
             last_ns = max(e.time_ns for e, s in zip(exposures, since, strict=True) if s < -1e-6)
             pair = pairs[last_ns]
             uv = corners.detect(pair.left, 500)
-            disparity = PointSearch().search(pair.left, pair.right, uv)
+            disparity = PointSearch().search(pair.left, pair.right, uv).disparity_px
             good = disparity > 1.0
             depth = camera.fx * sequence.rig.baseline_m / disparity[good]
             last, now = (_at(sequence.truth, t) @ sequence.rig.rig_from_left for t in (last_ns, seen[0].time_ns))

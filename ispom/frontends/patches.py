@@ -18,7 +18,7 @@ SIDE, ROW, WIDE = 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 2, 2 * RADIUS_PX + 3
 """Pixels of a patch along each side; of its rows in memory, the last of which counts nothing, so that a patch goes many
 pixels at a time from end to end; and with a border for its gradient."""
 AREA, HALF, NONE = np.float32(SIDE * SIDE), np.float32(0.5), np.float32(0)
-"""Of a patch; and numbers that keep single precision: grey values and what is summed of them go in single precision, twice as many
+"""Of a patch; and numbers that keep single precision, in which grey values and what is summed of them go: twice as many
 at a time."""
 
 
@@ -30,7 +30,7 @@ def align(
     `warps` (N, 2, 2): reference pixels per image pixel around each point. Also gives the correlation (N,) of patch and
     image there, -1..1; -1 where a patch reaches out of an image or has no texture.
     """
-    places, correlation, _ = _align(
+    return _align(
         read_only(reference),
         read_only(np.asarray(reference_uv, np.float64)),
         read_only(image),
@@ -38,25 +38,6 @@ def align(
         read_only(warps),
         iterations,
     )
-    return places, correlation
-
-
-def deviations(reference: Image, reference_uv: Array, image: Image, uv: Array) -> Array:
-    """(N,) [px] how far off u of matched places is: patches of `reference` at (N, 2), found at `uv` (N, 2) in `image`.
-
-    By least squares (Foerstner & Guelch 1987): where the patches differ more, or have less of a gradient across, it is
-    more. inf where a patch reaches out of an image or has no texture.
-    """
-    unwarped = np.zeros((len(uv), 2, 2))
-    unwarped[:, 0, 0] = unwarped[:, 1, 1] = 1.0
-    return _align(
-        read_only(reference),
-        read_only(np.asarray(reference_uv, np.float64)),
-        read_only(image),
-        np.array(uv, np.float64),
-        read_only(unwarped),
-        0,
-    )[2]
 
 
 def warps_of(camera: Camera, rotations: Array, translations: Array, xyz_in_camera: Array) -> Array:
@@ -138,7 +119,7 @@ def _copy(pixels, columns, x, y, out):
 @kernel(fastmath={"contract", "reassoc"})
 def _align(reference, reference_uv, image, uv, warps, iterations):
     n, last = len(uv), RADIUS_PX + 1
-    score, deviation = np.full(n, -1.0), np.full(n, np.inf)
+    score = np.full(n, -1.0)
     places, room, wide, now = (
         np.empty(WIDE * WIDE, np.int32),
         np.empty((8, WIDE * WIDE), np.float32),
@@ -203,12 +184,9 @@ def _align(reference, reference_uv, image, uv, warps, iterations):
                 by += gy[i] * value
             variance = squares - total * total / AREA
             score[k] = product / np.sqrt(power * variance) if variance > 1e-6 else -1.0
-            if score[k] > -1.0:
-                differing = max(1.0 - score[k] * score[k], 0.0) * power / AREA
-                deviation[k] = np.sqrt(differing * hyy / det)
             du, dv = (hyy * bx - hxy * by) / det, (hxx * by - hxy * bx) / det
             if du * du + dv * dv < 1e-6:
                 break
             u, v = u - du, v - dv
         uv[k, 0], uv[k, 1] = u, v
-    return uv, score, deviation
+    return uv, score

@@ -1,8 +1,9 @@
-"""Left to right correspondence of single points: sums of absolute differences along the row, then Lucas-Kanade."""
+"""Left to right correspondence of single points: sums of absolute differences along the row, then alignment."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -10,13 +11,32 @@ from numpy.typing import NDArray
 
 from ispom.frontends.halved import factor_of, halved
 from ispom.frontends.klt import Klt
+from ispom.frontends.slanted import align_slanted
+from ispom.geometry import Array
 from ispom.kernels import kernel, part
-from ispom.types import Image, TrackStatus
+from ispom.types import Image
 
 HALF_ROWS, HALF_COLUMNS = 3, 5
 """Half sizes of the compared patch, at the reduced size."""
 NONE = 1 << 30
 """No cost is so high."""
+MIN_CORRELATION = 0.7
+"""Normalised correlation of a right patch with its left one; less is another thing."""
+
+
+class RowMatches(NamedTuple):
+    """Left points in the right image; NaN where not found."""
+
+    disparity_px: NDArray[np.float32]
+    """(N,)."""
+    lower_px: NDArray[np.float32]
+    """(N,) how much lower they are on the right."""
+    slants: Array
+    """(N, 2) see slanted.Slanted; 0 where not found."""
+    deviations_px: Array
+    """(N,) how far off disparities are, by how the patches differ; inf where not found."""
+    differences: Array
+    """(N,) [grey levels] by which the patches differ; inf where not found."""
 
 
 @dataclass(frozen=True)
@@ -29,53 +49,54 @@ class PointSearch:
     """Real rectifications are off by a pixel or so."""
     max_ratio: float = 0.85
     """Best cost against the best cost elsewhere on the row."""
-    refine: Klt = field(default_factory=lambda: Klt(levels=0, max_forward_backward_px=0.5))
-    """The sub-pixel place of what was searched for, and found to a pixel."""
+    max_shift_px: float = 3.0
+    """Alignment corrects what was searched for, or a good guess, by no more."""
     guided: Klt = field(default_factory=lambda: Klt(levels=1, max_forward_backward_px=np.inf))
-    """The place near a guess; rows, and whoever knows the point in space, check it."""
-    near: Klt = field(default_factory=lambda: Klt(levels=0, max_forward_backward_px=np.inf))
-    """The same of a good guess, off by some pixels at most."""
+    """The place near a poor guess; rows, and whoever knows the point in space, check it."""
 
     def search(
         self, left: Image, right: Image, uv: NDArray[np.float32], halves: tuple[Image, Image] | None = None
-    ) -> NDArray[np.float32]:
-        """Disparities (N,) [px] of left points (N, 2), NaN where none is clear.
+    ) -> RowMatches:
+        """Left points (N, 2) [px]; not found where none is clear.
 
         `halves`: the halved images, where they are there already.
         """
-        if not len(uv):
-            return np.zeros(0, np.float32)
         factor = factor_of(left)
-        a, b = (_contrast(i) for i in halves or (halved(left), halved(right)))
-        place = np.rint(uv / factor).astype(np.int64)
-        coarse = _search_rows(a, b, place, int(self.max_disparity_share * a.shape[1]), self.max_ratio)
-        found = coarse >= 0
-        out = np.full(len(uv), np.nan, np.float32)
-        out[found] = self._sub_pixel(self.refine, left, right, uv[found], factor * coarse[found])[0]
-        far = np.abs(out - factor * coarse) > 2.5 * factor
-        out[far] = np.nan
-        return out
+        coarse = np.zeros(0, np.float32)
+        if len(uv):
+            a, b = (_contrast(i) for i in halves or (halved(left), halved(right)))
+            place = np.rint(uv / factor).astype(np.int64)
+            coarse = _search_rows(a, b, place, int(self.max_disparity_share * a.shape[1]), self.max_ratio)
+        found = self._aligned(left, right, uv, uv - _along(factor * coarse))
+        unclear = (coarse < 0) | (np.abs(found.disparity_px - factor * coarse) > 2.5 * factor)
+        return _without(found, unclear)
 
     def follow(
         self, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32], near: bool = False
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Disparities (N,) [px] of left points (N, 2) about guesses (N,), which are good ones where they are `near`;
-        and how much lower they are on the right (N,).
+    ) -> RowMatches:
+        """Left points (N, 2) [px] about guesses (N,) of their disparity, which are good ones where they are `near`."""
+        start = uv - _along(guess_px)
+        if near or not len(uv):
+            return self._aligned(left, right, uv, start)
+        return self._aligned(left, right, uv, self.guided.track(left, right, uv, start)[0])
 
-        NaN where lost or off the row.
-        """
-        return self._sub_pixel(self.near if near else self.guided, left, right, uv, guess_px)
+    def _aligned(self, left: Image, right: Image, uv: NDArray[np.float32], start: NDArray[np.float32]) -> RowMatches:
+        found = align_slanted(left, uv, right, start)
+        apart, shift = (found.uv - uv).astype(np.float32), found.uv - start
+        lost = (found.correlation < MIN_CORRELATION) | (np.abs(apart[:, 1]) > self.max_row_error_px)
+        lost |= np.einsum("ni,ni->n", shift, shift) > self.max_shift_px**2
+        return _without(RowMatches(-apart[:, 0], apart[:, 1], found.slants, found.deviations, found.differences), lost)
 
-    def _sub_pixel(
-        self, klt: Klt, left: Image, right: Image, uv: NDArray[np.float32], guess_px: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        start = uv.copy()
-        start[:, 0] -= guess_px
-        found, status = klt.track(left, right, uv, start)
-        apart = found - uv
-        good = (status == TrackStatus.ALIVE) & (np.abs(apart[:, 1]) <= self.max_row_error_px)
-        apart[~good] = np.nan
-        return -apart[:, 0], apart[:, 1]
+
+def _along(disparity_px: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 2)."""
+    return np.column_stack([disparity_px, np.zeros_like(disparity_px)])
+
+
+def _without(found: RowMatches, lost: NDArray[np.bool_]) -> RowMatches:
+    for values, nothing in zip(found, (np.nan, np.nan, 0.0, np.inf, np.inf), strict=True):
+        values[lost] = nothing
+    return found
 
 
 def _contrast(image: Image) -> NDArray[np.int16]:

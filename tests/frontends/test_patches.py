@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ispom.frontends.buckets import detect_spread
-from ispom.frontends.patches import align, deviations, warps_of
+from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Pose
 from ispom.types import Camera
 
@@ -43,35 +43,6 @@ def test_no_texture_and_no_room_score_minus_one() -> None:
     image = np.full((60, 60), 99, np.uint8)
     uv = np.array([[30.0, 30.0], [1.0, 1.0]])
     assert align(image, uv, image, uv, np.repeat(np.eye(2)[None], 2, axis=0))[1].tolist() == [-1.0, -1.0]
-
-
-def test_matches_are_as_far_off_as_the_patches_predict() -> None:
-    """By noise alone, where texture is fine and where it is coarse along u, but above the noise."""
-    rng = np.random.default_rng(2)
-    noise = rng.uniform(0, 255, (240, 320)).astype(np.float32)
-    for along, least, most in ((2.0, 0.01, 0.03), (4.0, 0.03, 0.06)):
-        smooth = cv2.GaussianBlur(noise, (0, 0), along, sigmaY=2.0)
-        image = np.clip(128 + 25 * (smooth - smooth.mean()) / smooth.std(), 0, 255).astype(np.uint8)
-        noisy = [np.clip(image + rng.normal(0, 1.0, image.shape), 0, 255).round().astype(np.uint8) for _ in range(2)]
-        uv = np.stack(np.meshgrid(np.arange(20.0, 300, 13), np.arange(20.0, 220, 13)), axis=-1).reshape(-1, 2)
-        found, _ = align(noisy[0], uv, noisy[1], uv, np.repeat(np.eye(2)[None], len(uv), axis=0))
-        told = deviations(noisy[0], uv, noisy[1], found)
-        assert least < np.median(told) < most
-        ratio = (found - uv)[:, 0] / told
-        assert 0.85 < 1.48 * np.median(np.abs(ratio)) < 1.25
-
-
-def test_what_sees_two_surfaces_is_less_sure() -> None:
-    image = texture()
-    moved = np.roll(image, -6, axis=1)
-    moved[:, 150:] = np.roll(image, -2, axis=1)[:, 150:]
-    uv = np.array([[100.0, 120.0], [155.0, 120.0]])
-    one, two = deviations(image, uv, moved, uv - [[6.0, 0.0], [4.0, 0.0]])
-    assert two > 10 * max(one, 1e-3)
-
-
-def test_no_room_is_not_sure_at_all() -> None:
-    assert np.isinf(deviations(texture(), np.array([[1.0, 1.0]]), texture(), np.array([[1.0, 1.0]]))).all()
 
 
 def test_warps_are_the_derivative_of_the_projection() -> None:

@@ -19,20 +19,27 @@ def test_a_shifted_image_has_that_disparity(width: int, disparity: float) -> Non
     shift = np.array([[1, 0, -disparity - 50], [0, 1, 0]], float)
     right = cv2.warpAffine(texture, shift, (width, 200), flags=cv2.INTER_CUBIC).clip(0, 255).astype(np.uint8)
     uv = rng.uniform([80, 20], [width - 80, 180], (60, 2)).astype(np.float32)
-    found = PointSearch().search(left, right, uv)
+    found = PointSearch().search(left, right, uv).disparity_px
     assert np.isfinite(found).mean() > 0.9
     np.testing.assert_allclose(found[np.isfinite(found)], disparity, atol=0.1)
-    guided, lower = PointSearch().follow(left, right, uv, np.full(60, disparity + 1, np.float32))
-    np.testing.assert_allclose(guided[np.isfinite(guided)], disparity, atol=0.1)
-    np.testing.assert_allclose(lower[np.isfinite(guided)], 0, atol=0.1)
+    for near in (True, False):
+        again = PointSearch().follow(left, right, uv, np.full(60, disparity + 1, np.float32), near)
+        there = np.isfinite(again.disparity_px)
+        assert there.mean() > 0.9
+        np.testing.assert_allclose(again.disparity_px[there], disparity, atol=0.1)
+        np.testing.assert_allclose(again.lower_px[there], 0, atol=0.1)
+        assert np.abs(again.slants[there]).max() < 0.1
 
 
 def test_a_repeating_row_is_not_decided() -> None:
     stripes = np.tile(np.repeat(np.array([0, 255], np.uint8), 8), (120, 30))
     uv = np.array([[240.0, 60.0], [250.0, 70.0]], np.float32)
-    assert np.isnan(PointSearch().search(stripes, stripes, uv)).all()
+    found = PointSearch().search(stripes, stripes, uv)
+    assert np.isnan(found.disparity_px).all() and np.isinf(found.deviations_px).all()
 
 
 def test_no_points() -> None:
     image = np.zeros((50, 60), np.uint8)
-    assert PointSearch().search(image, image, np.zeros((0, 2), np.float32)).shape == (0,)
+    none = np.zeros((0, 2), np.float32)
+    assert PointSearch().search(image, image, none).disparity_px.shape == (0,)
+    assert PointSearch().follow(image, image, none, none[:, 0]).slants.shape == (0, 2)

@@ -67,7 +67,7 @@ def test_a_pair_of_fisheye_lenses_is_rectified(tmp_path: Path) -> None:
     assert pair.left.shape[:2] == (camera.height, camera.width)
     uv = np.stack(np.meshgrid(np.arange(120.0, 520, 40), np.arange(100.0, 400, 40)), axis=-1).reshape(-1, 2)
     grey = [image.mean(axis=2).astype(np.uint8) for image in (pair.left, pair.right)]
-    found, lower = PointSearch().follow(grey[0], grey[1], uv.astype(np.float32), np.full(len(uv), 8, np.float32))
+    found, lower, *_ = PointSearch().follow(grey[0], grey[1], uv.astype(np.float32), np.full(len(uv), 8, np.float32))
     assert np.isfinite(found).mean() > 0.5
     assert np.nanmedian(np.abs(lower)) < 0.15
 

@@ -30,10 +30,10 @@ def seen_again(predicted: Pose, now: Image) -> tuple[Array, Array, NDArray[np.ui
     """Of points all over the first image: where they are, where they are found, and what became of them."""
     x, y = np.meshgrid(np.linspace(12, SIZE[1] - 13, 14), np.linspace(12, SIZE[0] - 13, 10))
     uv, ids = np.column_stack([x.ravel(), y.ravel()]).astype(np.float32), np.arange(140)
-    points = PairPoints(ids, uv, np.full(140, FX * 0.3 / WALL_M, np.float32))
+    points = PairPoints(ids, uv, np.full(140, FX * 0.3 / WALL_M, np.float32), np.zeros((140, 2)))
     seen = points.seen_by(CAMERA)
     xyz = np.column_stack([seen[:, :2], np.ones(140)]) * WALL_M
-    world = StereoMap((KeyFrame(0, Pose(), ids, seen, np.zeros(6)),), ids, xyz)
+    world = StereoMap((KeyFrame(0, Pose(), ids, seen, np.zeros(12), points.slants),), ids, xyz)
     first, pair = NewPair(0, image(Pose()), image(Pose())), NewPair(100_000_000, now, now)
     last = LastPair(first.left, first.left, first.half, points)
     found = led(SETUP, last, world, pair, predicted.apply(xyz), predicted)

@@ -120,7 +120,15 @@ def found_of(setup: Setup, extra: Array) -> tuple[StereoMap, StereoMap, list[Arr
     xyz, ids, (poses, motions) = scene(), np.arange(200), shaken()
     mean = steady(np.array([0.0, 0, -1.5, 0, 0, 0]))
     keys = tuple(
-        KeyFrame(c * 333_000_000, pose, ids, miscalibrated(rolled(xyz, pose, motion), extra), mean, SHUTTER)
+        KeyFrame(
+            c * 333_000_000,
+            pose,
+            ids,
+            miscalibrated(rolled(xyz, pose, motion), extra),
+            mean,
+            np.zeros((200, 2)),
+            SHUTTER,
+        )
         for c, (pose, motion) in enumerate(zip(poses, motions, strict=True))
     )
     bent = keys[0].at_middle(BASELINE_M)
@@ -191,7 +199,10 @@ def test_the_less_a_way_is_shaken_the_surer_are_motions_foretold() -> None:
         offsets = deviation_m * np.array([0, 1, -1, 1, -1, 1, -1, 0])
         poses = [Pose.from_rotvec(np.zeros(3), np.array([x, 0, -0.15 * c])) for c, x in enumerate(offsets)]
         none = np.zeros(0, np.int64)
-        keys = [KeyFrame(c * 100_000_000, p, none, np.zeros((0, 3)), np.zeros(12)) for c, p in enumerate(poses)]
+        keys = [
+            KeyFrame(c * 100_000_000, p, none, np.zeros((0, 3)), np.zeros(12), np.zeros((0, 2)))
+            for c, p in enumerate(poses)
+        ]
         return believed_motions(tuple(keys), BASELINE_M)[3].sigma
 
     smooth, rough = sigma(0.0), sigma(0.05)

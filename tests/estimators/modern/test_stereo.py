@@ -152,7 +152,7 @@ def test_points_in_sight_are_found_again_where_the_motion_was_not_foreseen(
 
 
 def test_ended_tracks_say_why(flight: Sequence, exposures: list[Exposure]) -> None:
-    _, steps = run(ModernStereoConfig().build(flight.rig), exposures)
+    _, steps = run(ModernStereoConfig(max_error_px=0.5).build(flight.rig), exposures)
     seen = {int(s) for step in steps for s in step.tracks["left"].status}
     assert {TrackStatus.ALIVE, TrackStatus.NEW, TrackStatus.REPROJECTION} <= seen
     assert all(len(np.unique(s.tracks["left"].ids)) == len(s.tracks["left"]) for s in steps)

@@ -39,13 +39,13 @@ def told(noise_px: float, thing: Pose, astray: int = 0) -> tuple[tuple[Decision,
     uv[count - astray :] += rng.uniform(-15, 15, (astray, 2))
     disparity = FX * BASELINE_M / now[:, 2] + noise_px * rng.standard_normal(count)
     all_points = np.arange(count)
-    points = PairPoints(all_points, uv.astype(np.float32), disparity.astype(np.float32))
+    points = PairPoints(all_points, uv.astype(np.float32), disparity.astype(np.float32), np.zeros((len(uv), 2)))
     setup = ESTIMATOR._setup
     located = fit_pose(xyz, points.seen_by(CAMERA), LEFT, setup.loss, setup.limit, setup.baseline_m)
     assert located is not None
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
     lower = np.zeros(count, np.float32)
-    sighting = Sighting(points.uv, points.disparity_px, status, all_points, located, all_points, lower)
+    sighting = Sighting(points.uv, points.disparity_px, points.slants, status, all_points, located, all_points, lower)
     last = LastPair(points=points)
     found, tests = other_motion(setup, ModernStereoState(last, StereoMap(ids=all_points, xyz=xyz)), sighting)
     return tests, set() if found is None else set(found.of.tolist())

@@ -70,7 +70,7 @@ class ModernStereoConfig:
     """Larger reprojection errors end a track."""
     min_parallax_px: Annotated[float, Range(0.5, 100)] = 20.0
     """Median displacement since the last key frame that makes the next one."""
-    min_share: Annotated[float, Range(0.1, 1)] = 0.7
+    min_share: Annotated[float, Range(0.1, 1)] = 0.6
     """A key frame is taken before a smaller share of the last one's points is left."""
     min_inliers: Annotated[int, Range(6, 500)] = 15
     """Fewer points than this, and the pair is not located."""

@@ -44,4 +44,4 @@ def exchanged_since(setup: Setup, new: NewPair, sighting: Sighting) -> Decision 
 
 def _clear(left: NDArray[np.uint8], right: NDArray[np.uint8], uv: NDArray[np.float32]) -> int:
     """How many points (N, 2) [px] of the left image are clearly found farther left in the right one."""
-    return int((PointSearch().search(left, right, uv) >= CLEAR_PX).sum())
+    return int((PointSearch().search(left, right, uv).disparity_px >= CLEAR_PX).sum())

@@ -19,7 +19,6 @@ from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, without_oldest
 from ispom.frontends.buckets import detect_spread
 from ispom.frontends.corners import at_subpixel
-from ispom.frontends.patches import deviations
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common, places
@@ -34,12 +33,15 @@ CROWD = 2.0
 """Times its share of the points that a part of the image may hold. The strongest corners alone stand in heaps, mostly
 on what is far ahead, and what they have in common, such as one edge's disparity, is not averaged out; of equal shares
 many are weak ones."""
-CANDIDATES = 1.5
-"""Corners looked for, over those wanted: of a third the match is not as sure as of most."""
+CANDIDATES = 1.8
+"""Corners looked for, over those wanted: of nearly half the match is not as sure as of most."""
 LIKE_MOST = 1.3
-"""Times their median that deviations of new disparities may be. What a patch predicts of its match is what it turns out
-to be off by: from 0.04 px to ten times that, and where it sees two surfaces, several pixels, towards the nearer one.
-One weight and one covariance for all points hold for like ones."""
+"""Times their median that deviations of new disparities may be, and what patches differ by. What a patch predicts of
+its match is what it turns out to be off by, from 0.03 px to ten times that; one that sees two surfaces is off by more,
+towards the nearer one, and differs by more than the sensor's noise. One weight and one covariance for all points hold
+for like ones."""
+SAME_GREY = 2.0
+"""Differences [grey levels] below this are as good as each other: the noise of a camera at its best."""
 SURE_PX = 0.03
 """Deviations below this are as good as each other: images without noise would leave out all but their finest match."""
 CORNER_RADIUS_PX, CORNER_STEPS = 3, 5
@@ -99,20 +101,20 @@ def corners(setup: Setup, new: NewPair, points: PairPoints, share: float = 1.0) 
 def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
     """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
     new, uv = now.new, corners(setup, now.new, now.points, CANDIDATES)
-    disparity = PointSearch().search(new.left, new.right, uv, new.halves)
-    found = np.flatnonzero(np.isfinite(disparity))
+    matches = PointSearch().search(new.left, new.right, uv, new.halves)
+    found = np.flatnonzero(np.isfinite(matches.disparity_px))
     if len(found) > setup.min_inliers:
-        found = found[_like_most(new, uv[found], disparity[found])]
+        sure = _like_most(matches.deviations_px[found], SURE_PX) & _like_most(matches.differences[found], SAME_GREY)
+        found = found[sure]
     found = found[: max(setup.max_tracks - len(now.points), 0)]
-    fresh = PairPoints(state.next_id + np.arange(len(found)), uv[found], disparity[found])
+    ids = state.next_id + np.arange(len(found))
+    fresh = PairPoints(ids, uv[found], matches.disparity_px[found], matches.slants[found])
     return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.motion))
 
 
-def _like_most(new: NewPair, uv: NDArray[np.float32], disparity_px: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(N,) of which points (N, 2) [px] the disparity (N,) is about as sure as usual."""
-    in_right = uv - np.column_stack([disparity_px, np.zeros_like(disparity_px)])
-    found = deviations(new.left, uv, new.right, in_right)
-    return np.asarray(found <= LIKE_MOST * max(median(found), SURE_PX))
+def _like_most(values: Array, least: float) -> NDArray[np.bool_]:
+    """(N,) which are about as small as usual, or as `least`."""
+    return np.asarray(values <= LIKE_MOST * max(median(values), least))
 
 
 def extended(
@@ -122,7 +124,8 @@ def extended(
     new_ones, xyz = fresh
     points = PairPoints.joined(now.points, new_ones)
     world = state.map.with_points(new_ones.ids, xyz)
-    key = KeyFrame(now.new.time_ns, now.pose, points.ids, points.seen_by(setup.camera), now.motion, setup.shutter)
+    seen, time_ns = points.seen_by(setup.camera), now.new.time_ns
+    key = KeyFrame(time_ns, now.pose, points.ids, seen, now.motion, points.slants, setup.shutter)
     predicted = None
     if not world.keys and state.last.left is not None:
         predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)

@@ -91,7 +91,7 @@ def _key_frame_seen(setup: Setup, outcome: Outcome, new: NewPair) -> KeyFrameSee
 
 def _sight(setup: Setup, world: StereoMap, new: NewPair, motion: Array) -> Sight:
     found = sift.detect_and_describe(new.left, FEATURES)
-    disparity = PointSearch().search(new.left, new.right, found.uv)
+    disparity = PointSearch().search(new.left, new.right, found.uv).disparity_px
     good = np.isfinite(disparity) & (disparity >= MIN_DISPARITY_PX)
     points = PairPoints(np.arange(int(good.sum())), found.uv[good], disparity[good])
     xyz = np.full((len(found), 3), np.nan)

@@ -50,14 +50,20 @@ class PairPoints:
     """(N, 2) [px] in the left image."""
     disparity_px: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     """(N,) NaN where unknown."""
+    slants: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """(N, 2) of their surfaces, see frontends.slanted; 0 where unknown."""
 
     def __len__(self) -> int:
         return len(self.ids)
 
     @staticmethod
     def joined(a: PairPoints, b: PairPoints) -> PairPoints:
-        uv, disparity = np.concatenate([a.uv, b.uv]), np.concatenate([a.disparity_px, b.disparity_px])
-        return PairPoints(np.concatenate([a.ids, b.ids]), uv, disparity)
+        return PairPoints(
+            np.concatenate([a.ids, b.ids]),
+            np.concatenate([a.uv, b.uv]),
+            np.concatenate([a.disparity_px, b.disparity_px]),
+            np.concatenate([a.slants, b.slants]),
+        )
 
     def seen_by(self, camera: Camera) -> Array:
         """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
@@ -65,7 +71,7 @@ class PairPoints:
         return np.column_stack([x, x[:, 0] - self.disparity_px / camera.fx])
 
     def select(self, keep: NDArray[np.bool_]) -> PairPoints:
-        return PairPoints(self.ids[keep], self.uv[keep], self.disparity_px[keep])
+        return PairPoints(self.ids[keep], self.uv[keep], self.disparity_px[keep], self.slants[keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +82,8 @@ class Sighting:
     """(N, 2) [px] in the left image."""
     disparity_px: NDArray[np.float32]
     """(N,) NaN where not found in the right image."""
+    slants: Array
+    """(N, 2) 0 where not found there."""
     status: NDArray[np.uint8]
     place: NDArray[np.int64]
     """(N,) in the map, or -1."""
@@ -92,12 +100,14 @@ class Sighting:
     @staticmethod
     def nothing() -> Sighting:
         empty, none = np.zeros(0, np.int64), PairPoints()
-        return Sighting(none.uv, none.disparity_px, empty.astype(np.uint8), empty, None, empty, none.disparity_px)
+        return Sighting(
+            none.uv, none.disparity_px, none.slants, empty.astype(np.uint8), empty, None, empty, none.disparity_px
+        )
 
     def alive(self, points: PairPoints) -> PairPoints:
         """Those of the points followed that are alive, at their places now."""
         keep = self.status == TrackStatus.ALIVE
-        return PairPoints(points.ids[: len(keep)][keep], self.uv[keep], self.disparity_px[keep])
+        return PairPoints(points.ids[: len(keep)][keep], self.uv[keep], self.disparity_px[keep], self.slants[keep])
 
     @property
     def inliers(self) -> int:

@@ -13,6 +13,7 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap
 from ispom.frontends.klt import Klt
 from ispom.frontends.patches import align, warps_of
+from ispom.frontends.slanted import slanted_warps
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import common
 from ispom.types import Image, TrackStatus
@@ -41,13 +42,18 @@ class _Patches:
 
     @staticmethod
     def of_points(setup: Setup, last: LastPair, world: StereoMap, near: Array, predicted: Pose) -> _Patches:
-        """Seen from `predicted`, where the points lie `near` (N, 3) to the camera: unwarped patches that grow drift
-        outwards."""
+        """Seen from `predicted`, where the points lie `near` (N, 3) to the camera: patches that do not grow, or slant,
+        as their surfaces do drift."""
         key, camera = world.keys[-1], setup.camera
         old, new = common(key.ids, last.points.ids)
-        start = camera.project(np.column_stack([key.seen[old, :2], np.ones(len(old))])).astype(np.float32)
-        back = key.left_from_world @ predicted.inverse()
-        return _Patches(new, start, warps_of(camera, back.rotation[None], back.translation[None], near[new]))
+        xy = key.seen[old, :2]
+        start = camera.project(np.column_stack([xy, np.ones(len(old))])).astype(np.float32)
+        way = predicted @ key.left_from_world.inverse()
+        back = way.inverse()
+        depth = back.apply(near[new])[:, 2]
+        warps, known = slanted_warps(camera, way, xy, depth, key.slants[old], setup.baseline_m)
+        warps[~known] = warps_of(camera, back.rotation[None], back.translation[None], near[new][~known])
+        return _Patches(new, start, warps)
 
 
 def led(

@@ -95,7 +95,7 @@ def _compared(
         return None
     pose, both, good = best
     i, j = both[good].T
-    points = PairPoints(state.next_id + np.arange(len(i)), points.uv[i], points.disparity_px[i])
+    points = PairPoints(state.next_id + np.arange(len(i)), points.uv[i], points.disparity_px[i], points.slants[i])
     return Recognised(place, points, xyz[i], _aligned(setup, place, points, xyz[i], now.uv[j], pose, new), pose)
 
 
@@ -123,9 +123,9 @@ def _intersected(
     """The features of a key frame that have a depth, their descriptors, and points (N, 3) in its left camera."""
     left, right = place.images
     reduced = PointSearch().search(left, right, place.reduced(features.uv).astype(np.float32))
-    disparity = (reduced / place.reduction).astype(np.float32)
+    disparity = (reduced.disparity_px / place.reduction).astype(np.float32)
     good = disparity >= MIN_DISPARITY_PX
-    points = PairPoints(np.arange(int(good.sum())), features.uv[good], disparity[good])
+    points = PairPoints(np.arange(int(good.sum())), features.uv[good], disparity[good], reduced.slants[good])
     motion = np.zeros(12) if place.motion is None else place.motion
     return points, features.descriptors[good], intersected(setup, state.map, points, motion)
 
@@ -170,7 +170,7 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
         nothing = PairPoints()
         known = np.zeros((6, 6)) if place.covariance is None else place.covariance
         seen, motion = nothing.seen_by(setup.camera), np.zeros(12) if place.motion is None else place.motion
-        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, setup.shutter)
+        key = KeyFrame(place.time_ns, place.camera_from_world, nothing.ids, seen, motion, nothing.slants, setup.shutter)
         world = with_key(emptied(world), key, setup.extra_sigma, setup.settling_s, known)
     world = world.with_points(points.ids, place.camera_from_world.inverse().apply(found.xyz))
     last = replace(state.last, points=PairPoints.joined(state.last.points, points))
@@ -181,7 +181,12 @@ def joined(setup: Setup, state: ModernStereoState, found: Recognised) -> ModernS
 def _seen_at(world: StereoMap, time_ns: int, points: PairPoints, setup: Setup) -> StereoMap:
     """With these points among what the key frame at that time saw."""
     keys = tuple(
-        replace(k, ids=np.concatenate([k.ids, points.ids]), seen=np.concatenate([k.seen, points.seen_by(setup.camera)]))
+        replace(
+            k,
+            ids=np.concatenate([k.ids, points.ids]),
+            seen=np.concatenate([k.seen, points.seen_by(setup.camera)]),
+            slants=np.concatenate([k.slants, points.slants]),
+        )
         if k.time_ns == time_ns
         else k
         for k in world.keys

@@ -190,15 +190,16 @@ def _sighted(
     points, place = last.points, world.places(last.points.ids)
     near = predicted.apply(world.xyz[place])
     alive = np.flatnonzero(status == TrackStatus.ALIVE)
-    disparity = np.full(len(points), np.nan, np.float32)
+    disparity, slants = np.full(len(points), np.nan, np.float32), np.zeros((len(points), 2))
     depth = np.maximum(near[alive, 2], NEAREST_BASELINES * setup.baseline_m)
     expected = (setup.camera.fx * setup.baseline_m / depth).astype(np.float32)
-    disparity[alive], lower = PointSearch().follow(new.left, new.right, uv[alive], expected, guided)
-    seen = PairPoints(points.ids[alive], uv[alive], disparity[alive]).seen_by(setup.camera)
+    matches = PointSearch().follow(new.left, new.right, uv[alive], expected, guided)
+    disparity[alive], slants[alive] = matches.disparity_px, matches.slants
+    seen = PairPoints(points.ids[alive], uv[alive], matches.disparity_px).seen_by(setup.camera)
     found, motion = located(setup, last, world, place[alive], seen, predicted, new.time_ns, motion)
     if found is not None:
         status[alive[~found.inliers]] = TrackStatus.REPROJECTION
-    return Sighting(uv, disparity, status, place, found, alive, lower / setup.camera.fy, motion)
+    return Sighting(uv, disparity, slants, status, place, found, alive, matches.lower_px / setup.camera.fy, motion)
 
 
 def _tracked(

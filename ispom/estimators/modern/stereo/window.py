@@ -35,12 +35,18 @@ class KeyFrame:
     """(N, 3) normalised x, y in the left image, x in the right one or NaN."""
     motion: Array
     """(12,) of left_from_world, as of rolling.mean_rates; its change is known of a rolling shutter only."""
+    slants: Array
+    """(N, 2) of the points' surfaces, see frontends.slanted; 0 where unknown."""
     shutter: Shutter = Shutter()
 
     @property
     def rate(self) -> Array:
         """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left)."""
         return self.motion[:6]
+
+    def only(self, keep: NDArray[np.bool_]) -> KeyFrame:
+        """With these of its points (N,)."""
+        return replace(self, ids=self.ids[keep], seen=self.seen[keep], slants=self.slants[keep])
 
     def at_middle(self, baseline_m: float) -> Array:
         """(N, 3) `seen` as it was with the middle row."""
@@ -159,7 +165,7 @@ def adjusted(
     for c in np.flatnonzero(np.bincount(window.cameras[bad])):
         keep = np.ones(len(keys[c].ids), bool)
         keep[origin[bad & (window.cameras == c)]] = False
-        keys[c] = replace(keys[c], ids=keys[c].ids[keep], seen=keys[c].seen[keep])
+        keys[c] = keys[c].only(keep)
     xyz = state.xyz.copy()
     xyz[used] = window.points
     groups, noise = Groups.of(window, state.ids[used], scale), state.noise.after(result, scale)
@@ -175,9 +181,9 @@ def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale:
     gone = [
         places(oldest.ids, k.ids) >= 0 if i < newest else np.zeros(len(k.ids), bool) for i, k in enumerate(state.keys)
     ]
-    past = tuple(replace(k, ids=k.ids[m], seen=k.seen[m]) for k, m in zip(state.keys, gone, strict=True))
+    past = tuple(k.only(m) for k, m in zip(state.keys, gone, strict=True))
     window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
-    rest = (replace(k, ids=k.ids[~m], seen=k.seen[~m]) for k, m in zip(state.keys[1:newest], gone[1:], strict=False))
+    rest = (k.only(~m) for k, m in zip(state.keys[1:newest], gone[1:], strict=False))
     keys = (*rest, *state.keys[newest:])
     lasting = np.concatenate([k.ids for k in keys])
 
