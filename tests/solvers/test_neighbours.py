@@ -29,7 +29,8 @@ def test_neighbours_are_in_one_group_where_the_cells_lie_so(count: int, seed: in
 
 
 def test_a_border_of_one_grouping_is_none_of_the_other() -> None:
-    corners, pair = np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([[0.5 - 1e-6, 0.4], [0.5 + 1e-6, 0.4]])
+    border = (CELLS[0] // 2) / CELLS[0]
+    corners, pair = np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([[border - 1e-6, 0.45], [border + 1e-6, 0.45]])
     first, second = cells(np.vstack([corners, pair]))
     assert first[2] != first[3] and second[2] == second[3]
 

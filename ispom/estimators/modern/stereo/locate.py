@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from ispom.estimators.modern.stereo.last_pair import LastPair, unforeseen
 from ispom.estimators.modern.stereo.pair_calibration import ideal
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Rows
-from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.estimators.modern.stereo.window import StereoMap, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.numerics.reductions import median
 from ispom.numerics.twist import twist_of
@@ -49,6 +51,7 @@ def located(
         seen = _ideal(setup, last, world, place, seen, predicted, time_ns)
         return _located(setup, last, world, place, seen, predicted), None
     believed = last.believed_motion(time_ns, setup.baseline_m)
+    believed = replace(believed, sigma=believed.sigma / np.sqrt(variance_factor(world, setup.loss)))
     rows = Rows(setup.shutter, world.xyz[place], seen[:, 1], setup.baseline_m, setup.loss)
     motion, found = believed.motion if motion is None else motion, None
     for _ in range(ROUNDS):

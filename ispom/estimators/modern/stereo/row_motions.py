@@ -17,7 +17,7 @@ from ispom.estimators.modern.stereo.believed_motions import believed_motions
 from ispom.estimators.modern.stereo.pair_calibration import ideal
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.shutter import Believed, pair_reprojected
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, variance_factor
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, LAG, PAIR, by_column, drift
 from ispom.solvers.window.prior import POSE
@@ -121,10 +121,11 @@ def _stepped(setup: Setup, world: StereoMap, believed: list[Believed]) -> Stereo
 
 def _add_known(setup: Setup, world: StereoMap, believed: list[Believed], hessian: Array, right: Array) -> None:
     """Adds what is known of the motions, and what has left the window says of poses and pair."""
+    variance = variance_factor(world, setup.loss)  # of the tracks, which count as off by the loss's scale here
     for c, (key, known) in enumerate(zip(world.keys, believed, strict=True)):
-        here = MOVES * c + np.arange(POSE, MOVES)
-        hessian[here, here] += known.sigma**-2
-        right[here] += (known.motion - key.motion) / known.sigma**2
+        here, information = MOVES * c + np.arange(POSE, MOVES), variance * known.sigma**-2
+        hessian[here, here] += information
+        right[here] += information * (known.motion - key.motion)
     assert world.prior is not None
     first = len(right) - PAIR
     of_poses = (MOVES * np.arange(len(world.prior.rotations))[:, None] + np.arange(POSE)).ravel()
