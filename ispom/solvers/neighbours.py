@@ -15,8 +15,8 @@ from ispom.geometry import Array
 from ispom.kernels import kernel
 
 CELLS = 7, 5
-"""Of the image, across and down: what is seen in one is a group. In images of 640 pixels a cell is as wide as neighbours
-hang together."""
+"""Of the image, across and down: what is seen in one is a group. In images of 640 pixels a cell is as wide as
+neighbours hang together."""
 SHIFTS = (0.0, 0.0), (0.5, 0.5)
 """Of the cells, in cells; squares are the mean over them: neighbours on both sides of a border are a group in
 another."""
