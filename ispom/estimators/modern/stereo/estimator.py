@@ -68,7 +68,7 @@ class ModernStereoConfig:
     """Scale of the Cauchy loss, and the error that covariances take a track for until residuals say more."""
     max_error_px: Annotated[float, Range(0.5, 20)] = 2.5
     """Larger reprojection errors end a track."""
-    min_parallax_px: Annotated[float, Range(0.5, 100)] = 20.0
+    min_parallax_px: Annotated[float, Range(0.5, 100)] = 25.0
     """Median displacement since the last key frame that makes the next one."""
     min_share: Annotated[float, Range(0.1, 1)] = 0.6
     """A key frame is taken before a smaller share of the last one's points is left."""
