@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -88,6 +89,19 @@ def test_knots_are_chosen_from_the_motion_and_told(walked: tuple[list, list[Step
     told = [d for s in walked[1] for d in s.decisions if d.name.startswith("misfit")]
     assert told and all("knots every" in d.consequence for d in told)
     assert min(walked[0][-1]["integrated"].window.knots) <= 2.5  # a hand shakes
+
+
+def test_what_is_adjusted_anew_goes_on_where_the_settled_part_ends(walked: tuple[list, list[Step]]) -> None:
+    """Held is a pair with views on both sides: the first one of a window is off by millimetres, and would move all."""
+    windows = [state["integrated"].window for state in walked[0]]
+    ends = [(a, b) for a, b in pairwise(windows) if b.truncated and len(b.pairs) == 5 and b.views[-1] is not a.views[-1]]
+    ends = [(a, b) for a, b in ends if not b.views[-1].video]
+    assert ends
+    for before, after in ends:
+        joint = after.views[after.pairs[1]]
+        (same,) = (v for v in before.views if v.time_ns == joint.time_ns)
+        way = same.world_from_rig.inverse() @ joint.world_from_rig
+        assert np.abs(way.log()).max() < 1e-4
 
 
 def test_a_step_tells_the_spline_before_and_after_its_adjustment(walked: tuple[list, list[Step]]) -> None:

@@ -36,6 +36,8 @@ def joint_problem(
     if len(used) < MIN_POINTS:
         return None, used
     points = window.table.select(used).points
+    # A window's first pair has views on one side only: were it held, what it is off by would move all others.
+    held = window.pairs[1] if window.truncated and len(window.pairs) > 2 else 0
     observations, bands = _observations(window, noise, place, used)
     return SplineProblem(
         fitted(*located_poses(views, times_s(views, window.rig))[1:], spacing_s),
@@ -45,7 +47,7 @@ def joint_problem(
         observations,
         window.rig,
         _rig_prior(window),
-        PosePrior(0, views[0].world_from_rig, np.eye(6) * HELD),
+        PosePrior(held, views[held].world_from_rig, np.eye(6) * HELD),
         np.column_stack([points.values[:, 2], np.full(len(points), DEPTH_INFORMATION)]),
         loss=noise.loss,
         bands=bands,
