@@ -7,11 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.frontends.halved import factor_of, halved
-from ispom.kernels import kernel
+from ispom.frontends.patches import RADIUS_PX
+from ispom.frontends.texture import grey_noise, texture
+from ispom.kernels import kernel, read_only
 from ispom.types import Image
 
 QUALITY = 0.002
 """Corners weaker than this share of a strong one in the image are not used."""
+MIN_TEXTURE = 5.0
+"""Nor are those whose patch has less texture, as a multiple of what noise alone would show: it would be off by 0.08 px for
+that, which is what tracks are off by, and on clouds and bare walls slide to where it is expected."""
 
 
 def detect_spread(
@@ -42,14 +47,16 @@ def detect_spread(
     side = np.sqrt(width * height / max(count / 5, 1))
     across, down = max(1, round(width / side)), max(1, round(height / side))
     order = np.argsort(-score[row, column], kind="stable")
+    radius = RADIUS_PX // factor
+    least = MIN_TEXTURE * 0.5 * (grey_noise(searched) * (2 * radius + 1)) ** 2
     return factor * _select(
-        column[order], row[order], np.asarray(taken, np.float64) / factor, width, height, across, down,
+        read_only(searched), radius, least, column[order], row[order], np.asarray(taken, np.float64) / factor, width, height, across, down,
         int(np.ceil(crowd * count / (across * down))), count - len(taken), min_distance_px,
     )  # fmt: skip
 
 
 @kernel()
-def _select(column, row, taken, width, height, across, down, per_bucket, count, min_distance):
+def _select(image, radius, least, column, row, taken, width, height, across, down, per_bucket, count, min_distance):
     """Greedy, strongest first; a coarse grid of taken places keeps the distance test local."""
     cell = max(min_distance, 1.0)
     n_columns, n_rows = int(width / cell) + 1, int(height / cell) + 1
@@ -74,7 +81,7 @@ def _select(column, row, taken, width, height, across, down, per_bucket, count, 
                 du, dv = grid[y, x, 0] - u, grid[y, x, 1] - v
                 if du * du + dv * dv < min_distance * min_distance:
                     free = False
-        if not free:
+        if not free or texture(image, column[i], row[i], radius) < least:
             continue
         grid[gy, gx, 0], grid[gy, gx, 1] = u, v
         filled[b, a] += 1
