@@ -15,8 +15,8 @@ from ispom.types import Image
 QUALITY = 0.002
 """Corners weaker than this share of a strong one in the image are not used."""
 MIN_TEXTURE = 5.0
-"""Nor are those whose patch has less texture, as a multiple of what noise alone would show: it would be off by 0.08 px for
-that, which is what tracks are off by, and on clouds and bare walls slide to where it is expected."""
+"""Nor are those whose patch has less texture, as a multiple of what noise alone would show: noise would put it off by
+0.08 px, as much as tracks are off by; and on clouds and bare walls it slides to where it is expected."""
 
 
 def detect_spread(
@@ -50,7 +50,8 @@ def detect_spread(
     radius = RADIUS_PX // factor
     least = MIN_TEXTURE * 0.5 * (grey_noise(searched) * (2 * radius + 1)) ** 2
     return factor * _select(
-        read_only(searched), radius, least, column[order], row[order], np.asarray(taken, np.float64) / factor, width, height, across, down,
+        read_only(searched), radius, least, column[order], row[order],
+        np.asarray(taken, np.float64) / factor, width, height, across, down,
         int(np.ceil(crowd * count / (across * down))), count - len(taken), min_distance_px,
     )  # fmt: skip
 
