@@ -14,9 +14,12 @@ from ispom.types import Image
 
 QUALITY = 0.002
 """Corners weaker than this share of a strong one in the image are not used."""
-MIN_TEXTURE = 5.0
-"""Nor are those whose patch has less texture, as a multiple of what noise alone would show: noise would put it off by
-0.08 px, as much as tracks are off by; and on clouds and bare walls it slides to where it is expected."""
+NOISE = 5.0
+"""Nor are those whose patch has less texture, as a multiple of what noise alone would show, where the image has far
+better: noise would put it off by 0.08 px, as much as tracks are off by; and on clouds and bare walls it slides to where
+it is expected."""
+FAINT = 0.01
+"""So much less, as a share of a strong patch: in the dark all are faint, and have to do."""
 
 
 def detect_spread(
@@ -48,16 +51,16 @@ def detect_spread(
     across, down = max(1, round(width / side)), max(1, round(height / side))
     order = np.argsort(-score[row, column], kind="stable")
     radius = RADIUS_PX // factor
-    least = MIN_TEXTURE * 0.5 * (grey_noise(searched) * (2 * radius + 1)) ** 2
+    noise = 0.5 * (grey_noise(searched) * (2 * radius + 1)) ** 2
     return factor * _select(
-        read_only(searched), radius, least, column[order], row[order],
+        read_only(searched), radius, noise, column[order], row[order],
         np.asarray(taken, np.float64) / factor, width, height, across, down,
         int(np.ceil(crowd * count / (across * down))), count - len(taken), min_distance_px,
     )  # fmt: skip
 
 
 @kernel()
-def _select(image, radius, least, column, row, taken, width, height, across, down, per_bucket, count, min_distance):
+def _select(image, radius, noise, column, row, taken, width, height, across, down, per_bucket, count, min_distance):
     """Greedy, strongest first; a coarse grid of taken places keeps the distance test local."""
     cell = max(min_distance, 1.0)
     n_columns, n_rows = int(width / cell) + 1, int(height / cell) + 1
@@ -68,7 +71,10 @@ def _select(image, radius, least, column, row, taken, width, height, across, dow
         grid[int(v / cell), int(u / cell), 0], grid[int(v / cell), int(u / cell), 1] = u, v
         filled[int(v * down / height), int(u * across / width)] += 1
     out = np.empty((max(count, 0), 2), np.float32)
-    n = 0
+    n, strong = 0, 0.0
+    for i in range(min(len(row), 16)):
+        strong = max(strong, texture(image, column[i], row[i], radius))
+    least = min(NOISE * noise, noise + FAINT * strong)
     for i in range(len(row)):
         if n >= count:
             break
