@@ -70,14 +70,14 @@ def _coefficients(camera: Camera) -> NDArray:
 def undistortion(camera: Camera, turn: NDArray, projection: NDArray, size: tuple[int, int]) -> Maps:
     """Maps from an image (width, height) seen through `projection` (3, 3) or (3, 4), whose axes are `turn` (3, 3) times
     the camera's, to the camera's own image."""
+    # Not in fixed point: places rounded to 1/32 px are off together, and so are tracks.
     maps = cv2.fisheye.initUndistortRectifyMap if camera.lens == "fisheye" else cv2.initUndistortRectifyMap
     first, second = maps(camera.matrix, _coefficients(camera), turn, projection[:, :3], size, cv2.CV_32FC1)
     return first, second
 
 
 def remapped(image: Image, maps: Maps) -> Image:
-    """The image seen through maps, read-only. Between pixels by a cubic: a line would smooth some places more than
-    others, and tracks that move over them are drawn aside."""
-    found = cv2.remap(image, maps[0], maps[1], cv2.INTER_CUBIC)
+    """The image seen through maps, read-only."""
+    found = cv2.remap(image, maps[0], maps[1], cv2.INTER_LINEAR)
     found.setflags(write=False)
     return np.asarray(found, np.uint8)
