@@ -1,6 +1,7 @@
 // The keys of the run, wherever the focus is: on the page, in Rerun's canvas, or in viser's panel. Which they are, the
-// server says (app/session/actions.py); "?" and Escape are the list's of them.
+// server says (app/session/actions.py); "?" is the list's of them, and Escape closes that, or the tour.
 import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
+import { hideTour } from "./tour.js";
 
 const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
 const MOVED = "[role=slider], [role=tab], #splitter"; // with the arrows, and with these:
@@ -16,7 +17,7 @@ export function setKeys(keys) {
 export function listen(page, command) {
   page.addEventListener("keydown", (event) => {
     const key = keyOf(event);
-    const own = { "?": toggleKeys, Escape: hideKeys }[key];
+    const own = { "?": toggleKeys, Escape: () => hideKeys() || hideTour() }[key];
     if ((!own && !names[key]) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
     if (own) {
       if (!own()) return;

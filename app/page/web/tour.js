@@ -12,16 +12,20 @@ const STEPS = [
 const GAP = 10;
 const at = (id) => document.getElementById(id);
 
+// Whether there was anything to hide.
+export function hideTour() {
+  const open = at("tour").open;
+  at("tour").close();
+  at("tour-frame").hidden = true;
+  return open;
+}
+
 export function makeTour() {
   const [card, frame] = [at("tour"), at("tour-frame")];
   const buttons = { back: at("tour-back"), next: at("tour-next"), skip: at("tour-skip") };
   let step = 0;
-  const end = () => {
-    card.close();
-    frame.hidden = true;
-  };
   const show = (wanted) => {
-    if (wanted === STEPS.length) return end();
+    if (wanted === STEPS.length) return hideTour();
     step = wanted;
     const [target, title, text] = STEPS[step];
     card.querySelector("b").textContent = title;
@@ -36,8 +40,7 @@ export function makeTour() {
   };
   buttons.back.addEventListener("click", () => show(step - 1));
   buttons.next.addEventListener("click", () => show(step + 1));
-  buttons.skip.addEventListener("click", end);
-  card.addEventListener("keydown", ({ key }) => key === "Escape" && end());
+  buttons.skip.addEventListener("click", hideTour);
   addEventListener("resize", () => card.open && show(step));
   at("tour-again").addEventListener("click", () => {
     at("keys").close();
