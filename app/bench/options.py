@@ -38,8 +38,8 @@ class Bench:
     """Measure, instead of all else, whether the monocular method's first map is right, started at many places of
     sim:city, sim:indoor and sim:tiny, and of KITTI 06, KITTI 00 and handheld_board where they are in --data."""
     cameras: bool = False
-    """Measure, instead of all else, the errors of the modern methods on one flight (three seeds) as cameras of other
-    kinds film it: 4K, 12 bits, variable rate, portrait, fisheye, rolling shutter. Rendering takes half an hour."""
+    """Measure, instead of all else, the errors of the modern methods on one flight (16 seeds) as cameras of other kinds
+    film it: 4K, 12 bits, variable rate, portrait, fisheye, rolling shutter. Rendering takes half an hour."""
     soak: bool = False
     """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
     soak_exposures: int = 20_000

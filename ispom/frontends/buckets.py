@@ -20,6 +20,8 @@ better: noise would put it off by 0.08 px, as much as tracks are off by; and on 
 it is expected."""
 FAINT = 0.01
 """So much less, as a share of a strong patch: in the dark all are faint, and have to do."""
+STRONGEST = 16
+"""Places that tell what is strong in an image."""
 
 
 def detect_spread(
@@ -43,7 +45,8 @@ def detect_spread(
     score = cv2.cornerMinEigenVal(searched, 3, ksize=3)
     peak = score >= cv2.dilate(score, np.ones((3, 3), np.uint8))
     peak[:border_px], peak[-border_px:], peak[:, :border_px], peak[:, -border_px:] = False, False, False, False
-    strong = float(np.partition(score[::4, ::4].ravel(), -16)[-16]) if score.size > 1000 else float(score.max())
+    some = score[::4, ::4].ravel()
+    strong = float(np.partition(some, -STRONGEST)[-STRONGEST] if score.size > 1000 else score.max())
     row, column = np.nonzero(peak & (score > max(QUALITY * strong, 1e-7)))
     if not len(row):
         return np.zeros((0, 2), np.float32)
@@ -72,7 +75,7 @@ def _select(image, radius, noise, column, row, taken, width, height, across, dow
         filled[int(v * down / height), int(u * across / width)] += 1
     out = np.empty((max(count, 0), 2), np.float32)
     n, strong = 0, 0.0
-    for i in range(min(len(row), 16)):
+    for i in range(min(len(row), STRONGEST)):
         strong = max(strong, texture(image, column[i], row[i], radius))
     least = min(NOISE * noise, noise + FAINT * strong)
     for i in range(len(row)):
