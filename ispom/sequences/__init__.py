@@ -19,6 +19,7 @@ from ispom.sequences.formats.scenario import looks_like_scenario, open_scenario
 from ispom.sequences.formats.seven_scenes import looks_like_seven_scenes, open_seven_scenes
 from ispom.sequences.formats.tum import looks_like_tum, open_tum
 from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open_video
+from ispom.sequences.formats.video_folder import looks_like_video_folder, open_video_folder
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
 from ispom.sequences.recording import Recording
@@ -39,6 +40,7 @@ ONE_CAMERA = (
     (looks_like_seven_scenes, open_seven_scenes),
     (looks_like_video, open_video),
     (looks_like_images, open_folder),
+    (looks_like_video_folder, open_video_folder),
 )
 """The same, of kinds whose calibration is a file of its own, so that another may take its place."""
 
@@ -132,7 +134,7 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
     cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(
         f"{path} has no known layout (looked for image_0 and calib.txt, as in KITTI odometry, mav0, as in EuRoC, "
-        f"rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, and files of images): {cure}"
+        f"rgb.txt, as in TUM, frame-*.color.png, as in 7-Scenes, sequence.yaml, files of images, and one video): {cure}"
     )
 
 

@@ -21,6 +21,7 @@ from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import remapped, undistortion
 from ispom.types import Camera, Image
 
+BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
 SIDES = (("left", "right"), ("cam0", "cam1"), ("camera0", "camera1"), ("infra1", "infra2"))
 """How topics of a pair are called."""
 MODELS = ("plumb_bob", "rational_polynomial", "")
@@ -58,7 +59,7 @@ class _Info:
 
 def looks_like_bag(path: Path) -> bool:
     """Whether it is called a bag, or is the folder of a ROS 2 bag."""
-    return path.suffix.lower() in (".bag", ".mcap", ".db3") or (is_folder(path) and exists(path / METADATA))
+    return path.suffix.lower() in BAG_SUFFIXES or (is_folder(path) and exists(path / METADATA))
 
 
 def open_bag(path: Path) -> Recording:

@@ -39,12 +39,53 @@ def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     assert sequence.times_ns.tolist() == [i * 50_000_000 for i in range(12)]
 
 
-@pytest.mark.parametrize("made", [make_images, make_video])
-def test_of_a_folder_around_a_recording_the_recording_is_named(made: Callable[[Path], Path], tmp_path: Path) -> None:
-    inner = made(tmp_path / "walk")
+def test_of_a_folder_around_a_recording_the_recording_is_named(tmp_path: Path) -> None:
+    inner = make_images(tmp_path / "walk")
     (inner.parent / "camera.yaml").write_text(CAMERA)
     with pytest.raises(InputError, match=f"give a recording in it, such as {re.escape(str(inner))}"):
         open_sequence(str(inner.parent))
+
+
+@pytest.mark.parametrize("calibration", ["film.yaml", "camera.yaml", None])
+def test_a_folder_of_one_video_is_opened_as_that_video(calibration: str | None, tmp_path: Path) -> None:
+    film = make_video(tmp_path)
+    film.with_suffix(".yaml").unlink()
+    if calibration is not None:
+        (tmp_path / calibration).write_text(CAMERA)
+    for beside in ("rig.yaml", "notes.txt", "._film.avi"):
+        (tmp_path / beside).touch()
+    given, meant = open_sequence(str(tmp_path)), open_sequence(str(film))
+    assert (given.name, given.notes, given.guess) == (meant.name, meant.notes, meant.guess)
+    assert given.rig.video == meant.rig.video and given.rig.video is not None
+    assert given.times_ns.tolist() == meant.times_ns.tolist() and (given.guess is None) == (calibration is not None)
+    seen, filmed = given[5], meant[5]
+    assert isinstance(seen, VideoFrame) and isinstance(filmed, VideoFrame)
+    np.testing.assert_array_equal(seen.image, filmed.image)
+
+
+def test_a_folder_of_one_video_takes_the_calibration_that_is_named(tmp_path: Path) -> None:
+    make_video(tmp_path / "walk")
+    (tmp_path / "own.yaml").write_text(CAMERA.replace("fx: 80", "fx: 90"))
+    camera = open_sequence(str(tmp_path / "walk"), camera=tmp_path / "own.yaml").rig.video
+    assert camera is not None and camera.fx == 90
+
+
+def bag_beside(root: Path) -> None:
+    (root / "walk.bag").touch()
+
+
+@pytest.mark.parametrize("beside", [make_images, lambda root: make_video(root, name="second.mkv"), bag_beside])
+def test_of_a_folder_with_more_than_a_video_one_is_named(beside: Callable[[Path], object], tmp_path: Path) -> None:
+    make_video(tmp_path)
+    beside(tmp_path)
+    with pytest.raises(InputError, match=f"give a recording in it, such as {re.escape(str(tmp_path / 'film.avi'))}"):
+        open_sequence(str(tmp_path))
+
+
+def test_images_beside_a_video_are_the_recording(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    make_video(folder)
+    assert open_sequence(str(folder)).name == "images shots"
 
 
 def test_of_a_folder_with_colours_and_depths_the_colours_are_named(tmp_path: Path) -> None:

@@ -50,9 +50,12 @@ def test_folders_are_listed_below_the_root_only(tmp_path: Path):
 def test_what_is_recognised_is_told_from_folders_to_look_into(tmp_path: Path):
     (tmp_path / "film.mp4").write_bytes(b"")
     (tmp_path / "notes.txt").write_text("")
-    (tmp_path / "more").mkdir()
+    for name in ("walk", "films", "more"):
+        (tmp_path / name).mkdir()
+    for name in ("walk/a.mp4", "films/a.mp4", "films/b.mp4"):
+        (tmp_path / name).write_bytes(b"")
     found = {entry.path.name: entry.source for entry in Folders(tmp_path).entries(tmp_path)}
-    assert found == {"film.mp4": True, "more": False}
+    assert found == {"film.mp4": True, "films": False, "more": False, "walk": True}
 
 
 def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: Path):

@@ -1,0 +1,35 @@
+"""A folder that holds one video file and no other recording: what is opened is that file (video.py)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ispom.io.files import is_folder, names
+from ispom.sequences.formats.bags import BAG_SUFFIXES
+from ispom.sequences.formats.video import looks_like_video, open_video
+from ispom.sequences.images import IMAGE_SUFFIXES
+from ispom.sequences.recording import Recording
+
+OTHERS = IMAGE_SUFFIXES | BAG_SUFFIXES
+"""Of files that are recordings, or parts of one, as well."""
+
+
+def video_in(folder: Path) -> Path | None:
+    """Its only video file, beside which a calibration and texts may lie; None where images, bags or folders do."""
+    inside = [folder / name for name in names(folder) if not name.startswith(".")] if is_folder(folder) else []
+    videos = [path for path in inside if looks_like_video(path)]
+    return videos[0] if len(videos) == 1 and not any(map(_is_another, inside)) else None
+
+
+def looks_like_video_folder(folder: Path) -> bool:
+    """Whether a video is all that can be opened in it."""
+    return video_in(folder) is not None
+
+
+def open_video_folder(folder: Path, calibration: Path | None = None) -> Recording:
+    """The recording of its video; InputError as `open_video`."""
+    return open_video(video_in(folder) or folder, calibration)
+
+
+def _is_another(path: Path) -> bool:
+    return path.suffix.lower() in OTHERS or path.is_dir()
