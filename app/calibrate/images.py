@@ -18,6 +18,7 @@ from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.formats.folder import TIMES
 from ispom.sequences.formats.video import looks_like_video, video_stream
+from ispom.sequences.formats.video_folder import video_in
 from ispom.sequences.images import IMAGE_SUFFIXES, read_grey
 from ispom.sequences.stream import Clock
 from ispom.types import Image, as_grey
@@ -128,6 +129,7 @@ def _inside(camera: str, folder: Path) -> Source:
 
 
 def _source(camera: str, path: Path) -> Source:
+    path = video_in(path) or path
     if is_folder(path):
         data = path / "data"
         folder = data if not any(map(_is_image, names(path))) and is_folder(data) else path

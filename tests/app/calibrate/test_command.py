@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
+from app.calibrate.images import open_sources
 from app.cli import main
 from ispom.calibration.targets import parse_target
 from ispom.io.rig import read_rig
 from ispom.simulation.board import Exposing, board_image
 from ispom.simulation.filming import LEFT, board_poses, filming_rig
 from tests.calibration.pictures import picture_of
+from tests.sequences.own_folders import make_video
 
 DATA = Path(__file__).parents[3].parent / "shared" / "data" / "calibration"
 SPEC = "chessboard:9x6:0.0242"
@@ -93,6 +95,13 @@ def test_mistakes_are_one_sentence(
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
+
+
+def test_a_folder_of_one_film_is_that_film(tmp_path: Path) -> None:
+    film = make_video(tmp_path)
+    for given in (film, tmp_path):
+        (source,) = open_sources("video", (given,))
+        assert source.is_film and source.place == film and len(source) == 6
 
 
 def test_a_target_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
