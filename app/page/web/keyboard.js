@@ -6,7 +6,8 @@ import { hideTour } from "./tour.js";
 const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
 const MOVED = "[role=slider], [role=tab], #splitter"; // with the arrows, and with these:
 const MOVES = ["ArrowLeft", "ArrowRight", "Home", "End", "Space"];
-const PRESSED = "button:focus-visible, [role=checkbox]:focus-visible, input[type=checkbox]:focus-visible";
+const PRESSED = "button, [role=checkbox], input[type=checkbox]";
+const reached = new WeakSet(); // what got the focus by key: any key makes a button that was clicked look as if it had
 let names = {};
 
 export function setKeys(keys) {
@@ -15,6 +16,7 @@ export function setKeys(keys) {
 }
 
 export function listen(page, command) {
+  page.addEventListener("focusin", ({ target }) => reached[target.matches(":focus-visible") ? "add" : "delete"](target));
   page.addEventListener("keydown", (event) => {
     const key = keyOf(event);
     const own = { "?": toggleKeys, Escape: () => hideKeys() || hideTour() }[key];
@@ -37,7 +39,7 @@ function keyOf({ key, shiftKey }) {
 function keepsKey(target, key) {
   if (target.matches(TEXT)) return true;
   if (target.matches(MOVED)) return MOVES.includes(key) && labelOf(target) !== "exposure";
-  return key === "Space" && target.matches(PRESSED);
+  return key === "Space" && target.matches(PRESSED) && reached.has(target);
 }
 
 function labelOf(target) {

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 FROM = 20
 CONSEQUENCES = {
-    "play": "state.playing || state.index > 20",
+    "play": "state.playing || state.index > 21",  # by more than a step
     "forward": "state.index === 21",
     "back": "state.index === 19",
     "stereo": "state.index === 23",
