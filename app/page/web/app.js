@@ -81,8 +81,14 @@ function command(message) {
   address.release();
   people.command(message);
 }
-listen(window, command);
-const controls = openControls(dark.matches, command, (tab) => paneBecame({ tab }));
+
+// What a key asks for. Of a source that is still being opened there is nothing to move in yet; later it would come as a surprise.
+function press(message) {
+  if (state?.phase !== "opening") command(message);
+  else showNotice({ text: `${state.source} is still being opened: keys work once it is.`, kind: "info" });
+}
+listen(window, press);
+const controls = openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
 
 const address = makeAddress(people.command, people.drives);
 const showPlot = makePlot(command);

@@ -6,7 +6,7 @@ import { listenToPanels } from "./panels.js";
 const LABELS = { dark: "#b4bcc2", light: "#565e66" };
 const ON_WHITE = "#00659c", GRAY = "#5f6870", RED = "#c62828"; // in the dark, viser's own are bright enough
 
-export function openControls(dark, command, tabOpened) {
+export function openControls(dark, press, command, tabOpened) {
   const frame = document.getElementById("controls");
   frame.addEventListener("load", () => {
     const style = frame.contentDocument.createElement("style");
@@ -19,7 +19,7 @@ export function openControls(dark, command, tabOpened) {
       .following :is(button:not([role=tab]), input, textarea, .mantine-Slider-root) { pointer-events: none; }
       ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
     frame.contentDocument.head.append(style);
-    listen(frame.contentWindow, command);
+    listen(frame.contentWindow, press);
     listenToPanels(frame.contentDocument, command, tabOpened);
     keepFocus(frame.contentDocument);
   });

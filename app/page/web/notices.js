@@ -12,7 +12,9 @@ export function showNotices(notices) {
   for (const notice of notices) if (notice.number > before) showNotice(notice);
 }
 
+// What is said again while it is there is not there twice.
 export function showNotice({ text, kind }) {
+  for (const shown of [...list.children]) if (shown.firstElementChild.textContent === text) shown.remove();
   const item = document.createElement("div");
   item.className = `notice ${kind}`;
   item.setAttribute("role", kind === "error" ? "alert" : "status");

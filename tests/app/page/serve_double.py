@@ -1,11 +1,13 @@
 """The app with stand-in estimators, a process of its own: `python -m tests.app.page.serve_double FOLDER PORT [SOURCE]`.
 
-Without a source it plays the stand-in sequence; with one, the page looks for others beside it.
+Without a source it plays the stand-in sequence; with one, the page looks for others beside it. `slow:FILE` is the
+stand-in sequence, too, which takes until there is such a file to open.
 """
 
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 from ispom_app.options import SourceOptions
@@ -17,10 +19,14 @@ from ispom.sequences import open_sequence
 from ispom.types import Sequence
 from tests.app import helpers
 
-DOUBLE = "double:40"
+DOUBLE, SLOW = "double:40", "slow:"
 
 
 def opener(source: str, options: SourceOptions | None = None) -> Sequence:
+    if source.startswith(SLOW):
+        while not Path(source.removeprefix(SLOW)).exists():
+            time.sleep(0.02)
+        source = DOUBLE
     return helpers.opener(source) if source.startswith("double:") else open_sequence(source)
 
 

@@ -148,3 +148,22 @@ def test_the_tabs_fit_in_one_line(page: Page):
     boxes = [tab.bounding_box() for tab in page.controls.get_by_role("tab").all()]
     assert len(boxes) >= 6 and len({box["y"] for box in boxes}) == 1
     assert boxes[-1]["x"] + boxes[-1]["width"] <= page.tab.locator("#splitter").bounding_box()["x"]
+
+
+def test_a_key_while_a_source_is_opened_is_answered_once_and_does_nothing_later(page: Page, tmp_path: Path):
+    """It was kept until the source was open, and paused then what plays by itself."""
+    source, run = f"slow:{tmp_path / 'open'}", page.state["run"]
+    field = page.controls.locator("input[value='double:40']")
+    page.controls.get_by_text("Source", exact=True).first.click()
+    field.fill(source)
+    page.controls.get_by_role("button", name="Open", exact=True).click()
+    page.until(f"state.phase === 'opening' && state.source === '{source}'", "the opening")
+    page.tab.keyboard.press("Space")  # in viser's panel
+    FOCUSED["the page"](page)
+    for key in ("Space", "Space", "ArrowRight"):
+        page.tab.keyboard.press(key)
+    notice = page.tab.locator(".notice")
+    notice.get_by_text(f"{source} is still being opened").wait_for(timeout=5_000)
+    assert notice.count() == 1
+    (tmp_path / "open").touch()
+    page.until(f"state.run === {run + 1} && state.ended && !state.playing", "the source to play to its end by itself")
