@@ -159,7 +159,7 @@ class ModernStereo:
             after = next_state(setup, before, before, now, sighting, is_key=False)
             return Outcome(after, status, sighting, decisions, before)
         fresh = new_points(setup, before, now)
-        why_not = () if before.map.keys else _no_start(setup, new, len(fresh[0]))
+        why_not = () if before.map.keys else _no_start(setup, new, len(fresh))
         if why_not:
             # Nothing is seen: what was seen before is still the best to find the way from.
             status = Status.LOST if state.map.keys else Status.INITIALISING
@@ -171,7 +171,7 @@ class ModernStereo:
         after = next_state(setup, before, grown, now, sighting, is_key=True)
         restarted = bool(state.map.keys) and not before.map.keys
         decisions += adjustment
-        return Outcome(after, status, sighting, decisions, before, len(fresh[0]), key_frame=True, restarted=restarted)
+        return Outcome(after, status, sighting, decisions, before, len(fresh), key_frame=True, restarted=restarted)
 
     @cached_property
     def _size(self) -> TrackedSize:

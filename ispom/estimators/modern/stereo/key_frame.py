@@ -98,8 +98,8 @@ def corners(setup: Setup, new: NewPair, points: PairPoints, share: float = 1.0) 
     return at_subpixel(new.left, found, CORNER_RADIUS_PX, CORNER_STEPS)
 
 
-def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[PairPoints, Array]:
-    """Corners between the points there are, and their places (N, 3) in the world by their disparity."""
+def new_points(setup: Setup, state: ModernStereoState, now: Current) -> PairPoints:
+    """Corners between the points there are, with their disparity."""
     new, uv = now.new, corners(setup, now.new, now.points, CANDIDATES)
     matches = PointSearch().search(new.left, new.right, uv, new.halves)
     found = np.flatnonzero(np.isfinite(matches.disparity_px))
@@ -108,8 +108,7 @@ def new_points(setup: Setup, state: ModernStereoState, now: Current) -> tuple[Pa
         found = found[sure]
     found = found[: max(setup.max_tracks - len(now.points), 0)]
     ids = state.next_id + np.arange(len(found))
-    fresh = PairPoints(ids, uv[found], matches.disparity_px[found], matches.slants[found])
-    return fresh, now.pose.inverse().apply(intersected(setup, state.map, fresh, now.motion))
+    return PairPoints(ids, uv[found], matches.disparity_px[found], matches.slants[found])
 
 
 def _like_most(values: Array, least: float) -> NDArray[np.bool_]:
@@ -118,12 +117,13 @@ def _like_most(values: Array, least: float) -> NDArray[np.bool_]:
 
 
 def extended(
-    setup: Setup, state: ModernStereoState, now: Current, fresh: tuple[PairPoints, Array], sighting: Sighting
+    setup: Setup, state: ModernStereoState, now: Current, fresh: PairPoints, sighting: Sighting
 ) -> tuple[ModernStereoState, Current, tuple[Decision, ...]]:
-    """The window with this pair as a key frame, adjusted; and the pair as that left it."""
-    new_ones, xyz = fresh
-    points = PairPoints.joined(now.points, new_ones)
-    world = state.map.with_points(new_ones.ids, xyz)
+    """The window with this pair as a key frame, adjusted; and the pair as that left it.
+
+    The adjustment knows nothing of points seen once: the fresh ones are placed by the pose and the pair that it found.
+    """
+    points, world = PairPoints.joined(now.points, fresh), state.map
     seen, time_ns = points.seen_by(setup.camera), now.new.time_ns
     key = KeyFrame(time_ns, now.pose, points.ids, seen, now.motion, points.slants, setup.shutter)
     predicted = None
@@ -135,9 +135,11 @@ def extended(
     world = with_motions(setup, world)
     world, settled, decisions = _adjusted(setup, world, state.settled)
     newest = world.keys[-1]
+    near = intersected(setup, world, fresh, newest.motion)
+    world = world.with_points(fresh.ids, newest.left_from_world.inverse().apply(near))
     points = points.select(places(newest.ids, points.ids) >= 0)
     now = replace(now, pose=newest.left_from_world, points=points)
-    next_id = state.next_id + len(new_ones)
+    next_id = state.next_id + len(fresh)
     return replace(state, map=world.only(points.ids), settled=settled, next_id=next_id), now, decisions
 
 
