@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -80,3 +82,35 @@ def test_what_the_data_do_not_show_stays_as_uncertain_as_it_was(
     spread = np.sqrt(np.diag(covariance(window, SCALE)))[-PAIR:] / SIGMA
     told = dict(zip(TERMS, spread, strict=True))
     assert min(told[name] for name in hidden) > 0.9, told
+
+
+def test_a_pair_that_is_off_by_much_is_found_in_a_few_steps() -> None:
+    """Points begin where disparities that are half a pixel off put them: those far away at many times their depth."""
+    rng, extra = np.random.default_rng(4), np.zeros(PAIR)
+    off = {"offset_x": 0.0018, "offset_y": -0.001, "pitch": 0.005, "roll": -0.003, "p1": 0.003, "k2": -0.009}
+    extra[[TERMS.index(term) for term in off]] = list(off.values())
+    turn, shift = so3_exp(np.array([[0.0, 0, 0], [0.01, -0.02, 0.01]])), np.array([[0.0, 0, 0], [0.1, 0.05, -0.6]])
+    depth = 1 / rng.uniform(1 / 5000, 1 / 10, POINTS)
+    xyz = np.column_stack([rng.uniform(-0.5, 0.5, POINTS), rng.uniform(-0.4, 0.4, POINTS), np.ones(POINTS)])
+    xyz *= depth[:, None]
+    camera, owner = np.tile([0, 1], POINTS), np.repeat(np.arange(POINTS), 2)
+    q = np.einsum("kij,kj->ki", turn[camera], xyz[owner]) + shift[camera]
+    left = seen_left(q, extra) + 0.1 / F * rng.standard_normal((len(q), 2))
+    right = seen(q, extra, np.zeros(6)) + 0.1 / F * rng.standard_normal((len(q), 2))
+    disparity, still = left[:, 0] - right[:, 0], np.zeros((len(q), 2))
+    first = camera == 0
+    start = (
+        np.column_stack([left[first], np.ones(POINTS)]) * (BASELINE / np.maximum(disparity[first], 1 / 2000))[:, None]
+    )
+    prior = anchored(turn[0], shift[0], SIGMA)
+    for c in (0, 1):
+        own = camera == c
+        rows = by_row(right[own], disparity[own], still[own]), right[own, 1] - left[own, 1]
+        prior = prior.with_evidence(row_evidence(owner[own], *rows, np.zeros(PAIR), np.diag(SIGMA**2), SCALE))
+    window = Window(
+        turn, shift, start, camera, owner, np.column_stack([left, right[:, 0]]), BASELINE, np.zeros(PAIR), SIGMA,
+        by_column(right, disparity, still), prior,
+    )  # fmt: skip
+    few, best = adjust(window, SCALE, 10), adjust(replace(window, points=xyz, extra=extra), SCALE, 300, 1e-9)
+    assert few.cost_after < 1.02 * best.cost_after < 0.05 * few.cost_before
+    assert abs(few.window.extra - extra)[TERMS.index("offset_x")] < 0.05 / F

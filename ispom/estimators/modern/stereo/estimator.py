@@ -76,8 +76,8 @@ class ModernStereoConfig:
     """Fewer points than this, and the pair is not located."""
     max_lost_pairs: Annotated[int, Range(0, 50)] = 2
     """Pairs that may fail against the last located one before the next starts afresh from where the motion led."""
-    iterations: Annotated[int, Range(1, 30)] = 4
-    """Of the adjustment, at each key frame."""
+    iterations: Annotated[int, Range(1, 30)] = 10
+    """Of the adjustment at most, at each key frame: a pair that is not what it is taken for needs most of them."""
 
     def pair_sigma(self, focal_px: float) -> Array:
         """(E,) of what may be wrong with the pair, in the order of right_camera.TERMS; 0 holds it."""
