@@ -1,10 +1,11 @@
 """What is wrong with a rectified pair: the lens of both cameras, and what the right one has beside it: turned, another
 focal length and lens, a late shutter.
 
-All errors are small, so each moves what the right camera sees by its share of a fixed pattern over the image (first
-order; Brown 1971 for the lens, signs as in OpenCV). The left camera has the lens of both alone: see window.Window. A
-turn about x or y and a shift of the principal point differ in the second order only. So their sum is one unknown, the
-offset in the middle of the image, which is well known; the turn is the other, and stands for what it does beside that.
+All errors are small, so each moves what the right camera sees by its share of a fixed pattern over the image (Brown
+1971 for the lens, signs as in OpenCV), at the place where a perfect camera would see it: with the one where it is seen,
+lenses off by 0.01 would leave up to 0.7 px. The left camera has the lens of both alone: see window.Window. A turn about
+x or y and a shift of the principal point differ in the second order only. So their sum is one unknown, the offset in
+the middle of the image, which is well known; the turn is the other, and stands for what it does beside that.
 Columns and rows tell a turn from decentring.
 """
 
@@ -40,7 +41,7 @@ LEAST_S = 1e-5
 
 
 def by_column(seen: Array, disparity: Array, late: Array | None = None) -> Array:
-    """(N, COLUMNS) by how much x in the right image grows with each unknown, at places (N, 2), normalised.
+    """(N, COLUMNS) by how much x in the right image grows with each unknown, at ideal places (N, 2), normalised.
 
     `late` (N, 2): how x and y grow with the lag, see `drift`; without it the lag does nothing. 0 where a place is NaN.
     """
@@ -99,8 +100,7 @@ def lens_of_both(extra: Array) -> Array:
 
 def without_lens(seen: Array, extra: Array) -> Array:
     """Places (N, 2) in the left image, normalised, without what is wrong with the lens of both; further columns stay.
-    `seen` is the place times 1 + both_k1 r^2 + both_k2 r^4. Not to first order: little else shows it, so small terms
-    would be mistaken."""
+    `seen` is the place times 1 + both_k1 r^2 + both_k2 r^4."""
     out = np.array(seen, np.float64, order="C")
     _remove_lens(out, float(extra[BOTH_K1]), float(extra[BOTH_K2]))
     return out
@@ -109,13 +109,51 @@ def without_lens(seen: Array, extra: Array) -> Array:
 @kernel()
 def _remove_lens(places, k1, k2):
     for n in range(len(places)):
-        u, v = places[n, 0], places[n, 1]
-        x, y = u, v
-        for _ in range(INVERSIONS):
-            square = x * x + y * y
-            stretch = 1 + square * (k1 + square * k2)
-            x, y = u / stretch, v / stretch
-        places[n, 0], places[n, 1] = x, y
+        places[n, 0], places[n, 1] = lens_removed(places[n, 0], places[n, 1], k1, k2)
+
+
+@part
+def lens_removed(u, v, k1, k2):
+    """`without_lens` of one place."""
+    x, y = u, v
+    for _ in range(INVERSIONS):
+        square = x * x + y * y
+        stretch = 1 + square * (k1 + square * k2)
+        x, y = u / stretch, v / stretch
+    return x, y
+
+
+def without_errors(seen: Array, extra: Array, late: Array | None = None) -> Array:
+    """Observations (N, 3) of x, y in the left image and x in the right one, normalised, as a perfect pair's; NaN stays.
+
+    `late` as of `by_column`.
+    """
+    late = np.zeros((len(seen), 2)) if late is None else late
+    return _without_errors(np.ascontiguousarray(seen), extra, np.ascontiguousarray(late))
+
+
+@kernel()
+def _without_errors(seen, extra, late):
+    out, factors = np.empty((len(seen), 3)), np.zeros((1, COLUMNS))
+    for n in range(len(seen)):
+        x, y = lens_removed(seen[n, 0], seen[n, 1], extra[BOTH_K1], extra[BOTH_K2])
+        out[n, 0], out[n, 1] = x, y
+        out[n, 2] = fill_ideal_column(factors, 0, x, y, seen[n, 2], extra, late[n, 0])
+    return out
+
+
+@part
+def fill_ideal_column(out, n, x, y, right, extra, late):
+    """Row n of `by_column` where a perfect pair would see what the left camera without its errors sees at x, y and the
+    right one, with them, at `right`; zeros before. That place's x."""
+    ideal = right
+    for _ in range(INVERSIONS):
+        fill_column(out, n, ideal, y, x - ideal, late)
+        wrong = 0.0
+        for i in range(COLUMNS):
+            wrong += out[n, i] * extra[i]
+        ideal = right - wrong
+    return ideal
 
 
 def drift(xyz: Array, rates: Array, lag: float, baseline: float) -> Array:

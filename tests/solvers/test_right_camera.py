@@ -15,6 +15,7 @@ from ispom.solvers.right_camera import (
     by_row,
     drift,
     row_evidence,
+    without_errors,
 )
 from ispom.solvers.window.prior import Evidence
 from tests.solvers.pairs import BASELINE, RATE, SIGMA, F, points, seen, seen_left
@@ -46,6 +47,22 @@ def test_the_right_image_drifts_by_motion_and_depth() -> None:
     found = 0.004 * drift(xyz, np.tile(RATE, (len(xyz), 1)), 0.004, BASELINE)
     assert np.abs(wanted[:, 0]).max() > 5 / F
     np.testing.assert_allclose(found, wanted, atol=0.02 / F)
+
+
+@pytest.mark.parametrize("terms", [("both_k1", "both_k2"), ("k1", "k2"), ("p1", "p2")], ids=" ".join)
+def test_lenses_that_are_wrong_are_corrected_wholly(terms: tuple[str, str]) -> None:
+    """What is open by 0.01 is no small error: by patterns where points are seen it is off by 0.1-0.7 px."""
+    xyz = points()
+    extra = np.where(np.isin(TERMS, terms), np.random.default_rng(1).normal(0, SIGMA), 0.0)
+    observed = np.column_stack([seen_left(xyz, extra), seen(xyz, extra)[:, 0]])
+    perfect = np.column_stack([seen_left(xyz, 0 * extra), seen(xyz, 0 * extra)[:, 0]])
+    assert np.abs(observed - perfect).max() > 0.4 / F
+    np.testing.assert_allclose(without_errors(observed, extra), perfect, atol=1e-4 / F)
+
+
+def test_observations_without_a_right_one_stay_so() -> None:
+    found = without_errors(np.array([[0.3, 0.1, np.nan]]), SIGMA)
+    assert np.isfinite(found[0, :2]).all() and np.isnan(found[0, 2])
 
 
 def told(rows: Array, lower: Array, scale: float) -> Evidence:

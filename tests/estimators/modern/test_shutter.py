@@ -187,8 +187,7 @@ def miscalibrated(perfect: Array, extra: Array) -> Array:
     """(N, 3) what a pair with the errors `extra` sees, where a perfect one sees `perfect` (N, 3)."""
     out = perfect.copy()
     out[:, :2] *= 1 + extra[BOTH_K1] * (perfect[:, :2] ** 2).sum(axis=1)[:, None]
-    for _ in range(3):
-        out[:, 2] = perfect[:, 2] + by_column(out[:, [2, 1]], out[:, 0] - out[:, 2]) @ extra[:COLUMNS]
+    out[:, 2] += by_column(perfect[:, [2, 1]], perfect[:, 0] - perfect[:, 2]) @ extra[:COLUMNS]
     return out
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.right_camera import COLUMNS, LAG, by_column, drift, without_lens
+from ispom.solvers.right_camera import LAG, drift, without_errors
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.problem import AnchoredPoints, RigModel
 
@@ -64,11 +64,10 @@ class View:
         """(N,) disparities without the errors of the pair, `extra` (E,) of right_camera.TERMS."""
         if self.video:
             return self.disparity
-        right = np.column_stack([self.seen[:, 0] - self.disparity, self.seen[:, 1]])
-        seen = without_lens(self.seen, extra)
-        parallel = seen[:, 0] - right[:, 0] + by_column(right, self.disparity) @ extra[:COLUMNS]
+        seen = without_errors(np.column_stack([self.seen, self.seen[:, 0] - self.disparity]), extra)
+        parallel = seen[:, 0] - seen[:, 2]
         depth = baseline_m / np.maximum(parallel, LEAST_DISPARITY)
-        near = np.column_stack([seen, np.ones(len(self.seen))]) * depth[:, None]
+        near = np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
         late = drift(near, self.rate[None], extra[LAG], baseline_m)
         return parallel + extra[LAG] * late[:, 0]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.kernels import kernel
 from ispom.numerics.vectors import matrix, plus, times, vector
-from ispom.solvers.right_camera import COLUMNS, drift_of, fill_column
+from ispom.solvers.right_camera import BOTH_K1, BOTH_K2, COLUMNS, LAG, drift_of, fill_ideal_column, lens_removed
 
 
 class Packed(NamedTuple):
@@ -32,9 +32,10 @@ class Packed(NamedTuple):
 
 
 @kernel()
-def pack(known, xyz, ids, sizes, seen, rotations, translations, rates, lag, baseline):
+def pack(known, xyz, ids, sizes, seen, rotations, translations, rates, extra, baseline):
     """Points of the map `known` (P,) ascending, at `xyz` (P, 3); key frames with `sizes` (C,) of `ids` (N,), ascending
-    in each, `seen` (N, 3), at poses (C, 3, 3) and (C, 3), moving at `rates` (C, 6)."""
+    in each, `seen` (N, 3), at poses (C, 3, 3) and (C, 3), moving at `rates` (C, 6); `extra` (E,) is wrong with the
+    pair."""
     place, count = np.full(len(ids), -1), np.zeros(len(known), np.int64)
     begin = 0
     for c in range(len(sizes)):
@@ -67,9 +68,10 @@ def pack(known, xyz, ids, sizes, seen, rotations, translations, rates, lag, base
             first[p] += 1
             out.used[owner[p]], out.owners[k], out.cameras[k], out.origin[k] = p, owner[p], c, i - begin
             near = plus(times(matrix(rotations, c), vector(xyz, p)), vector(translations, c))
-            late = drift_of(near, rates, c, lag, baseline)
+            late = drift_of(near, rates, c, extra[LAG], baseline)
             x, y, right = vector(seen, i)
             out.seen[k, 0], out.seen[k, 1], out.seen[k, 2] = x, y, right
-            fill_column(out.factors, k, right, y, x - right, late[0])
+            x, y = lens_removed(x, y, extra[BOTH_K1], extra[BOTH_K2])
+            fill_ideal_column(out.factors, k, x, y, right, extra, late[0])
         begin += sizes[c]
     return out

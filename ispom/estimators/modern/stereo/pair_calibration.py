@@ -11,7 +11,7 @@ from ispom.estimators.modern.stereo.pair import PairPoints
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.window import StereoMap, known_of_pair
 from ispom.geometry import Array
-from ispom.solvers.right_camera import COLUMNS, LAG, by_column, by_row, drift, row_evidence, without_lens
+from ispom.solvers.right_camera import LAG, by_row, drift, row_evidence, without_errors
 
 LEAST_DISPARITY = 1 / 2000
 """Normalised; a smaller one says no more than that the point is far."""
@@ -19,24 +19,17 @@ LEAST_DISPARITY = 1 / 2000
 
 def ideal(world: StereoMap, baseline_m: float, near: Array, seen: Array, rate: Array) -> Array:
     """Observations (N, 3) as a perfect pair's, where points are `near` (N, 3) in the left camera."""
-    late = drift(near, rate[None], world.extra[LAG], baseline_m)
-    wrong = by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2], late) @ world.extra[:COLUMNS]
-    out = without_lens(seen, world.extra)
-    out[:, 2] -= wrong
-    return out
+    return without_errors(seen, world.extra, drift(near, rate[None], world.extra[LAG], baseline_m))
 
 
 def intersected(setup: Setup, world: StereoMap, points: PairPoints, motion: Array) -> Array:
     """Points (N, 3) in the left camera from disparities without the errors of the pair found so far; at 2000 baselines
     at most; `motion` (12,) as of rolling.mean_rates. Of a rolling shutter in that of the middle row."""
-    seen = points.seen_by(setup.camera)
-    left, lag = without_lens(seen[:, :2], world.extra), world.extra[LAG]
-    x, y = left.T
-    right = seen[:, 2] - by_column(seen[:, [2, 1]], seen[:, 0] - seen[:, 2]) @ world.extra[:COLUMNS]
-    rate = motion[:6]
+    seen = without_errors(points.seen_by(setup.camera), world.extra)
+    (x, y, right), lag, rate = seen.T, world.extra[LAG], motion[:6]
     disparity = x - right + lag * (rate[4] - rate[5] * y - right * (rate[3] * y - rate[4] * x))
     depth = (setup.baseline_m - lag * (rate[0] - right * rate[2])) / np.maximum(disparity, LEAST_DISPARITY)
-    near = np.column_stack([left, np.ones(len(seen))]) * depth[:, None]
+    near = np.column_stack([seen[:, :2], np.ones(len(seen))]) * depth[:, None]
     return setup.shutter.points_at_middle(near, motion)
 
 

@@ -67,19 +67,19 @@ class _Observed:
         exact = ideal(world, setup.baseline_m, near, middle, key.rate)
         by_twist, by_point, error = pair_reprojected(near, exact, setup.baseline_m)
         by_motion = key.shutter.by_motion(by_twist, key.seen[good, 1])
-        by_unknown = np.concatenate([by_twist, by_motion, _by_pair(setup, world, key, near, middle)], axis=2)
+        by_unknown = np.concatenate([by_twist, by_motion, _by_pair(setup, world, key, near, exact)], axis=2)
         inside = (error**2).sum(axis=1) < setup.limit**2
         in_world = by_point[inside] @ key.left_from_world.rotation
         return _Observed(place[good][inside], by_unknown[inside], in_world, error[inside])
 
 
-def _by_pair(setup: Setup, world: StereoMap, key: KeyFrame, near: Array, middle: Array) -> Array:
-    """(N, 3, PAIR) how x, y and the right x, seen at (N, 3), follow what is wrong with the pair; 0 where the right x is
-    unknown."""
+def _by_pair(setup: Setup, world: StereoMap, key: KeyFrame, near: Array, exact: Array) -> Array:
+    """(N, 3, PAIR) how x, y and the right x follow what is wrong with the pair, where a perfect one would see `exact`
+    (N, 3); 0 where the right x is unknown."""
     late = drift(near, key.rate[None], world.extra[LAG], setup.baseline_m)
-    out, square = np.zeros((len(middle), 3, PAIR)), (middle[:, :2] ** 2).sum(axis=1)
-    out[:, :2, BOTH_K1], out[:, :2, BOTH_K2] = square[:, None] * middle[:, :2], square[:, None] ** 2 * middle[:, :2]
-    out[:, 2, :COLUMNS] = by_column(middle[:, [2, 1]], middle[:, 0] - middle[:, 2], late)
+    out, square = np.zeros((len(exact), 3, PAIR)), (exact[:, :2] ** 2).sum(axis=1)
+    out[:, :2, BOTH_K1], out[:, :2, BOTH_K2] = square[:, None] * exact[:, :2], square[:, None] ** 2 * exact[:, :2]
+    out[:, 2, :COLUMNS] = by_column(exact[:, [2, 1]], exact[:, 0] - exact[:, 2], late)
     return out
 
 

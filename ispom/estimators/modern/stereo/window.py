@@ -13,7 +13,7 @@ from ispom.estimators.modern.stereo.packing import pack
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
-from ispom.solvers.right_camera import LAG, PAIR, lens_of_both
+from ispom.solvers.right_camera import PAIR, lens_of_both
 from ispom.solvers.window.adjustment import Adjusted, Window, adjust, marginalise
 from ispom.solvers.window.groups import Groups
 from ispom.solvers.window.prior import POSE, Prior, Sandwich, anchored
@@ -210,7 +210,7 @@ def _packed(
         rotations,
         translations,
         np.stack([k.rate for k in keys]),
-        float(state.extra[LAG]),
+        state.extra,
         float(baseline),
     )
     window = Window(
