@@ -36,6 +36,7 @@ if numba.version_info.short <= NEWEST_KNOWN:
     runtime.keep_runtime()
     operators.remember_types()
     parts.overloads_become_parts()
+    parts.link_each_part_once()
 _caches: dict[Dispatcher, KernelCache] = {}
 
 

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from numba._dynfunc import make_function
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
@@ -33,13 +33,13 @@ class KernelLibrary(JITCodeLibrary):
 
 
 class PartLibrary(KernelLibrary):
-    """A function with all that it calls, to be linked into others."""
+    """A function alone: whatever calls it is linked with what it calls, too (`link_each_part_once`)."""
 
     def finalize(self) -> None:
-        for library in dict.fromkeys(self._linking_libraries):
-            # Numba 0.61 has none yet.
-            getattr(self, "_reload_init", set()).update(getattr(library, "_reload_init", ()))
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        for function in self._final_module.functions:
+            if not function.is_declaration:
+                function.linkage = "linkonce_odr"  # into each kernel its own
+        self._shared_module = self._final_module
         self._finalized = True
 
 
@@ -99,3 +99,16 @@ def overloads_become_parts() -> None:
     template: Any = _OverloadFunctionTemplate
     plain = template._get_jit_decorator
     template._get_jit_decorator = lambda self: partial(plain(self), pipeline_class=OverloadCompiler)
+
+
+def link_each_part_once() -> None:
+    """Has numba link what a part calls beside it: within it, it would be copied again for each that calls the part."""
+    library: Any = CPUCodeLibrary
+    plain = library.add_linking_library
+
+    def add_linking_library(self: Any, added: Any) -> None:
+        plain(self, added)
+        if isinstance(added, PartLibrary):
+            self._linking_libraries = list(dict.fromkeys((*self._linking_libraries, *added._linking_libraries)))
+
+    library.add_linking_library = add_linking_library
