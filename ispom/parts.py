@@ -19,10 +19,11 @@ from numba.core.typing.templates import _OverloadFunctionTemplate
 UNUSED_STEPS = frozenset({
     "WithLifting", "InlineClosureLikes", "MakeFunctionToJitFunction", "RewriteSemanticConstants", "DeadBranchPrune",
     "RewriteDynamicRaises", "InlineInlinables", "InlineOverloads", "FindLiterallyCalls", "LiteralUnroll",
-    "LiteralPropagationSubPipelinePass", "DumpParforDiagnostics",
+    "LiteralPropagationSubPipelinePass", "DumpParforDiagnostics", "NopythonRewrites",
 })  # fmt: skip
 """For `with`, closures and comprehensions, `raise` with values, branches on None, `inline="always"`, and loops over
-tuples of several types. A function that has one of these is not compiled: an error says so."""
+tuples of several types: a function that has one of these is not compiled, an error says so. The last is for sums of
+whole arrays, each of which would take a loop and an array of its own: kernels go through their arrays by themselves."""
 
 
 class KernelLibrary(JITCodeLibrary):

@@ -314,7 +314,9 @@ def _minus_symmetric(m, s):
 @kernel(fastmath={"contract"})
 def point_steps(cameras, owners, eliminated, pose_step, extra_step):
     """Back-substitution: (M, 3) steps of the points that go with those of the poses (C, 6) and corrections (E,)."""
-    left = -eliminated.gradients
+    left = np.empty_like(eliminated.gradients)
+    for m in range(len(left)):
+        store(left, m, scaled(-1.0, vector(eliminated.gradients, m)))
     for k in range(len(cameras)):
         _subtract_pose_step(left, owners[k], k, eliminated, cameras[k], pose_step)
     for m in range(len(left)):
