@@ -1,7 +1,7 @@
 """What numba finds an operator to give for operands of some types, asked once for each.
 
 Numba asks anew wherever the operator stands, and first for what arrays of any shape would give: a tenth of all the
-compilation.
+compilation. It also looks for the type of an operator as if it were a number first, and makes an error of that.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import operator
 from functools import wraps
 from typing import Any
 
-from numba.core import types
+from numba.core import errors, types
 from numba.core.types.functions import BaseFunction
+from numba.core.typing.context import BaseContext
 
 OPERATORS = frozenset({
     operator.add, operator.sub, operator.mul, operator.truediv, operator.floordiv, operator.mod, operator.neg,
@@ -26,6 +27,13 @@ ITEMS = frozenset({operator.getitem, operator.setitem})
 def remember_types() -> None:
     """Has numba look among what it found before first."""
     BaseFunction.get_call_type = remembering(BaseFunction.get_call_type)
+    BaseContext.resolve_value_type = looking_up(BaseContext.resolve_value_type)
+
+
+def errors_have_no_colour() -> None:
+    """Has numba not colour what errors say: it makes tens of thousands of them for itself alone."""
+    colours: Any = type(errors.termcolor())
+    colours._markup = lambda self, message, *how: message
 
 
 def remembering(found: Any) -> Any:
@@ -42,6 +50,17 @@ def remembering(found: Any) -> Any:
         return known[asked]
 
     return call_type
+
+
+def looking_up(found: Any) -> Any:
+    """Such a method as `found` that looks for an operator where numba has the types of operators."""
+
+    @wraps(found)
+    def value_type(context: Any, value: Any) -> Any:
+        known = context._lookup_global(value) if isinstance(value, type(operator.add)) else None
+        return found(context, value) if known is None else known
+
+    return value_type
 
 
 def lasts(asked: Any, operands: tuple[Any, ...]) -> bool:

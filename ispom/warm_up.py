@@ -90,7 +90,7 @@ if __name__ == "__main__":
     end_with_parent()
     if hasattr(os, "nice"):
         os.nice(10)  # whoever waits for the page comes first
-    # Compiling makes millions of values that last: looking for garbage among them is a tenth of the time.
+    # Compiling makes millions of values that last: looking for garbage among them again takes a tenth of the time.
     gc.freeze()
-    gc.set_threshold(10_000)
+    gc.set_threshold(30_000, 1_000)
     warm_up()
