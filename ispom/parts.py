@@ -1,7 +1,7 @@
 """How numba compiles kernels and the functions that only ever become part of them: without steps that they do not need.
 
 Numba would optimise a part and translate it to machine code by itself, as if it were called from Python, and then
-optimise it again wherever it is linked into; and optimise each function of a kernel before all of them are, as one.
+optimise it again wherever it is linked into; and optimise each function of a kernel in full before all are, as one.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from llvmlite.binding.newpassmanagers import ModulePassManager
 from numba._dynfunc import make_function
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -27,9 +28,16 @@ whole arrays, each of which would take a loop and an array of its own: kernels g
 
 
 class KernelLibrary(JITCodeLibrary):
-    """Machine code of a function with all that it calls, optimised as a whole only."""
+    """Machine code of a function with all that it calls: made short one by one, optimised as a whole only."""
 
     def add_llvm_module(self, ll_module: Any) -> None:
+        """Variables become values before the function is copied to where it is called: most of its code is gone."""
+        if hasattr(ModulePassManager, "add_sroa_pass"):  # numba 0.61 has none yet
+            passes = ModulePassManager()
+            passes.add_sroa_pass()
+            passes.add_simplify_cfg_pass()
+            passes.add_instruction_combine_pass()
+            passes.run(ll_module, self._codegen._pass_builder())
         self._final_module.link_in(ll_module)
 
 
