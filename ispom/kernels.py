@@ -35,7 +35,6 @@ if numba.version_info.short <= NEWEST_KNOWN:
 
     runtime.keep_runtime()
     operators.remember_types()
-    operators.errors_have_no_colour()
     parts.overloads_become_parts()
     parts.link_each_part_once()
 _caches: dict[Dispatcher, KernelCache] = {}

@@ -10,7 +10,7 @@ import operator
 from functools import wraps
 from typing import Any
 
-from numba.core import errors, types
+from numba.core import types
 from numba.core.types.functions import BaseFunction
 from numba.core.typing.context import BaseContext
 
@@ -28,12 +28,6 @@ def remember_types() -> None:
     """Has numba look among what it found before first."""
     BaseFunction.get_call_type = remembering(BaseFunction.get_call_type)
     BaseContext.resolve_value_type = looking_up(BaseContext.resolve_value_type)
-
-
-def errors_have_no_colour() -> None:
-    """Has numba not colour what errors say: it makes tens of thousands of them for itself alone."""
-    colours: Any = type(errors.termcolor())
-    colours._markup = lambda self, message, *how: message
 
 
 def remembering(found: Any) -> Any:

@@ -11,7 +11,7 @@ from numba import njit
 from numba.core import types
 from numba.core.registry import cpu_target
 
-from ispom.operators import ITEMS, OPERATORS, lasts, remembering
+from ispom.operators import ITEMS, OPERATORS, lasts, looking_up, remembering
 
 MATRIX = types.Array(types.float64, 2, "C")
 PLACE = types.UniTuple(types.int64, 2)
@@ -54,6 +54,15 @@ def test_numba_is_asked_once_where_the_answer_lasts() -> None:
     for args in ((types.int64, types.int64), (types.int64, types.float64), (MATRIX, MATRIX)):
         assert call(add, context, args, {}) == call(add, context, args, {}) == args
     assert len(asked) == 4 and asked[-2:] == [(MATRIX, MATRIX)] * 2
+
+
+def test_operators_are_looked_up_and_all_else_is_left_to_numba() -> None:
+    context: Any = cpu_target.typing_context
+    context.refresh()
+    plain = type(context).resolve_value_type.__wrapped__
+    found = looking_up(lambda context, value: "left to numba")
+    assert found(context, operator.add) == plain(context, operator.add)
+    assert found(context, 3) == found(context, np.empty) == "left to numba"
 
 
 @pytest.mark.parametrize("asked", [operator.add, operator.getitem, np.empty, len, abs])
