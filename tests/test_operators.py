@@ -10,7 +10,9 @@ import pytest
 from numba import njit
 from numba.core import types
 from numba.core.registry import cpu_target
+from numba.core.typing.context import BaseContext
 
+import ispom.kernels  # noqa: F401 (has numba remember)
 from ispom.operators import ITEMS, OPERATORS, lasts, looking_up, remembering
 
 MATRIX = types.Array(types.float64, 2, "C")
@@ -59,7 +61,7 @@ def test_numba_is_asked_once_where_the_answer_lasts() -> None:
 def test_operators_are_looked_up_and_all_else_is_left_to_numba() -> None:
     context: Any = cpu_target.typing_context
     context.refresh()
-    plain = type(context).resolve_value_type.__wrapped__
+    plain = BaseContext.resolve_value_type.__wrapped__
     found = looking_up(lambda context, value: "left to numba")
     assert found(context, operator.add) == plain(context, operator.add)
     assert found(context, 3) == found(context, np.empty) == "left to numba"
