@@ -8,7 +8,7 @@ from pathlib import Path
 from ispom.errors import InputError, counted
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
-from ispom.sequences.formats.bags import looks_like_bag, open_bag
+from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
 from ispom.sequences.formats.described import looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.formats.folder import looks_like_images, open_folder
@@ -47,6 +47,8 @@ ONE_CAMERA = (
 ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SETTINGS = frozenset({".yaml", ".yml"})
 """Suffixes of files that lie beside recordings."""
+FILES = VIDEO_SUFFIXES | BAG_SUFFIXES | SETTINGS
+"""Suffixes of files that can be opened."""
 
 
 def open_sequence(
@@ -146,5 +148,11 @@ def recordings_in(folder: Path) -> list[Path]:
 
 
 def recognised(path: Path) -> bool:
-    """Whether a folder or file looks like something that can be opened."""
-    return any(looks_like(path) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+    """Whether a folder or file looks like something that can be opened; not what cannot be looked at, such as a link to
+    nothing."""
+    try:
+        if path.suffix.lower() not in FILES and not is_folder(path):
+            return False  # most files: nothing in them need be looked for
+        return any(looks_like(path) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+    except InputError:
+        return False
