@@ -164,7 +164,8 @@ def test_hiding_a_layer_asks_for_it(gui, session):
 
 def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, tmp_path: Path):
     (tmp_path / "films").mkdir()
-    (tmp_path / "films" / "roof.mp4").write_bytes(b"")
+    for name in ("roof.mp4", "street.mp4"):
+        (tmp_path / "films" / name).write_bytes(b"")
     panel = SourcePanel(gui, session)
     panel.show(replace(STATE, recent=("sim:city",)))
     assert panel._recent.options == ("choose …", "sim:city") and UP not in panel._browse.options
