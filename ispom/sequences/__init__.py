@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ispom.errors import InputError, counted
+from ispom.errors import InputError, as_text, counted
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
@@ -95,6 +95,7 @@ def open_sequence(
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
+    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(as_text, sequence.notes)))
     return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
 
 

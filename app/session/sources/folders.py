@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ispom.errors import InputError
+from ispom.errors import InputError, is_text
 from ispom.io.files import bounded, inside, is_folder, names
 from ispom.sequences import recognised
 
@@ -38,13 +38,14 @@ class Folders:
         return folder.parent if folder != folder.parent and self._allowed(folder.parent) else None
 
     def entries(self, folder: Path) -> list[Entry]:
-        """What can be opened or looked into, by name; nothing of a folder that may not be read."""
+        """What can be opened or looked into, by name, and can be named in a page; nothing of a folder that may not be
+        read."""
         found: list[Entry] = []
         with self._bounded(), suppress(InputError):
             for path in (folder / name for name in names(folder) if not name.startswith(".")):
                 if len(found) == MOST:
                     break
-                if (known := recognised(path)) or _may_be_entered(path):
+                if is_text(path) and ((known := recognised(path)) or _may_be_entered(path)):
                     found.append(Entry(path, known))
         return found
 

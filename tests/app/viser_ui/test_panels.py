@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -180,6 +181,13 @@ def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, 
     assert (asked.options.stereo_every, asked.options.max_exposures, asked.options.camera) == (5, 100, None)
     panel._recent.value = "sim:city"
     assert panel._source.value == "sim:city"
+
+
+def test_a_folder_that_a_page_cannot_name_is_told_by_its_escapes(gui, session, tmp_path: Path):
+    home = tmp_path / os.fsdecode(b"caf\xe9")
+    home.mkdir()
+    session.folders = Folders(home)
+    assert SourcePanel(gui, session)._browse.value == "in caf\\udce9: choose …"
 
 
 def test_before_the_first_exposure_why_says_what_to_do_or_to_wait(gui):

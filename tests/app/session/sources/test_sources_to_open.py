@@ -91,6 +91,15 @@ def test_a_folder_that_may_not_be_read_does_not_either(tmp_path: Path, monkeypat
     assert found == {"locked": False, "walk": False}
 
 
+def test_what_a_page_cannot_name_is_not_listed(tmp_path: Path):
+    """viser has no message for such a name: the page had no panels at all."""
+    for name in (b"walk", b"caf\xe9", b"caf\xe9/inner"):
+        os.mkdir(os.fsencode(tmp_path) + b"/" + name)
+    folders = Folders(tmp_path)
+    assert [entry.path.name for entry in folders.entries(tmp_path)] == ["walk"]
+    assert folders.entries(tmp_path / os.fsdecode(b"caf\xe9")) == []
+
+
 def test_files_of_no_known_kind_are_passed_over_by_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Each was asked for what a drive holds, and for more: of 100 000 files, that took longer than anybody waits."""
     for name in ("a.txt", "b.jpg", "c.csv"):
