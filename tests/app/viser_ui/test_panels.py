@@ -87,6 +87,23 @@ def test_a_shorter_source_takes_the_slider_back(gui, session):
     assert panel._slider.value == 0 and panel._slider.max == 4 and not session.asked
 
 
+def test_a_move_asked_for_while_a_source_is_opened_is_answered_and_not_kept(gui, session):
+    """It was kept until then, without a word: Step opened the source paused."""
+    panel, told = RunPanel(gui, session), list[str]()
+    client = SimpleNamespace(add_notification=lambda title, body, **_: told.append(f"{title}: {body}"))
+    by_client = SimpleNamespace(client=client, client_id=1)
+    movers = [panel._buttons, panel._slider, *panel._moves.values()]
+    asking = [callback for mover in movers for callback in mover._impl.update_cb]
+    asking += [callback for command in panel._commands for callback in command._impl.trigger_cb]
+    for phase in ("opening", "ready"):
+        session.state = replace(STATE, phase=phase)
+        for callback in asking:
+            callback(by_client)
+        assert len(asking) > 15 and len(told) == len(asking)
+        assert len(session.asked) == (0 if phase == "opening" else len(asking))
+    assert set(told) == {"Not open yet: The source is still being opened: moves work once it is."}
+
+
 def test_the_play_button_says_what_it_will_do(gui, session):
     panel = RunPanel(gui, session)
     panel.show(STATE)
