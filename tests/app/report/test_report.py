@@ -160,6 +160,7 @@ def damage(name: str, old: str | None, new: str) -> Callable[[Path], None]:
     ("harm", "said"),
     [
         (shutil.rmtree, "holds no run"),
+        (lambda run: (shutil.rmtree(run), run.symlink_to("run")), "cannot be read"),
         (lambda run: (run / "run.yaml").unlink(), "holds no run"),
         (lambda run: (run / MARKER).write_text("Stopped by a signal.\n"), "not complete (Stopped by a signal.)"),
         (damage("run.yaml", "source:", "source: ["), "run.yaml line"),
