@@ -31,7 +31,11 @@ class Folders:
 
     @property
     def home(self) -> Path:
-        return (self.root or Path.cwd()).resolve()
+        """InputError where it is gone."""
+        try:
+            return (self.root or Path.cwd()).resolve()
+        except FileNotFoundError:
+            raise InputError("the folder that this was started in is gone: start it in another") from None
 
     def above(self, folder: Path) -> Path | None:
         """The folder that holds this one; None where nobody may look there."""

@@ -15,6 +15,7 @@ from ispom_app.session.sources.opening import SourceOpener
 from ispom_app.session.sources.recent import MOST, RecentSources
 
 from ispom.ensemble import build
+from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.types import Guess
 from tests.app.helpers import opener, started, wait_for
@@ -36,7 +37,21 @@ def test_a_damaged_or_unwritable_list_of_recent_sources_harms_nobody(tmp_path: P
     assert RecentSources(path).names == ()
     path.write_text('{"not": "a list"}')
     assert RecentSources(path).names == ()
+    path.write_text('["caf\\udce9", "sim:city", 3]')
+    assert RecentSources(path).names == ("sim:city",)  # the other no page can show
     assert RecentSources(tmp_path / "recent.json" / "below-a-file").add("sim:city") == ("sim:city",)
+
+
+def test_where_the_folder_that_the_app_was_started_in_is_gone_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """That was taken for a fault of the standard output."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(InputError, match="the folder that this was started in is gone: start it in another"):
+        _ = Folders().home
+    assert Folders(tmp_path).home == tmp_path
 
 
 def test_folders_are_listed_below_the_root_only(tmp_path: Path):
