@@ -121,6 +121,15 @@ def test_names_and_notes_of_a_source_are_never_markup(gui, session, changes):
     assert "&lt;iframe" in panel._text.content and "<iframe" not in panel._text.content
 
 
+def test_names_that_are_not_utf_8_are_told_by_their_escapes(gui, session):
+    """viser has no message for them: all panels would be missing."""
+    cafe = os.fsdecode(b"caf\xe9")
+    run, recordings = RunPanel(gui, session), RecordPanel(gui, session)
+    run.show(replace(STATE, notes=(f"{cafe} is not the source that the run had",)))
+    recordings.show(replace(STATE, unfinished=(f".part-{cafe}.rrd",)))
+    assert all("caf\\udce9" in panel._text.content for panel in (run, recordings))
+
+
 def test_names_of_recordings_are_never_markup(gui, session):
     panel = RecordPanel(gui, session)
     panel.show(replace(STATE, recordings=(Kept(f"{HOSTILE}.rrd", 1_200_000, HOSTILE, HOSTILE, HOSTILE, note=HOSTILE),)))
