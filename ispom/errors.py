@@ -28,6 +28,16 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def as_text(name: object) -> str:
+    """What can be encoded, of a name from the disk: bytes in it that are no UTF-8 are shown as escapes."""
+    return str(name).encode(errors="backslashreplace").decode()
+
+
+def is_text(name: object) -> bool:
+    """Whether a name from the disk can be encoded, and so be sent to a page and come back."""
+    return as_text(name) == str(name)
+
+
 def counted(count: int, one: str, many: str = "") -> str:
     """So many of something, in words of a sentence: "1 frame", "2 frames"; `many` where that is not `one` and an s."""
     return f"{count} {one if count == 1 else many or one + 's'}"

@@ -45,7 +45,7 @@ def left_out(rig: Rig, form: Format) -> str | None:
 
 
 def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:
-    comment = f"# {SIGNATURE}: {about}"
+    comment = f"# {SIGNATURE}: {printable(about)}"
     if clock is not None:
         comment += f"\n# {clock_words(clock)}"
     if form == "rig":

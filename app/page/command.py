@@ -7,7 +7,7 @@ from pathlib import Path
 
 from platformdirs import user_config_path, user_state_path
 
-from ispom.errors import InputError
+from ispom.errors import InputError, is_text
 from ispom.methods import in_order
 from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
@@ -38,6 +38,8 @@ def open_page(command: Serve, builder: Builder) -> int:
     give_back()
     library, begun = _lessons(command)
     source = command.source if isinstance(command, App) else "sim:city" if begun is None else begun.steps[0].own.source
+    if not is_text(source):
+        raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     opener, beside = command.opener(source), given(command.beside, command.beside_alignment)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -40,5 +41,5 @@ def _example() -> str:
 
 def _labels(folders: list[Path]) -> list[str]:
     """The folders' names; their paths where two have the same name."""
-    names = [folder.resolve().name for folder in folders]
+    names = [os.path.basename(os.path.realpath(folder)) for folder in folders]
     return names if len(set(names)) == len(names) else [str(folder) for folder in folders]

@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from ispom.calibration.tracked.opened import refined
-from ispom.errors import InputError
+from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
@@ -80,7 +80,7 @@ def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Op
     unavailable = f"{unavailable.removesuffix('.')}; nothing can be computed anew"
 
     def load(i: int) -> NoReturn:
-        raise InputError(unavailable)
+        raise UnreadableImage(unavailable)
 
     notes = (*map(str, run.notes), f"stored run {folder.name}: {unavailable}")
     return Sequence(run.sequence, rig, found.times_ns, found.kinds, load, _truth(folder, rig, run.frame), notes), (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from ispom.errors import InputError
+from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose
 from ispom.methods import Config, names
 from ispom.types import Kind, Rig, Sequence, Trajectory
@@ -50,7 +50,7 @@ def read_recording(path: Path) -> Stored:
     unavailable = f"{path.name} is a recording alone: nothing can be computed anew"
 
     def load(i: int) -> NoReturn:
-        raise InputError(unavailable)
+        raise UnreadableImage(unavailable)
 
     kinds: tuple[Kind, ...] = tuple("stereo" if i in stereo else "video" for i in range(len(times_ns)))
     notes = (f"{unavailable}; of its quantities, those in its plots are known",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ MAX_BYTES = 256 << 10
 MAX_DIGITS = 100
 MAX_VALUES, MAX_DEPTH = 20_000, 30
 """Of a file with its aliases written out: a short file of aliases of aliases stands for billions of values."""
+
+_EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+")
 
 
 def read_mapping(path: Path) -> dict[Any, Any]:
@@ -42,7 +45,7 @@ def _loaded(path: Path, text: str) -> Any:
         root = loader.get_single_node()
         if root is None:
             return None
-        if _written_out(root, 0, {}) > MAX_VALUES:
+        if _written_out(path, root, 0, {}) > MAX_VALUES:
             raise InputError(
                 f"{path} holds more than {MAX_VALUES} values (aliases written out) or nests too deep: correct it"
             )
@@ -51,21 +54,34 @@ def _loaded(path: Path, text: str) -> Any:
         loader.dispose()
 
 
-def _written_out(node: Node, depth: int, known: dict[int, int]) -> int:
-    """How many values a node stands for; more than MAX_VALUES where it is too deep, or holds itself."""
+def _written_out(path: Path, node: Node, depth: int, known: dict[int, int]) -> int:
+    """How many values a node stands for; more than MAX_VALUES where it is too deep, or holds itself.
+
+    InputError where a name is given twice.
+    """
     if depth > MAX_DEPTH:
         return MAX_VALUES + 1
     if id(node) not in known:
         known[id(node)] = MAX_VALUES + 1  # while it is counted: what holds itself has no end
         inner: list[Node] = []
         if isinstance(node, MappingNode):
+            _require_once(path, node)
             inner = [part for pair in node.value for part in pair]
         elif isinstance(node, SequenceNode):
             inner = node.value
         elif isinstance(node, ScalarNode) and node.tag.endswith(":int") and len(node.value) > MAX_DIGITS:
             raise ValueError("Python itself refuses to write such an integer")
-        known[id(node)] = min(MAX_VALUES + 1, 1 + sum(_written_out(part, depth + 1, known) for part in inner))
+        known[id(node)] = min(MAX_VALUES + 1, 1 + sum(_written_out(path, part, depth + 1, known) for part in inner))
     return known[id(node)]
+
+
+def _require_once(path: Path, node: MappingNode) -> None:
+    names: set[tuple[str, str]] = set()
+    for key, _ in node.value:
+        if isinstance(key, ScalarNode) and not key.tag.endswith(":merge"):
+            if (key.tag, key.value) in names:
+                raise InputError(f"{path} line {key.start_mark.line + 1}: {key.value} is given twice: remove one")
+            names.add((key.tag, key.value))
 
 
 def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, ...]) -> list[float]:
@@ -79,6 +95,8 @@ def finite_numbers(path: Path, where: str, value: Any, counts: int | tuple[int, 
 
 
 def _is_number(value: Any) -> bool:
+    if isinstance(value, str):  # an exponent without a point or a sign, as programs write it, is a word in YAML 1.1
+        value = float(value) if _EXPONENT.fullmatch(value) else value
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(float(value)))
     except OverflowError:

@@ -34,11 +34,11 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def replace_whole(path: Path, content: str | bytes) -> None:
-    """As `write_whole`, but OSError where the disk does not take it."""
+    """As `write_whole`, but OSError where the disk does not take it. Names in a text that are no UTF-8 are escaped."""
     part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
+        part.write_bytes(content.encode(errors="backslashreplace") if isinstance(content, str) else content)
         os.replace(part, path)
     except OSError:
         with suppress(OSError):  # its folder is no folder, or was taken away: nothing was written then

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ispom.errors import InputError, counted
+from ispom.errors import InputError, as_text, counted
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
-from ispom.sequences.formats.bags import looks_like_bag, open_bag
+from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
 from ispom.sequences.formats.described import looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
 from ispom.sequences.formats.folder import looks_like_images, open_folder
@@ -47,6 +47,8 @@ ONE_CAMERA = (
 ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SETTINGS = frozenset({".yaml", ".yml"})
 """Suffixes of files that lie beside recordings."""
+FILES = VIDEO_SUFFIXES | BAG_SUFFIXES | SETTINGS
+"""Suffixes of files that can be opened."""
 
 
 def open_sequence(
@@ -93,6 +95,7 @@ def open_sequence(
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
+    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(as_text, sequence.notes)))
     return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
 
 
@@ -146,5 +149,11 @@ def recordings_in(folder: Path) -> list[Path]:
 
 
 def recognised(path: Path) -> bool:
-    """Whether a folder or file looks like something that can be opened."""
-    return any(looks_like(path) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+    """Whether a folder or file looks like something that can be opened; not what cannot be looked at, such as a link to
+    nothing."""
+    try:
+        if path.suffix.lower() not in FILES and not is_folder(path):
+            return False  # most files: nothing in them need be looked for
+        return any(looks_like(path) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+    except InputError:
+        return False

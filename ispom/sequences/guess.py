@@ -13,6 +13,7 @@ from PIL import Image as Header
 
 from ispom.errors import InputError
 from ispom.io.camera import MAX_FOCAL, MIN_FOCAL
+from ispom.io.files import opened
 from ispom.sequences.quicktime import quicktime_metadata
 from ispom.types import Camera, Guess
 
@@ -39,13 +40,14 @@ def guessed(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
 
 def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
     """By the first image of a folder; InputError where it is none."""
-    try:
-        with Header.open(path) as image:
-            size, exif = image.size, image.getexif()
-            turned = exif.get(0x0112, 1) in (5, 6, 7, 8)
-            entries = exif.get_ifd(_EXIF)
-    except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
-        raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
+    with opened(path) as file:
+        try:
+            with Header.open(file) as image:
+                size, exif = image.size, image.getexif()
+                turned = exif.get(0x0112, 1) in (5, 6, 7, 8)
+                entries = exif.get_ifd(_EXIF)
+        except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
+            raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
     width, height = size[::-1] if turned else size
     guess = guessed((width, height), _told_by_exif(entries, (width, height)))
     return guess, guess.camera((width, height))

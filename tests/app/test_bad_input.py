@@ -77,6 +77,14 @@ def test_a_pipe_in_place_of_any_file_of_a_recording(tmp_path: Path, capsys: pyte
         path.write_bytes(content)
 
 
+def test_a_pipe_in_place_of_the_first_image_where_nothing_tells_the_camera(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its EXIF was waited for, for ever."""
+    os.mkfifo(tmp_path / "0.png")
+    assert "0.png is a named pipe: give a regular file in its place" in sentence(capsys, str(tmp_path))
+
+
 @pytest.mark.parametrize("name", ["times.txt", "../../poses/07.txt", "calib.txt"])
 def test_a_link_to_nothing_is_no_file_that_is_not_there(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -121,6 +129,15 @@ def test_unknown_layout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         (tmp_path / name).touch()
     told = sentence(capsys, str(tmp_path))
     assert told.rstrip().endswith(f"give a recording in it, such as {tmp_path}/a.mp4")
+
+
+def test_unknown_layout_beside_a_link_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was the link that was complained about, whatever it had to do with what was asked for."""
+    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive" / "sequence.yaml").symlink_to("/nowhere")
+    (tmp_path / "gone").symlink_to("/nowhere")
+    assert f"{tmp_path} has no known layout" in sentence(capsys, str(tmp_path))
+    assert "sequence.yaml is a link to /nowhere, which is missing" in sentence(capsys, f"{tmp_path}/drive")
 
 
 def test_empty_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -97,6 +97,19 @@ def test_the_address_on_the_command_line_is_known_without_its_password(served: l
             opener(source)
 
 
+def test_a_name_that_no_page_can_show_is_refused(
+    served: list[tuple[Any, ...]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9")
+    os.rename(make_drive(tmp_path / "kitti"), source)
+    assert main(["app", source]) == 2 and not served
+    assert "caf\\udce9 is not UTF-8, which no page can show: rename it, or open a link to it" in capsys.readouterr().err
+    (tmp_path / "link").symlink_to(source)
+    assert main(["app", f"{tmp_path}/link"]) == 0
+    ((opener, *_),) = served
+    assert opener(f"{tmp_path}/link").name == "KITTI caf\\udce9"
+
+
 def test_a_root_that_is_no_folder_is_refused(served: list, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "--root", "/no/such/folder"]) == 2 and not served
     assert "--root is /no/such/folder, which is not a folder" in capsys.readouterr().err

@@ -27,6 +27,7 @@ from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
+from tests.sequences.own_folders import make_video
 
 FILES = {
     "run.yaml",
@@ -152,6 +153,21 @@ def test_the_default_folder_is_in_recordings(drive: str, tmp_path: Path, monkeyp
     assert main(["run", drive, "--no-recording"], helpers.build) == 0
     (folder,) = (tmp_path / "recordings").iterdir()
     assert folder.name.startswith("KITTI-07-") and names(folder) == FILES
+
+
+def test_a_folder_of_one_video_stays_that_video_with_its_runs_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was refused once a run had been written to it."""
+    make_video(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for out in (("--out", "complete"), ("--out", "killed"), ()):
+        assert main(["run", ".", *out, "--no-recording"], helpers.build) == 0
+    (tmp_path / "killed" / "run.yaml").rename(tmp_path / "killed" / MARKER)
+    assert {path.name for path in tmp_path.iterdir() if path.is_dir()} == {"complete", "killed", "recordings"}
+    assert main(["run", ".", "--no-recording", "--out", "again"], helpers.build) == 0
+    (tmp_path / "others").mkdir()
+    assert main(["run", ".", "--no-recording", "--out", "refused"], helpers.build) == 2
 
 
 def test_progress_is_for_terminals_only(capsys: pytest.CaptureFixture[str]) -> None:

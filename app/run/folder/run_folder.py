@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from ispom.errors import InputError
+from ispom.io.files import exists
 from ispom.io.whole import PART, part_of, replace_whole
 from ispom.methods import names
 
@@ -67,15 +68,16 @@ class RunFolder:
     @staticmethod
     def new(path: Path) -> RunFolder:
         """One of this name that did not exist before, or else with a number at its end; InputError as above."""
-        for number in count(1):
-            candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
-            try:
-                candidate.mkdir(parents=True)
-            except FileExistsError:
-                continue
-            except OSError as error:
-                raise InputError(f"{path} cannot be created ({error.strerror}): give another --out") from None
-            return RunFolder(candidate)
+        exists(path.parent)  # or a link to nothing, in which nothing can be made
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for number in count(1):
+                candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
+                with suppress(FileExistsError):
+                    candidate.mkdir()
+                    return RunFolder(candidate)
+        except OSError as error:
+            raise InputError(f"{path} cannot be created ({error.strerror}): give another --out") from None
         raise AssertionError("there are always more numbers")
 
     @staticmethod

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ispom.errors import InputError
+from ispom.errors import InputError, is_text
 from ispom.io.mapping import read_mapping
 from ispom.io.whole import part_of
 
@@ -43,15 +43,15 @@ def recording_path(folder: Path, name: str, sequence: str) -> Path:
 
 
 def list_recordings(folder: Path) -> tuple[Kept, ...]:
-    """The finished runs and recordings, newest first. What cannot be looked at, such as a link that leads nowhere, and
-    what is still being written is not among them."""
+    """The finished runs and recordings, newest first. What cannot be looked at, such as a link that leads nowhere, what
+    no page can name, and what is still being written is not among them."""
     found: list[tuple[float, Kept]] = []
     if not folder.is_dir():
         return ()
     files = {path for path in folder.rglob("*") if path.suffix == ".rrd" or path.name == RUN}
     for path in sorted(files):
         run = path.parent if path.name == RUN or (path.name == RECORDING and path.parent / RUN in files) else None
-        if path.name.startswith(".") or (run is not None and path.name == RECORDING):
+        if path.name.startswith(".") or not is_text(path) or (run is not None and path.name == RECORDING):
             continue
         with suppress(OSError):
             facts = path.stat()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from ispom.errors import InputError, is_text
+from ispom.io.files import bounded, inside, is_folder, names
 from ispom.sequences import recognised
 
 MOST = 200
@@ -28,26 +31,39 @@ class Folders:
 
     @property
     def home(self) -> Path:
-        return (self.root or Path.cwd()).resolve()
+        """InputError where it is gone."""
+        try:
+            return (self.root or Path.cwd()).resolve()
+        except FileNotFoundError:
+            raise InputError("the folder that this was started in is gone: start it in another") from None
 
     def above(self, folder: Path) -> Path | None:
         """The folder that holds this one; None where nobody may look there."""
         return folder.parent if folder != folder.parent and self._allowed(folder.parent) else None
 
     def entries(self, folder: Path) -> list[Entry]:
-        """What can be opened or looked into, by name; nothing of a folder that may not be read."""
+        """What can be opened or looked into, by name, and can be named in a page; nothing of a folder that may not be
+        read."""
         found: list[Entry] = []
-        if not self._allowed(folder):
-            return found
-        try:
-            for path in sorted(folder.iterdir()):
-                if path.name.startswith(".") or not self._allowed(path) or len(found) == MOST:
-                    continue
-                if (known := recognised(path)) or path.is_dir():
+        with self._bounded(), suppress(InputError):
+            for path in (folder / name for name in names(folder) if not name.startswith(".")):
+                if len(found) == MOST:
+                    break
+                if is_text(path) and ((known := recognised(path)) or _may_be_entered(path)):
                     found.append(Entry(path, known))
-        except OSError:
-            pass  # as far as it could be read
         return found
 
     def _allowed(self, path: Path) -> bool:
-        return self.root is None or path.resolve().is_relative_to(self.root.resolve())
+        with self._bounded():
+            return inside(path)
+
+    def _bounded(self) -> AbstractContextManager[None]:
+        return bounded(None if self.root is None else (self.root,))
+
+
+def _may_be_entered(path: Path) -> bool:
+    """Whether it is a folder; what cannot be looked at is none."""
+    try:
+        return is_folder(path)
+    except InputError:
+        return False

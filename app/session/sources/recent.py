@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ispom.errors import is_text
 from ispom.sequences.address import without_secrets
 
 from ...user_files import read_json, write_json
@@ -17,7 +18,7 @@ class RecentSources:
     def __init__(self, path: Path | None) -> None:
         self._path, found = path, read_json(path)
         names = found if isinstance(found, list) else ()
-        self.names = tuple(n for n in names if isinstance(n, str))[:MOST]
+        self.names = tuple(n for n in names if isinstance(n, str) and is_text(n))[:MOST]
         """Newest first, without passwords."""
 
     def add(self, source: str) -> tuple[str, ...]:

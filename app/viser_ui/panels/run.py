@@ -26,6 +26,8 @@ MOVES = {
 """Rows of buttons: what is on each, and the action's name."""
 HAND_S = 0.4
 """How long after a person moved the slider the program leaves it alone."""
+TOLD_S = 6.0
+"""How long a person is told that nothing is open yet, as in the page (notices.js)."""
 
 
 class RunPanel:
@@ -44,18 +46,20 @@ class RunPanel:
         with gui.add_folder("Moves and loop", expand_by_default=False):
             self._moves = {label: _buttons(gui, session, label, names) for label, names in MOVES.items()}
         # Their keys are the page's (keyboard.js): two that listen would step twice.
+        self._commands: list[viser.CommandHandle] = []
         for action in ACTIONS:
             entry = gui.add_command(action.label, description=f"{action.hint} Key: {action.key}")
-            entry.on_trigger(lambda _, wanted=action.command: session.post(wanted))
+            entry.on_trigger(lambda event, wanted=action.command: _move(session, event, wanted))
+            self._commands.append(entry)
 
-    def _clicked(self, _: object) -> None:
+    def _clicked(self, event: viser.GuiEvent[Any]) -> None:
         commands = {BACK: do.StepBy(-1), PLAY: do.Play(True), PAUSE: do.Play(False), FORWARD: do.StepBy(1)}
-        self._session.post(commands[self._buttons.value])
+        _move(self._session, event, commands[self._buttons.value])
 
     def _moved(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:  # else the program moved it
             self._touched_s = time.monotonic()
-            self._session.post(do.Seek(int(self._slider.value)))
+            _move(self._session, event, do.Seek(int(self._slider.value)))
 
     def show(self, state: State) -> None:
         buttons = (BACK, PAUSE if state.playing else PLAY, FORWARD)
@@ -82,8 +86,17 @@ class RunPanel:
 def _buttons(gui: viser.GuiApi, session: Session, label: str, names: dict[str, str]) -> viser.GuiButtonGroupHandle:
     hint = " ".join(f"{text}: {BY_NAME[name].hint} Key: {BY_NAME[name].key}." for text, name in names.items())
     found = gui.add_button_group(label, tuple(names), hint=hint)
-    found.on_click(lambda _: session.post(BY_NAME[names[found.value]].command))
+    found.on_click(lambda event: _move(session, event, BY_NAME[names[found.value]].command))
     return found
+
+
+def _move(session: Session, event: viser.GuiEvent[Any] | viser.CommandEvent, wanted: do.Command) -> None:
+    """Of a source that is still being opened there is nothing to move in yet; later it would come as a surprise."""
+    if session.state.phase != "opening":
+        session.post(wanted)
+    elif event.client is not None:
+        told = "The source is still being opened: moves work once it is."
+        event.client.add_notification("Not open yet", told, auto_close_seconds=TOLD_S)
 
 
 def _text(state: State) -> str:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import viser
 
+from ispom.errors import as_text
+
 from ...session import commands as do
 from ...session.sources.folders import Entry
 from ...session.state import State
@@ -73,5 +75,5 @@ class SourcePanel:
         folders, self._folder = self._session.folders, folder
         self._entries = {f"{MARK if e.source else ''}{e.path.name}": e for e in folders.entries(folder)}
         up = (UP,) if folders.above(folder) else ()
-        self._browse.options = (f"in {folder.name or folder}: choose …", *up, *self._entries)
+        self._browse.options = (f"in {as_text(folder.name or folder)}: choose …", *up, *self._entries)
         self._browse.value = self._browse.options[0]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-from ispom.io.files import is_folder, names
+from ispom.io.files import exists, is_folder, names
 from ispom.sequences.formats.bags import BAG_SUFFIXES
 from ispom.sequences.formats.video import looks_like_video, open_video
 from ispom.sequences.images import IMAGE_SUFFIXES
@@ -12,10 +13,13 @@ from ispom.sequences.recording import Recording
 
 OTHERS = IMAGE_SUFFIXES | BAG_SUFFIXES
 """Of files that are recordings, or parts of one, as well."""
+RUNS, MARKS = "recordings", ("run.yaml", "INCOMPLETE")
+"""Where `ispom run` writes to unless something else is asked, and what is in the folder of each run."""
 
 
 def video_in(folder: Path) -> Path | None:
-    """Its only video file, beside which a calibration and texts may lie; None where images, bags or folders do."""
+    """Its only video file, beside which a calibration, texts and runs over it may lie; None where images, bags or other
+    folders do."""
     inside = [folder / name for name in names(folder) if not name.startswith(".")] if is_folder(folder) else []
     videos = [path for path in inside if looks_like_video(path)]
     return videos[0] if len(videos) == 1 and not any(map(_is_another, inside)) else None
@@ -32,4 +36,8 @@ def open_video_folder(folder: Path, calibration: Path | None = None) -> Recordin
 
 
 def _is_another(path: Path) -> bool:
-    return path.suffix.lower() in OTHERS or path.is_dir()
+    return path.suffix.lower() in OTHERS or (os.path.isdir(path) and not _holds_runs(path))
+
+
+def _holds_runs(folder: Path) -> bool:
+    return folder.name == RUNS or any(exists(folder / mark) for mark in MARKS)

@@ -37,3 +37,14 @@ def test_rig_yaml_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert main(["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--out", str(tmp_path / "rig.yaml")]) == 0
     assert not capsys.readouterr().err
     assert read_rig(tmp_path / "rig.yaml").camera("left") == rolling.camera("left")
+
+
+@pytest.mark.parametrize("form", ["rig", "kalibr", "opencv"])
+def test_a_name_of_several_lines_stays_in_the_comment(form: str, tmp_path: Path) -> None:
+    """Its second line was one of the file's: it could not be read, or said something else."""
+    given, out = tmp_path / "roof\nfx: 3.yaml", tmp_path / f"rig.{'yml' if form == 'opencv' else 'yaml'}"
+    rig = replace(simulated_rig(), video=None)
+    given.write_text(rig_text(rig))
+    assert main(["calibrate", "convert", str(given), "--format", form, "--out", str(out)]) == 0
+    assert main(["calibrate", "convert", str(out), "--out", str(tmp_path / "again.yaml")]) == 0
+    assert read_rig(tmp_path / "again.yaml").baseline_m == pytest.approx(rig.baseline_m)

@@ -150,14 +150,16 @@ def test_the_tabs_fit_in_one_line(page: Page):
     assert boxes[-1]["x"] + boxes[-1]["width"] <= page.tab.locator("#splitter").bounding_box()["x"]
 
 
-def test_a_key_while_a_source_is_opened_is_answered_once_and_does_nothing_later(page: Page, tmp_path: Path):
-    """It was kept until the source was open, and paused then what plays by itself."""
+def test_a_key_or_button_while_a_source_is_opened_is_answered_once_and_does_nothing_later(page: Page, tmp_path: Path):
+    """Both were kept until the source was open, and paused then what plays by itself."""
     source, run = f"slow:{tmp_path / 'open'}", page.state["run"]
     field = page.controls.locator("input[value='double:40']")
     page.controls.get_by_text("Source", exact=True).first.click()
     field.fill(source)
     page.controls.get_by_role("button", name="Open", exact=True).click()
     page.until(f"state.phase === 'opening' && state.source === '{source}'", "the opening")
+    page.controls.get_by_role("button", name="Step ▶").click()
+    page.controls.get_by_text("The source is still being opened: moves work once it is.").wait_for(timeout=5_000)
     page.tab.keyboard.press("Space")  # in viser's panel
     FOCUSED["the page"](page)
     for key in ("Space", "Space", "ArrowRight"):

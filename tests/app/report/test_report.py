@@ -86,6 +86,11 @@ def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) 
     assert colours == {"truth": "#8a8a8a", "monocular": "#d55e00", "stereo": "#0072b2", "integrated": "#009e73"}
 
 
+def test_a_folder_whose_name_is_no_text_is_told_by_its_escapes(run: Path, tmp_path: Path) -> None:
+    other = run.rename(tmp_path / os.fsdecode(b"caf\xe9"))
+    assert "caf\\udce9" in Parsed(report(tmp_path / "report.html", other)).words
+
+
 def test_the_same_runs_give_the_same_bytes(run: Path, tmp_path: Path) -> None:
     assert report(tmp_path / "a.html", run) == report(tmp_path / "b.html", run)
 
@@ -155,6 +160,7 @@ def damage(name: str, old: str | None, new: str) -> Callable[[Path], None]:
     ("harm", "said"),
     [
         (shutil.rmtree, "holds no run"),
+        (lambda run: (shutil.rmtree(run), run.symlink_to("run")), "cannot be read"),
         (lambda run: (run / "run.yaml").unlink(), "holds no run"),
         (lambda run: (run / MARKER).write_text("Stopped by a signal.\n"), "not complete (Stopped by a signal.)"),
         (damage("run.yaml", "source:", "source: ["), "run.yaml line"),

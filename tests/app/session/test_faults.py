@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -136,6 +137,7 @@ def test_links_that_lead_nowhere_and_unfinished_files_are_not_listed(tmp_path: P
     (tmp_path / "old.rrd").symlink_to(tmp_path / "gone")
     (tmp_path / ".part-running.rrd").write_bytes(b"half")
     (tmp_path / "folder.rrd").mkdir()
+    (tmp_path / os.fsdecode(b"caf\xe9.rrd")).write_bytes(b"of a name that no page can show")
     (tmp_path / "whole.rrd").write_bytes(b"all of it")
     assert [file.name for file in list_recordings(tmp_path)] == ["whole.rrd"]
     session = started(tmp_path, autoplay=False)

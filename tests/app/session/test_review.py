@@ -126,6 +126,24 @@ def test_without_its_source_all_but_computing_works(run: Path, tmp_path: Path) -
     session.close(5)
 
 
+def test_without_its_source_and_a_recording_it_is_drawn_without_images(run: Path, tmp_path: Path) -> None:
+    """The viewer stopped at the first image, with a traceback on the terminal."""
+    kept, live = Path(shutil.copytree(run, tmp_path / "kept")), LiveStream()
+    (kept / "run.rrd").unlink()
+    drive = run.parent / "kitti"
+    drive.rename(run.parent / "moved")
+    try:
+        session = opened(tmp_path, kept, live=live)
+        feed = live._feed
+        assert feed is not None
+        wait_for(lambda: live._failure or (feed.position == 21 and 20 not in feed._bare), "all that is drawn")
+    finally:
+        (run.parent / "moved").rename(drive)
+    assert not live._failure
+    session.close(5)
+    live.close()
+
+
 def test_a_recording_in_a_runs_folder_opens_the_run(run: Path, tmp_path: Path) -> None:
     session = opened(tmp_path, run / "run.rrd")
     assert session.state.methods == ("monocular", "stereo", "integrated") and session.state.total == 21

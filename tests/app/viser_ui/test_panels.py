@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,6 +87,23 @@ def test_a_shorter_source_takes_the_slider_back(gui, session):
     assert panel._slider.value == 0 and panel._slider.max == 4 and not session.asked
 
 
+def test_a_move_asked_for_while_a_source_is_opened_is_answered_and_not_kept(gui, session):
+    """It was kept until then, without a word: Step opened the source paused."""
+    panel, told = RunPanel(gui, session), list[str]()
+    client = SimpleNamespace(add_notification=lambda title, body, **_: told.append(f"{title}: {body}"))
+    by_client = SimpleNamespace(client=client, client_id=1)
+    movers = [panel._buttons, panel._slider, *panel._moves.values()]
+    asking = [callback for mover in movers for callback in mover._impl.update_cb]
+    asking += [callback for command in panel._commands for callback in command._impl.trigger_cb]
+    for phase in ("opening", "ready"):
+        session.state = replace(STATE, phase=phase)
+        for callback in asking:
+            callback(by_client)
+        assert len(asking) > 15 and len(told) == len(asking)
+        assert len(session.asked) == (0 if phase == "opening" else len(asking))
+    assert set(told) == {"Not open yet: The source is still being opened: moves work once it is."}
+
+
 def test_the_play_button_says_what_it_will_do(gui, session):
     panel = RunPanel(gui, session)
     panel.show(STATE)
@@ -101,6 +119,15 @@ def test_names_and_notes_of_a_source_are_never_markup(gui, session, changes):
     panel = RunPanel(gui, session)
     panel.show(replace(STATE, **changes))
     assert "&lt;iframe" in panel._text.content and "<iframe" not in panel._text.content
+
+
+def test_names_that_are_not_utf_8_are_told_by_their_escapes(gui, session):
+    """viser has no message for them: all panels would be missing."""
+    cafe = os.fsdecode(b"caf\xe9")
+    run, recordings = RunPanel(gui, session), RecordPanel(gui, session)
+    run.show(replace(STATE, notes=(f"{cafe} is not the source that the run had",)))
+    recordings.show(replace(STATE, unfinished=(f".part-{cafe}.rrd",)))
+    assert all("caf\\udce9" in panel._text.content for panel in (run, recordings))
 
 
 def test_names_of_recordings_are_never_markup(gui, session):
@@ -164,7 +191,8 @@ def test_hiding_a_layer_asks_for_it(gui, session):
 
 def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, tmp_path: Path):
     (tmp_path / "films").mkdir()
-    (tmp_path / "films" / "roof.mp4").write_bytes(b"")
+    for name in ("roof.mp4", "street.mp4"):
+        (tmp_path / "films" / name).write_bytes(b"")
     panel = SourcePanel(gui, session)
     panel.show(replace(STATE, recent=("sim:city",)))
     assert panel._recent.options == ("choose …", "sim:city") and UP not in panel._browse.options
@@ -179,6 +207,13 @@ def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, 
     assert (asked.options.stereo_every, asked.options.max_exposures, asked.options.camera) == (5, 100, None)
     panel._recent.value = "sim:city"
     assert panel._source.value == "sim:city"
+
+
+def test_a_folder_that_a_page_cannot_name_is_told_by_its_escapes(gui, session, tmp_path: Path):
+    home = tmp_path / os.fsdecode(b"caf\xe9")
+    home.mkdir()
+    session.folders = Folders(home)
+    assert SourcePanel(gui, session)._browse.value == "in caf\\udce9: choose …"
 
 
 def test_before_the_first_exposure_why_says_what_to_do_or_to_wait(gui):

@@ -54,6 +54,7 @@ def test_a_folder_of_one_video_is_opened_as_that_video(calibration: str | None, 
         (tmp_path / calibration).write_text(CAMERA)
     for beside in ("rig.yaml", "notes.txt", "._film.avi"):
         (tmp_path / beside).touch()
+    (tmp_path / "gone").symlink_to("/nowhere")
     given, meant = open_sequence(str(tmp_path)), open_sequence(str(film))
     assert (given.name, given.notes, given.guess) == (meant.name, meant.notes, meant.guess)
     assert given.rig.video == meant.rig.video and given.rig.video is not None

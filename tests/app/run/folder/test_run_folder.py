@@ -79,6 +79,17 @@ def test_the_lock_of_a_killed_run_is_nobodys(tmp_path: Path) -> None:
         pass
 
 
+@pytest.mark.timeout(20)
+def test_a_link_to_nothing_in_place_of_the_recordings_is_told(tmp_path: Path) -> None:
+    """All names in it seemed to be taken, for ever."""
+    (tmp_path / "recordings").symlink_to("/nowhere/recordings")
+    with pytest.raises(InputError, match="recordings is a link to /nowhere/recordings, which is missing"):
+        RunFolder.new(tmp_path / "recordings" / "city")
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"city cannot be created \(.+\): give another --out"):
+        RunFolder.new(tmp_path / "file" / "city")
+
+
 def test_the_same_name_in_the_same_second_is_given_once(tmp_path: Path) -> None:
     with RunFolder.new(tmp_path / "city") as first, RunFolder.new(tmp_path / "city") as second:
         assert [first.path.name, second.path.name] == ["city", "city-2"]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from ispom_app.options import SourceOptions
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
@@ -12,6 +15,7 @@ from ispom_app.session.sources.opening import SourceOpener
 from ispom_app.session.sources.recent import MOST, RecentSources
 
 from ispom.ensemble import build
+from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.types import Guess
 from tests.app.helpers import opener, started, wait_for
@@ -33,7 +37,21 @@ def test_a_damaged_or_unwritable_list_of_recent_sources_harms_nobody(tmp_path: P
     assert RecentSources(path).names == ()
     path.write_text('{"not": "a list"}')
     assert RecentSources(path).names == ()
+    path.write_text('["caf\\udce9", "sim:city", 3]')
+    assert RecentSources(path).names == ("sim:city",)  # the other no page can show
     assert RecentSources(tmp_path / "recent.json" / "below-a-file").add("sim:city") == ("sim:city",)
+
+
+def test_where_the_folder_that_the_app_was_started_in_is_gone_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """That was taken for a fault of the standard output."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(InputError, match="the folder that this was started in is gone: start it in another"):
+        _ = Folders().home
+    assert Folders(tmp_path).home == tmp_path
 
 
 def test_folders_are_listed_below_the_root_only(tmp_path: Path):
@@ -56,6 +74,55 @@ def test_what_is_recognised_is_told_from_folders_to_look_into(tmp_path: Path):
         (tmp_path / name).write_bytes(b"")
     found = {entry.path.name: entry.source for entry in Folders(tmp_path).entries(tmp_path)}
     assert found == {"film.mp4": True, "films": False, "more": False, "walk": True}
+
+
+def test_what_cannot_be_looked_at_does_not_keep_the_others_from_being_listed(tmp_path: Path):
+    """The app did not even start where a link led nowhere."""
+    for name in ("walk", "described", "loops"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "film.mp4").write_bytes(b"")
+    (tmp_path / "gone").symlink_to("/nowhere")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "described" / "sequence.yaml").symlink_to("/nowhere")
+    (tmp_path / "loops" / "calib.txt").symlink_to("calib.txt")
+    for folders in (Folders(tmp_path), Folders()):
+        found = {entry.path.name: entry.source for entry in folders.entries(tmp_path)}
+        assert found == {"described": False, "film.mp4": True, "loops": False, "walk": False}
+        assert folders.entries(tmp_path / "loop") == folders.entries(tmp_path / "gone") == []
+
+
+def test_a_folder_that_may_not_be_read_does_not_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for name in ("locked", "walk"):
+        (tmp_path / name).mkdir()
+    stat = Path.stat
+
+    def locked(self: Path, **options: bool) -> os.stat_result:  # as for all but the superuser, who may run this
+        if self.parent.name == "locked":
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        return stat(self, **options)
+
+    monkeypatch.setattr(Path, "stat", locked)
+    found = {entry.path.name: entry.source for entry in Folders(tmp_path).entries(tmp_path)}
+    assert found == {"locked": False, "walk": False}
+
+
+def test_what_a_page_cannot_name_is_not_listed(tmp_path: Path):
+    """viser has no message for such a name: the page had no panels at all."""
+    for name in (b"walk", b"caf\xe9", b"caf\xe9/inner"):
+        os.mkdir(os.fsencode(tmp_path) + b"/" + name)
+    folders = Folders(tmp_path)
+    assert [entry.path.name for entry in folders.entries(tmp_path)] == ["walk"]
+    assert folders.entries(tmp_path / os.fsdecode(b"caf\xe9")) == []
+
+
+def test_files_of_no_known_kind_are_passed_over_by_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Each was asked for what a drive holds, and for more: of 100 000 files, that took longer than anybody waits."""
+    for name in ("a.txt", "b.jpg", "c.csv"):
+        (tmp_path / name).touch()
+    stat, asked = Path.stat, list[Path]()
+    monkeypatch.setattr(Path, "stat", lambda self, **options: (asked.append(self), stat(self, **options))[1])
+    assert Folders(tmp_path).entries(tmp_path) == []
+    assert not [path for path in asked if path.parent.parent == tmp_path]
 
 
 def test_what_is_opened_in_the_page_plays_by_itself_with_its_options(tmp_path: Path):
