@@ -1,6 +1,6 @@
 """Compiles what numba must, by a short flight through a made-up cloud of balls: all methods, no files.
 
-Compiling takes half a minute once; with the machine code kept (`ispom.kernels`), this takes seconds.
+Compiling takes some 20 s once; with the machine code kept (`ispom.kernels`), this takes seconds.
 `python -m ispom.warm_up` does it in a process of its own, which ends with the one that started it.
 """
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.other_motion import other_motion
 from ispom.estimators.modern.stereo.pair import PairPoints, Sighting
 from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.window import StereoMap
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap
 from ispom.geometry import Pose
 from ispom.solvers.motion_only import fit_pose
 from ispom.types import Camera, Decision, Rig, Step, StereoPair, TrackStatus
@@ -30,11 +32,15 @@ THING = Pose.from_rotvec(np.array([0.02, -0.03, 0.05]), np.array([-0.1, 0.15, 0.
 SCENE, MOVED = 150, 50
 
 
-def told(noise_px: float, thing: Pose, astray: int = 0) -> tuple[tuple[Decision, ...], set[int]]:
-    """What a pair tells of points of which the last move as a thing does, some of them anyhow; and which."""
+def told(
+    noise_px: float, thing: Pose, astray: int = 0, deeper: float = 1.0, keys: int = 0
+) -> tuple[tuple[Decision, ...], set[int]]:
+    """What a pair tells of points of which the last move as a thing does, some of them anyhow; and which. The map has
+    these at so many times their depth, from so many key frames."""
     rng, count = np.random.default_rng(0), SCENE + MOVED
     xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 8), (count, 3))
-    now = LEFT.apply(np.concatenate([xyz[:SCENE], thing.apply(xyz[SCENE:])]))
+    now, before = LEFT.apply(np.concatenate([xyz[:SCENE], thing.apply(xyz[SCENE:])])), CAMERA.project(xyz)
+    xyz[SCENE:] *= deeper
     uv = CAMERA.project(now) + noise_px * rng.standard_normal((count, 2))
     uv[count - astray :] += rng.uniform(-15, 15, (astray, 2))
     disparity = FX * BASELINE_M / now[:, 2] + noise_px * rng.standard_normal(count)
@@ -46,8 +52,9 @@ def told(noise_px: float, thing: Pose, astray: int = 0) -> tuple[tuple[Decision,
     status = np.where(located.inliers, TrackStatus.ALIVE, TrackStatus.REPROJECTION).astype(np.uint8)
     lower = np.zeros(count, np.float32)
     sighting = Sighting(points.uv, points.disparity_px, points.slants, status, all_points, located, all_points, lower)
-    last = LastPair(points=points)
-    found, tests = other_motion(setup, ModernStereoState(last, StereoMap(ids=all_points, xyz=xyz)), sighting)
+    key = KeyFrame(0, Pose(), all_points, np.zeros((count, 3)), np.zeros(12), np.zeros((count, 2)))
+    last = LastPair(points=replace(points, uv=before.astype(np.float32)))
+    found, tests = other_motion(setup, ModernStereoState(last, StereoMap((key,) * keys, all_points, xyz)), sighting)
     return tests, set() if found is None else set(found.of.tolist())
 
 
@@ -69,6 +76,14 @@ def test_points_gone_astray_are_not_among_them() -> None:
 
 def test_of_what_stands_still_nothing_is_asked() -> None:
     assert told(0.15, Pose()) == ((), set())
+
+
+def test_wrong_depths_are_no_motion_before_the_pair_has_been_adjusted() -> None:
+    assert told(0.15, Pose(), deeper=3.0, keys=1) == ((), set())
+    (test,), ids = told(0.15, Pose(), deeper=3.0, keys=2)
+    assert not test.passed and len(ids) > 0.8 * MOVED, "later they are"
+    (test,), ids = told(0.15, THING, keys=1)
+    assert not test.passed and len(ids) > 0.6 * MOVED, "and what does move is told at once, where it is off its lines"
 
 
 def flown(pairs: int, waved: bool) -> list[Step]:

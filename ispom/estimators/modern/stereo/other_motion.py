@@ -13,6 +13,8 @@ from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.track import located_by
 from ispom.geometry import Pose
+from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.multiview.essential import sampson_distance
 from ispom.solvers.multiview.resection import resect
 from ispom.types import Decision, Tracks
 
@@ -79,6 +81,8 @@ def other_motion(
     if located is None:
         return None, ()
     ended = sighting.took_part[~located.inliers]
+    if len(state.map.keys) == 1 and state.map.covariance is None:
+        ended = ended[_off_their_lines(setup, state, sighting, located, ended)]
     count = len(sighting.took_part)
     if len(ended) < max(LEAST, MARKED * count):
         return None, ()
@@ -89,6 +93,18 @@ def other_motion(
     if found is None or test.passed:
         return None, (test,)
     return OtherMotion(ended[explained], found.camera_from_world), (test,)
+
+
+def _off_their_lines(
+    setup: Setup, state: ModernStereoState, sighting: Sighting, located: PoseFit, of: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Which of these points (M,) are seen beside their epipolar lines from the last pair: what is still has none of
+    them there, whatever its depth. By one key frame nothing is known of what is wrong with the pair, and depths that
+    are wrong by as much as that allows look like another motion along these lines."""
+    left, last = state.map.left(setup.camera), state.last
+    x, before = left.normalise(sighting.uv[of]), left.normalise(last.points.uv[of])
+    way = located.camera_from_world @ last.left_from_world.inverse()
+    return np.abs(sampson_distance(way, before, x)) > INLIER * setup.loss
 
 
 def _moving(state: ModernStereoState, sighting: Sighting, of: NDArray[np.int64]) -> Moving:
