@@ -23,6 +23,7 @@ from ispom.simulation.scenario.scenario import World
 from ispom.types import Sequence, Step
 
 from .measure import ensemble_of
+from .miscalibrated import miscalibrated
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ FLIGHTS = {
     "sim:city": Flight("sim:city", "city", 4.0),
 }
 AXES = ("x", "y", "z", "about x", "about y", "about z")
+UNIT = {"own": "thousandths of its unit", "metric": "mm"}
 GAUGE = {
     "own": "Relative to the first pose and the length of the map's first baseline, to which the truth is scaled.",
     "metric": "Relative to the first pose, in metres.",
@@ -50,20 +52,21 @@ GAUGE = {
 are estimated in."""
 
 
-def measured(method: str, scene: str, seeds: int, folder: Path) -> dict[str, Any]:
-    """By part of the pose: NEES over the seeds; empty where the method gives no covariances."""
+def measured(method: str, scene: str, seeds: int, folder: Path, wrong: bool = False) -> dict[str, Any]:
+    """By part of the pose: NEES over the seeds; empty where the method gives no covariances. With the cameras as they
+    are, or `wrong`: see miscalibrated."""
     cv2.setNumThreads(1)
     runs, flight = list[Errors](), FLIGHTS[scene]
     for seed in range(seeds):
         place = folder / flight.title / str(seed)
         found = open_simulated(flight.scene, seed, place, duration_s=flight.duration_s, world=flight.world)
-        runs.append(_errors(found, method))
+        runs.append(_errors(miscalibrated(found, seed) if wrong else found, method))
         if not len(runs[0].times_ns):
             return {}
     found = {name: consistency(runs, part) for name, part in PARTS.items()}
     given = {name: c for name, c in found.items() if c is not None}
     summary: dict[str, Any] = {n: {**asdict(c), "sigma_factor": c.sigma_factor} for n, c in given.items()}
-    return summary | {"per_axis": _per_axis(runs)} if summary else {}
+    return summary | {"per_axis": _per_axis(runs), "rms": _rms(runs)} if summary else {}
 
 
 def _errors(sequence: Sequence, method: str) -> Errors:
@@ -86,6 +89,11 @@ def _per_axis(runs: list[Errors]) -> list[float]:
     return np.sqrt(np.mean(twists**2 / variances, axis=0)).tolist()
 
 
+def _rms(runs: list[Errors]) -> float:
+    """Root mean square of the position's error."""
+    return float(np.sqrt(np.mean(np.concatenate([(run.twists[:, :3] ** 2).sum(axis=1) for run in runs]))))
+
+
 def print_consistency(console: Console, method: str, by_scene: dict[str, dict[str, Any]]) -> None:
     """What was found of a method, by the keys of FLIGHTS."""
     failed = next((found["error"] for found in by_scene.values() if "error" in found), None)
@@ -102,8 +110,9 @@ def print_consistency(console: Console, method: str, by_scene: dict[str, dict[st
     for scene, found in by_scene.items():
         flight = FLIGHTS[scene]
         axes = ", ".join(f"{axis} {factor:.2f}" for axis, factor in zip(AXES, found["per_axis"], strict=True))
+        off = f"off by {1e3 * found['rms']:.2g} {UNIT[registered(method).unit]}"
         console.print(
-            f"{found['pose']['runs']} seeds of {flight.title}, {flight.duration_s:g} s; of each axis: {axes}."
+            f"{found['pose']['runs']} seeds of {flight.title}, {flight.duration_s:g} s, {off}; of each axis: {axes}."
         )
     console.print(
         f"The mean over the seeds should lie in its 95 % band at about 95 % of the times (longest: the longest stretch "
@@ -121,7 +130,7 @@ def _cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 def main(argument: str) -> None:
     task = json.loads(argument)
-    found = measured(task["method"], task["scene"], task["seeds"], Path(task["folder"]))
+    found = measured(task["method"], task["scene"], task["seeds"], Path(task["folder"]), task["miscalibrated"])
     sys.stdout.write(json.dumps(found) + "\n")
 
 

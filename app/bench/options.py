@@ -26,6 +26,8 @@ class Bench:
     consistency: bool = False
     """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of
     three simulations."""
+    miscalibrated: bool = False
+    """With --consistency: the cameras are off by what the methods allow for before any data, each seed's otherwise."""
     seeds: int = 20
     """Number of seeds for --consistency and --loops."""
     gaps: bool = False

@@ -38,12 +38,14 @@ def consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
             by_scene = dict[str, dict[str, Any]]()
             for scene in FLIGHTS:
                 task = {"method": method, "scene": scene, "seeds": options.seeds, "folder": folder}
+                task |= {"miscalibrated": options.miscalibrated}
                 with child.progress(f"{method}: {options.seeds} seeds of {scene}"):
                     by_scene[scene] = child.found("consistency", task)
                 if not by_scene[scene] or "error" in by_scene[scene]:  # it is the same elsewhere
                     break
             print_consistency(console, method, by_scene)
-            measured += [{"method": method, "scene": scene, **found} for scene, found in by_scene.items()]
+            about = {"method": method, "miscalibrated": options.miscalibrated}
+            measured += [{**about, "scene": scene, **found} for scene, found in by_scene.items()]
     return measured
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.types import Camera, Image
+from ispom.types import Camera, Image, Rig
 
 Maps = tuple[NDArray, NDArray]
 """What cv2.remap takes: the place in the raw image of each pixel of the rectified one."""
@@ -41,6 +41,18 @@ class Rectification:
             Pose(np.asarray(turn_left, float).T),
             undistortion(left, turn_left, p_left, size),
             undistortion(right, turn_right, p_right, size),
+        )
+
+    def placed(self, rig: Rig) -> Rig:
+        """The rig whose pair this is, with the pair as it is rectified."""
+        rig_from_left = rig.rig_from_left @ self.left_from_rectified
+        left_from_right = Pose(translation=np.array([self.baseline_m, 0.0, 0.0]))
+        return replace(
+            rig,
+            left=self.camera,
+            right=self.camera,
+            rig_from_left=rig_from_left,
+            rig_from_right=rig_from_left @ left_from_right,
         )
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
-from ispom.geometry import Pose
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Side
 from ispom.sequences.rectification import Rectification, remapped
@@ -52,7 +51,7 @@ def stereo_stream(path: Path, rig: Rig, left: Stream, right: Stream) -> StereoSt
     if rectified is None:
         return StereoStream(rig, left.times_ns[i_left], raw, notes)
     maps = {"left": rectified.left_maps, "right": rectified.right_maps}
-    return StereoStream(_with(rectified, rig), left.times_ns[i_left], straight, notes)
+    return StereoStream(rectified.placed(rig), left.times_ns[i_left], straight, notes)
 
 
 def _rectification(path: Path, rig: Rig) -> Rectification | None:
@@ -79,15 +78,3 @@ def _rectification(path: Path, rig: Rig) -> Rectification | None:
     if found.baseline_m <= 0:
         raise aside
     return found
-
-
-def _with(rectified: Rectification, rig: Rig) -> Rig:
-    rig_from_left = rig.rig_from_left @ rectified.left_from_rectified
-    left_from_right = Pose(translation=np.array([rectified.baseline_m, 0, 0]))
-    return replace(
-        rig,
-        left=rectified.camera,
-        right=rectified.camera,
-        rig_from_left=rig_from_left,
-        rig_from_right=rig_from_left @ left_from_right,
-    )
