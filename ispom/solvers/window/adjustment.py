@@ -255,5 +255,5 @@ def _as_inverse_depths(window: Window, step: Array) -> Array:
     first = window.cameras[np.searchsorted(window.owners, np.arange(len(step)))]
     axis = window.rotations[first, 2]
     depth = np.einsum("mi,mi->m", axis, window.points) + window.translations[first, 2]
-    farther = np.einsum("mi,mi->m", axis, step) / np.maximum(depth, 1e-9)
-    return step / np.maximum(1 - farther, 1 / FARTHEST)[:, None]
+    farther = np.einsum("mi,mi->m", axis, step) / np.where(np.abs(depth) > 1e-9, depth, 1e-9)
+    return step / np.maximum(1 - farther, farther / (FARTHEST - 1))[:, None]

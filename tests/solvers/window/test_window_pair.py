@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ispom.geometry import Array, so3_exp
 from ispom.solvers.right_camera import PAIR, TERMS, by_column, by_row, drift, row_evidence
-from ispom.solvers.window.adjustment import Adjusted, Window, adjust, covariance
+from ispom.solvers.window.adjustment import FARTHEST, Adjusted, Window, _as_inverse_depths, adjust, covariance
 from ispom.solvers.window.prior import anchored
 from tests.solvers.pairs import BASELINE, SIGMA, F, seen, seen_left
 
@@ -114,3 +116,19 @@ def test_a_pair_that_is_off_by_much_is_found_in_a_few_steps() -> None:
     few, best = adjust(window, SCALE, 10), adjust(replace(window, points=xyz, extra=extra), SCALE, 300, 1e-9)
     assert few.cost_after < 1.02 * best.cost_after < 0.05 * few.cost_before
     assert abs(few.window.extra - extra)[TERMS.index("offset_x")] < 0.05 / F
+
+
+@given(depth=st.floats(0.1, 1e4), inverse=st.floats(-0.99, 50.0), aside=st.floats(-1.0, 1.0))
+def test_a_step_changes_inverse_depths_as_it_does_to_first_order(depth: float, inverse: float, aside: float) -> None:
+    """By a share `inverse` of what they are, and to ten times the depth at most, whatever it is."""
+    point, step = depth * np.array([0.3, -0.2, 1.0]), depth * np.array([aside - 0.3 * inverse, 0.2 * inverse, -inverse])
+    window = Window(
+        np.eye(3)[None], np.zeros((1, 3)), point[None], np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros((1, 3))
+    )
+    moved = point + _as_inverse_depths(window, step[None])[0]
+    wanted = max(1 + inverse, 1 / FARTHEST)
+    assert moved[2] == pytest.approx(depth / wanted, rel=1e-9)
+    if 1 + inverse > 1 / FARTHEST:
+        np.testing.assert_allclose(moved[:2] / moved[2], [0.3 + aside, -0.2], atol=1e-6)
+    beyond = point + _as_inverse_depths(window, 1e3 * depth * np.array([[0.0, 0.0, 1.0]]))[0]
+    assert beyond[2] == pytest.approx(FARTHEST * depth)
