@@ -57,8 +57,8 @@ class _Info:
         return Camera(self.raw.width, self.raw.height, fx, fy, cx, cy)
 
     @property
-    def is_rectified(self) -> bool:
-        """Whether its raw images are as they are to be."""
+    def is_straight(self) -> bool:
+        """Whether its raw images are as rectified ones are to be."""
         same = not any(self.raw.distortion) and (self.turn == np.eye(3)).all()
         return bool(same and (self.raw.matrix == self.rectified.matrix).all())
 
@@ -115,7 +115,7 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
     def read(side: Side, i: int) -> Image:
         k, index, matched = streams[side]
         image = _image(bag, topics[k], index, int(matched[i]), infos[k].raw)
-        return image if _is_rectified(topics[k]) or infos[k].is_rectified else remapped(image, maps[k])
+        return image if _is_rectified(topics[k]) or infos[k].is_straight else remapped(image, maps[k])
 
     notes = unmatched_note(len(left.places), len(right.places), len(i_left))
     baseline_m = _baseline_m(*infos)

@@ -65,6 +65,7 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
     [
         (["--runs", "0"], "--runs"),
         (["--seeds", "1"], "--seeds"),
+        (["--miscalibrated"], "--consistency"),
         (["--sources", "mars"], "mars"),
         (["--json", "nowhere/b.json"], "nowhere"),
     ],
