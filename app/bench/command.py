@@ -39,8 +39,6 @@ def bench(options: Bench) -> int:
         raise InputError(f"{options.json.parent} is no folder: make it, or give another --json")
     if not 2 <= options.seeds <= 1000:
         raise InputError(f"--seeds is {options.seeds}, give a value from 2 to 1000")
-    if options.miscalibrated and not options.consistency:
-        raise InputError("--miscalibrated is for --consistency: give both")
     if not MIN_EXPOSURES <= options.soak_exposures <= 10_000_000:
         raise InputError(f"--soak-exposures is {options.soak_exposures}, give a value from {MIN_EXPOSURES} to 10000000")
     if not MIN_PAGE <= options.page_exposures <= 100_000:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA
+from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.evaluation.corrected_rig import corrected
 from ispom.geometry import Array
@@ -43,4 +43,4 @@ def drawn(sequence: Sequence, seed: int) -> tuple[Array, Array]:
     rng = np.random.default_rng(1000 + seed)
     pair = rng.normal(0, ModernStereoConfig().pair_sigma(sequence.rig.camera("left").fx))
     pair[[LAG, Q1, Q2]] = 0.0
-    return pair, rng.normal(0, [FOCAL_SIGMA, RADIAL_SIGMA])
+    return pair, rng.normal(0, ModernMonocularConfig().lens_sigma())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,7 +15,7 @@ from ispom.methods import names
 
 from . import child
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
-from .consistency import FLIGHTS, print_consistency
+from .consistency import FLIGHTS, KNOWN, print_consistency
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .loops import loops_found, print_loops
@@ -34,17 +35,17 @@ def consistency(console: Console, options: Bench) -> list[dict[str, Any]]:
     measured = []
     # Not the user's cache: so many flights would push out the ones that are really used.
     with tempfile.TemporaryDirectory() as folder:
-        for method in (m for m in names() if not options.methods or m in options.methods):
+        methods = [m for m in names() if not options.methods or m in options.methods]
+        for method, cameras in itertools.product(methods, KNOWN):
             by_scene = dict[str, dict[str, Any]]()
             for scene in FLIGHTS:
-                task = {"method": method, "scene": scene, "seeds": options.seeds, "folder": folder}
-                task |= {"miscalibrated": options.miscalibrated}
-                with child.progress(f"{method}: {options.seeds} seeds of {scene}"):
+                task = {"method": method, "scene": scene, "cameras": cameras, "seeds": options.seeds, "folder": folder}
+                with child.progress(f"{method}, {KNOWN[cameras]}: {options.seeds} seeds of {scene}"):
                     by_scene[scene] = child.found("consistency", task)
                 if not by_scene[scene] or "error" in by_scene[scene]:  # it is the same elsewhere
                     break
-            print_consistency(console, method, by_scene)
-            about = {"method": method, "miscalibrated": options.miscalibrated}
+            print_consistency(console, method, cameras, by_scene)
+            about = {"method": method, "cameras": cameras}
             measured += [{**about, "scene": scene, **found} for scene, found in by_scene.items()]
     return measured
 

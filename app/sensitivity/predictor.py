@@ -6,10 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ispom.errors import InputError
-from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
@@ -125,6 +122,6 @@ def adjustment_of(config: Any, scene: Scene) -> Adjustment:
             sigmas = config.pair_sigma(scene.rig.camera("left").fx)
             return Adjustment(tuple(sigmas.tolist()), config.loss_px, config.window)
         case ModernMonocularConfig():
-            sigmas = config.self_calibration * LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA])
+            sigmas = LOSS * config.lens_sigma()
             return Adjustment(tuple(sigmas.tolist()), LOSS * config.noise_px, config.key_frames)
     return Adjustment((0.0,) * (PAIR if scene.is_pair else LENS))

@@ -17,18 +17,28 @@ RADIUS_PX = 5
 SIDE, ROW, WIDE = 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 2, 2 * RADIUS_PX + 3
 """Pixels of a patch along each side; of its rows in memory, the last of which counts nothing, so that a patch goes many
 pixels at a time from end to end; and with a border for its gradient."""
-AREA, HALF, NONE = np.float32(SIDE * SIDE), np.float32(0.5), np.float32(0)
+AREA, HALF, NONE, ONE = np.float32(SIDE * SIDE), np.float32(0.5), np.float32(0), np.float32(1)
 """Of a patch; and numbers that keep single precision, in which grey values and what is summed of them go: twice as many
 at a time."""
 
+NEAREST = 0.2
+"""A patch that comes nearer than that share of its middle's distance in perspective is seen edge on."""
+
 
 def align(
-    reference: Image, reference_uv: Array, image: Image, uv: Array, warps: Array, iterations: int = 8
+    reference: Image,
+    reference_uv: Array,
+    image: Image,
+    uv: Array,
+    warps: Array,
+    iterations: int = 8,
+    bends: Array | None = None,
 ) -> tuple[Array, Array]:
     """Places (N, 2) [px] in `image` of the patches of `reference` at (N, 2), looked for from `uv` (N, 2) on.
 
-    `warps` (N, 2, 2): reference pixels per image pixel around each point. Also gives the correlation (N,) of patch and
-    image there, -1..1; -1 where a patch reaches out of an image or has no texture.
+    `warps` (N, 2, 2): reference pixels per image pixel around each point, with `bends` (N, 2) those of a plane in
+    perspective: d pixels of the image beside it are warps d / (1 + bends d) pixels of the reference. Also gives the
+    correlation (N,) of patch and image there, -1..1; -1 where a patch reaches out of an image or has no texture.
     """
     return _align(
         read_only(reference),
@@ -36,40 +46,52 @@ def align(
         read_only(image),
         np.array(uv, np.float64),
         read_only(warps),
+        read_only(np.zeros((len(warps), 2)) if bends is None else bends),
         iterations,
     )
 
 
-def warps_of(camera: Camera, rotations: Array, translations: Array, xyz_in_camera: Array) -> Array:
-    """(N, 2, 2) reference pixels per image pixel at points (N, 3), on surfaces that face the camera (no distortion).
+def warps_of(
+    camera: Camera, rotations: Array, translations: Array, xyz_in_camera: Array, slopes: Array | None = None
+) -> tuple[Array, Array]:
+    """(N, 2, 2) reference pixels per image pixel at points (N, 3), and (N, 2) how they bend: see `align`.
 
-    `rotations` (N, 3, 3) and `translations` (N, 3): reference_from_camera, of each point or (1, ...) of all.
+    On surfaces whose inverse depth changes by `slopes` (N, 2) over the normalised image, or that face the camera (no
+    distortion). `rotations` (N, 3, 3) and `translations` (N, 3): reference_from_camera, of each point or (1, ...) of
+    all.
     """
-    r, ratio = rotations, camera.fx / camera.fy
-    p = (r @ xyz_in_camera[:, :, None])[..., 0] + translations
-    iz = 1 / np.maximum(p[:, 2], 1e-6)
-    u, v, z = p[:, 0] * iz, p[:, 1] * iz, xyz_in_camera[:, 2]
-    out = np.empty((len(p), 2, 2))
-    out[:, 0, 0], out[:, 0, 1] = r[:, 0, 0] - u * r[:, 2, 0], (r[:, 0, 1] - u * r[:, 2, 1]) * ratio
-    out[:, 1, 0], out[:, 1, 1] = (r[:, 1, 0] - v * r[:, 2, 0]) / ratio, r[:, 1, 1] - v * r[:, 2, 1]
-    return out * (z * iz)[:, None, None]
+    r, ratio, inverse = rotations, camera.fx / camera.fy, 1 / np.maximum(xyz_in_camera[:, 2], 1e-6)
+    xy = xyz_in_camera[:, :2] * inverse[:, None]
+    q = r[:, :, 2] + (r[:, :, :2] @ xy[:, :, None])[..., 0] + inverse[:, None] * translations
+    by_xy = np.broadcast_to(r[:, :, :2], (len(q), 3, 2))
+    if slopes is not None:
+        by_xy = by_xy + translations[:, :, None] * slopes[:, None, :]
+    iz = 1 / np.maximum(q[:, 2], 1e-6)
+    farther = by_xy[:, 2] * iz[:, None]
+    out = by_xy[:, :2] * iz[:, None, None] - (q[:, :2] * iz[:, None])[:, :, None] * farther[:, None, :]
+    out[:, 0, 1] *= ratio
+    out[:, 1, 0] /= ratio
+    return out, farther / (camera.fx, camera.fy)
 
 
 @part
-def _reaches_out(k, uv, warps, shape):
+def _reaches_out(k, uv, warps, bends, shape):
     """Whether the patch k of the reference, with a border for its gradient, does."""
     reach = RADIUS_PX + 1
     for cy in (-reach, reach):
         for cx in (-reach, reach):
-            u = uv[k, 0] + warps[k, 0, 0] * cx + warps[k, 0, 1] * cy
-            v = uv[k, 1] + warps[k, 1, 0] * cx + warps[k, 1, 1] * cy
+            far = 1.0 + bends[k, 0] * cx + bends[k, 1] * cy
+            if far < NEAREST:
+                return True
+            u = uv[k, 0] + (warps[k, 0, 0] * cx + warps[k, 0, 1] * cy) / far
+            v = uv[k, 1] + (warps[k, 1, 0] * cx + warps[k, 1, 1] * cy) / far
             if not (0 <= u < shape[1] - 1 and 0 <= v < shape[0] - 1):
                 return True
     return False
 
 
 @part
-def _warp(k, pixels, columns, uv, warps, places, room, out):
+def _warp(k, pixels, columns, uv, warps, bends, places, room, out):
     """Fills the patch k of the reference with its border (WIDE^2); row after row, as the `pixels` of the image are."""
     across, down, a, b = room[0], room[1], room[2], room[3]
     middle = np.int32(uv[k, 0]), np.int32(uv[k, 1])  # single precision is enough for what is counted from it
@@ -80,9 +102,11 @@ def _warp(k, pixels, columns, uv, warps, places, room, out):
         np.float32(warps[k, 1, 0]),
         np.float32(warps[k, 1, 1]),
     )
+    bx, by = np.float32(bends[k, 0]), np.float32(bends[k, 1])
     origin = middle[1] * columns + middle[0]
     for i in range(len(out)):
-        u, v = px + xx * across[i] + xy * down[i], py + yx * across[i] + yy * down[i]
+        near = ONE / (ONE + bx * across[i] + by * down[i])
+        u, v = px + near * (xx * across[i] + xy * down[i]), py + near * (yx * across[i] + yy * down[i])
         x, y = np.floor(u), np.floor(v)
         a[i], b[i], places[i] = u - x, v - y, origin + np.int32(y) * columns + np.int32(x)
     for i in range(len(out)):  # by itself: only this cannot go many at a time
@@ -117,7 +141,7 @@ def _copy(pixels, columns, x, y, out):
 
 
 @kernel(fastmath={"contract", "reassoc"})
-def _align(reference, reference_uv, image, uv, warps, iterations):
+def _align(reference, reference_uv, image, uv, warps, bends, iterations):
     n, last = len(uv), RADIUS_PX + 1
     score = np.full(n, -1.0)
     places, room, wide, now = (
@@ -133,9 +157,9 @@ def _align(reference, reference_uv, image, uv, warps, iterations):
     counts[SIDE::ROW] = np.float32(0)
     origin, pixels = reference.reshape(reference.size), image.reshape(image.size)
     for k in range(n):
-        if _reaches_out(k, reference_uv, warps, reference.shape):
+        if _reaches_out(k, reference_uv, warps, bends, reference.shape):
             continue
-        _warp(k, origin, np.int32(reference.shape[1]), reference_uv, warps, places, room, wide)
+        _warp(k, origin, np.int32(reference.shape[1]), reference_uv, warps, bends, places, room, wide)
         _derive(wide, patch, gx, gy)
         mean, mx, my = NONE, NONE, NONE
         for i in range(len(patch)):

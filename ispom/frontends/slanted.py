@@ -66,8 +66,9 @@ def align_slanted(
 
 def slanted_warps(
     camera: Camera, image_from_left: Pose, xy: Array, depth: Array, slants: Array, baseline: float
-) -> tuple[Array, NDArray[np.bool_]]:
-    """(N, 2, 2) pixels of the left image per pixel of one from elsewhere, and of which points (N,) they are known.
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """(N, 2, 2) pixels of the left image per pixel of one from elsewhere, (N, 2) how they bend (see patches.align), and
+    of which points (N,) they are known.
 
     Around points of a left image at normalised `xy` (N, 2) and `depth` (N,) on surfaces with these slants.
     """
@@ -82,7 +83,9 @@ def slanted_warps(
     area, ratio = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], camera.fx / camera.fy
     known = (area > FOLDED) & (q[:, 2] > 0)
     out = np.stack([b[:, 1], -a[:, 1] * ratio, -b[:, 0] / ratio, a[:, 0]], axis=1)
-    return (out / np.where(known, area, 1.0)[:, None]).reshape(-1, 2, 2), known
+    warps = (out / np.where(known, area, 1.0)[:, None]).reshape(-1, 2, 2)
+    farther = by_xy[:, 2] * iz[:, None] / (camera.fx, camera.fy)
+    return warps, -(farther[:, None] @ warps)[:, 0], known
 
 
 @kernel(fastmath={"contract", "reassoc"})

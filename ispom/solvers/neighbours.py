@@ -1,9 +1,11 @@
-"""Groups of neighbours in the image, whose errors hang together.
+"""What the tracks of one window, or of one image, say of a pose together, as neighbours in it share errors.
 
 Neighbours share pixels, a surface and what stands before it: at the truth of sim:tiny and indoors, what they say of a
-pose hangs together up to some 90 px apart, which adds a fifth to its variance. Covariances are therefore made of the
-squares of what groups say (Liang & Zeger 1986), each as it would be, to first order, had the group had no part in the
-estimate (a jackknife: Bell & McCaffrey 2002), and as much larger as few groups leave open (Student's t).
+pose hangs together up to some 90 px apart, which adds a tenth to its variance. So a covariance is the sum of the
+squares of what each track says (Liang & Zeger 1986), as it would be, to first order, had it had no part in the estimate
+(a jackknife: Bell & McCaffrey 2002), and as much larger as the squares of what groups of neighbours say are. Groups
+alone would do, but fifteen of them say most of a pose, and a covariance of six axes that so few show is off: errors
+tested by it look half as large again as they are. What the tracks leave open of that is added (Student's t).
 """
 
 from __future__ import annotations
@@ -22,10 +24,8 @@ SHIFTS = (0.0, 0.0), (0.5, 0.5)
 another."""
 GROUPS = (CELLS[0] + 1) * (CELLS[1] + 1)
 """That there are at most."""
-POSE = 6
-"""Unknowns of a pose."""
 LEAST_SHARE = 0.1
-"""Of groups that count, where there are hardly more than unknowns."""
+"""Of tracks that count, where hardly more say something than there are unknowns."""
 
 
 def cells(seen: Array) -> list[NDArray[np.int64]]:
@@ -42,10 +42,31 @@ def by_group(count: int, groups: NDArray[np.int64], rows: Array) -> Array:
     return out
 
 
-def left_open(groups: float) -> float:
-    """By how much the squares of deviations of a pose are larger than so many groups show: the mean of an inverse
-    Wishart matrix."""
-    return groups / max(groups - POSE - 1, LEAST_SHARE * groups) if groups else 1.0
+def widened(alone: Array, groups: list[Array]) -> float:
+    """By how much the squares of deviations of a pose are larger than those of what each track says of it, `alone`
+    (N, D), for what they share and leave open. Each of `groups` (G, D) is what groups of them say: one or more ways to
+    tell neighbours apart."""
+    inverse = _inverse(alone)
+    together = sum(float(np.sum(inverse * (each.T @ each))) for each in groups) / (len(groups) * alone.shape[1])
+    return max(together, 1.0) * left_open(alone, max(together, 1.0))
+
+
+def left_open(alone: Array, together: float = 1.0) -> float:
+    """By how much the squares of deviations are larger than those of what each track says, `alone` (N, D), show: the
+    mean of an inverse Wishart matrix of as many that say equally much, by their fourth moments.
+
+    Where they say the same `together` times over, they are so many fewer.
+    """
+    axes, sizes = alone.shape[1], np.einsum("ni,ij,nj->n", alone, _inverse(alone), alone)
+    if not sizes.any():
+        return 1.0
+    count = axes * (axes + 2) / float(sizes @ sizes) / together
+    return count / max(count - axes - 1, LEAST_SHARE * count)
+
+
+def _inverse(alone: Array) -> Array:
+    """(D, D) of the squares; 0 in a direction of which nothing is said."""
+    return np.linalg.pinv(alone.T @ alone, rtol=1e-12, hermitian=True)
 
 
 @kernel()

@@ -31,6 +31,24 @@ def test_a_turned_and_grown_patch_is_found() -> None:
     assert np.median(np.linalg.norm(found - true, axis=1)[good]) < 0.05
 
 
+def test_a_patch_in_perspective_is_found_where_it_is() -> None:
+    """Not as far beside as it bends."""
+    image = texture()
+    uv = detect_spread(image, 150, np.zeros((0, 2), np.float32), 10.0, 30).astype(np.float64)
+    tilt = np.array([[1.03, 0.01, 1.4], [0.0, 1.05, -2.3], [0.0, 2.5e-3, 1.0]])  # as of a floor that is driven over
+    moved = np.asarray(cv2.warpPerspective(image, tilt, (320, 240), flags=cv2.INTER_CUBIC), np.uint8)
+    ahead = np.column_stack([uv, np.ones(len(uv))]) @ tilt.T
+    true, back = ahead[:, :2] / ahead[:, 2:], np.linalg.inv(tilt)
+    far = np.column_stack([true, np.ones(len(uv))]) @ back[2]
+    warps = (back[None, :2, :2] - uv[:, :, None] * back[2, None, :2]) / far[:, None, None]
+    bends = back[2, :2] / far[:, None]
+    for how, least, most in (({"bends": bends}, 0.0, 0.008), ({}, 0.02, 1.0)):
+        found, score = align(image, uv, moved, true + 0.5, warps, **how)
+        good = score > 0.9
+        assert good.mean() > 0.7
+        assert least <= abs((found - true)[good, 1].mean()) < most
+
+
 def test_a_brighter_image_makes_no_difference() -> None:
     image = texture()
     uv = detect_spread(image, 100, np.zeros((0, 2), np.float32), 10.0, 30)
@@ -55,7 +73,7 @@ def test_warps_are_the_derivative_of_the_projection() -> None:
         step[0, axis] = 1e-3 * p[0, 2] / focal
         columns.append((camera.project(pose.apply(p + step)) - camera.project(pose.apply(p - step)))[0] / 2e-3)
     np.testing.assert_allclose(
-        warps_of(camera, pose.rotation[None], pose.translation[None], p)[0], np.stack(columns, axis=1), rtol=1e-4
+        warps_of(camera, pose.rotation[None], pose.translation[None], p)[0][0], np.stack(columns, axis=1), rtol=1e-4
     )
 
 

@@ -96,7 +96,7 @@ def test_no_texture_no_room_and_an_edge_alone_are_not_found() -> None:
     ).all()
 
 
-def test_warps_are_the_derivative_of_the_projection_of_a_plane() -> None:
+def test_warps_are_those_of_a_plane_in_perspective() -> None:
     camera, baseline = Camera(640, 480, 450.0, 455.0, 320.0, 240.0), 0.4
     pose = Pose.from_rotvec(np.array([0.02, -0.05, 0.1]), np.array([0.2, -0.1, -0.6]))
     normal, height = np.array([0.1, 0.9, 0.1]), 1.6  # n . x = h
@@ -110,15 +110,11 @@ def test_warps_are_the_derivative_of_the_projection_of_a_plane() -> None:
 
     uv, steps = np.array([[350.0, 330.0]]), np.eye(2)[:, None] * 1e-3
     slants = np.array([[(in_right(uv + s) - in_right(uv - s))[0, 0] / 2e-3 for s in steps]]) - (1.0, 0.0)
-    forward = np.stack(
-        [
-            (camera.project(pose.apply(on_plane(uv + s))) - camera.project(pose.apply(on_plane(uv - s))))[0]
-            for s in steps
-        ],
-        axis=1,
-    )
-    warps, known = slanted_warps(camera, pose, camera.normalise(uv), on_plane(uv)[:, 2], slants, baseline)
+    warps, bends, known = slanted_warps(camera, pose, camera.normalise(uv), on_plane(uv)[:, 2], slants, baseline)
     assert known.all()
-    np.testing.assert_allclose(warps[0], np.linalg.inv(forward / 2e-3), rtol=1e-4)
+    beside = np.array([[12.0, 0.0], [-9.0, 7.0], [0.0, -12.0]])
+    there = camera.project(pose.apply(on_plane(uv + beside))) - camera.project(pose.apply(on_plane(uv)))
+    np.testing.assert_allclose(there @ warps[0].T / (1 + there @ bends[0])[:, None], beside, atol=1e-4)
+    assert np.abs(there @ warps[0].T - beside).max() > 0.1, "without how they bend"
     behind = Pose(np.eye(3), np.array([0.0, 0.0, -50.0]))
-    assert not slanted_warps(camera, behind, camera.normalise(uv), on_plane(uv)[:, 2], slants, baseline)[1].any()
+    assert not slanted_warps(camera, behind, camera.normalise(uv), on_plane(uv)[:, 2], slants, baseline)[2].any()

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ispom.solvers.neighbours import CELLS, GROUPS, POSE, SHIFTS, by_group, cells, left_open
+from ispom.solvers.neighbours import CELLS, GROUPS, SHIFTS, by_group, cells, widened
+
+POSE = 6
 
 
 def test_sums_by_group() -> None:
@@ -35,12 +37,22 @@ def test_a_border_of_one_grouping_is_none_of_the_other() -> None:
     assert first[2] != first[3] and second[2] == second[3]
 
 
-@pytest.mark.parametrize("groups", [12, 30])
-def test_few_groups_show_less_than_poses_are_off(groups: int) -> None:
-    """The mean of the square of an error, by the covariance that so many others show."""
+@pytest.mark.parametrize(("tracks", "loud", "alike"), [(20, 0, 1), (60, 0, 1), (60, 8, 1), (90, 0, 3)])
+def test_few_tracks_show_less_than_poses_are_off(tracks: int, loud: int, alike: int) -> None:
+    """The mean of the square of an error, by the covariance that so many others show: also where `loud` of them say
+    three times as much, and where each says the same as its neighbours."""
     rng, nees = np.random.default_rng(1), list[float]()
-    for _ in range(4000):
-        said = rng.normal(size=(groups, POSE))
-        error = rng.normal(size=POSE)
-        nees.append(float(error @ np.linalg.solve(left_open(groups) * said.T @ said / groups, error)))
-    assert np.mean(nees) == pytest.approx(POSE, rel=0.06)
+    sizes = np.where(np.arange(tracks // alike) < loud, 3.0, 1.0)[:, None]
+    for _ in range(2000):
+        said, error = (sizes * rng.normal(size=(len(sizes), POSE)) for _ in range(2))
+        alone, groups = np.repeat(said, alike, axis=0), alike * said
+        square = widened(alone, [groups]) * alone.T @ alone
+        off = alike * error.sum(axis=0)
+        nees.append(float(off @ np.linalg.solve(square, off)))
+    assert np.mean(nees) == pytest.approx(POSE, rel=0.1)
+
+
+def test_of_directions_of_which_nothing_is_said_nothing_follows() -> None:
+    said = np.random.default_rng(3).normal(size=(30, POSE)) * (np.arange(POSE) < 4)
+    assert 1 <= widened(said, [said]) < 2
+    assert widened(np.zeros((4, POSE)), [np.zeros((2, POSE))]) == 1

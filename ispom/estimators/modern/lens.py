@@ -11,9 +11,6 @@ from ispom.geometry import Array
 from ispom.numerics.reductions import squares
 from ispom.types import Camera
 
-FOCAL_SIGMA, RADIAL_SIGMA = 0.003, 0.01
-"""Deviations of the correction before any data: what a careful calibration leaves."""
-
 
 def corrected(x: Array, extra: Array) -> Array:
     """Normalised coordinates x (N, 2) of those by the given calibration, which are x (1 + f + k |x|^2)."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
 from ispom.kernels import kernel, part
-from ispom.solvers.neighbours import POSE, SHIFTS, by_group, cells, left_open
+from ispom.solvers.neighbours import by_group, cells, widened
 from ispom.solvers.spline.continuous import PointUncertainty
 from ispom.solvers.spline.observation import (
     MIN_DEPTH,
@@ -21,6 +22,8 @@ from ispom.solvers.spline.observation import (
 )
 from ispom.solvers.spline.problem import AnchoredPoints
 
+POSE = 6
+"""Unknowns of a pose."""
 BENDS = 2.0
 """Of the loss's own second derivatives, w J'J - 2 (w J'e) (w J'e)' / loss^2: where it is as narrow as the errors, poses
 are off by more than with weights held."""
@@ -59,7 +62,7 @@ def pose_covariance(
     (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
 
     The sandwich H^-1 S H^-1 (Huber 1967; White 1982), as in `window.groups`: H has the loss's own second derivatives,
-    S is by groups of neighbours.
+    S is by what points and groups of neighbours say (`neighbours.widened`).
     """
     n = uncertainty.sensitivity.shape[2]
     direct = np.zeros((len(seen), 2, n + uncertainty.shared.shape[2]))
@@ -122,16 +125,18 @@ def _is_minimum(information: Array) -> bool:
 
 
 def _scatter(seen: Array, equations: Equations, inverse: Array) -> Array:
-    """(6, 6) of the right side, by what groups of neighbours say."""
-    total, count = np.zeros((POSE, POSE)), 0
-    for numbers in cells(seen):
-        groups, cell = np.unique(numbers, return_inverse=True)
-        said = by_group(len(groups), cell, equations.slopes)
-        own = by_group(len(groups), cell, equations.curvatures.reshape(-1, POSE * POSE)).reshape(-1, POSE, POSE)
-        without = said + np.einsum("gij,gj->gi", own, said @ inverse)
-        total += without.T @ without
-        count += len(groups)
-    return left_open(count / len(SHIFTS)) * total / len(SHIFTS)
+    """(6, 6) of the right side, by what points and groups of neighbours say."""
+    alone, groups = np.arange(len(seen)), [np.unique(numbers, return_inverse=True)[1] for numbers in cells(seen)]
+    said = _without(alone, equations, inverse)
+    return widened(said, [_without(group, equations, inverse) for group in groups]) * said.T @ said
+
+
+def _without(groups: NDArray[np.int64], equations: Equations, inverse: Array) -> Array:
+    """(G, 6) what groups of points say, as if each had had no part in the estimate; `groups` (K,) from 0 on."""
+    count = int(groups.max(initial=-1)) + 1
+    said = by_group(count, groups, equations.slopes)
+    own = by_group(count, groups, equations.curvatures.reshape(-1, POSE * POSE)).reshape(-1, POSE, POSE)
+    return said + np.einsum("gij,gj->gi", own, said @ inverse)
 
 
 @kernel()

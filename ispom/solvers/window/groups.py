@@ -2,9 +2,9 @@
 
 An estimate is off by H^-1 g, so its covariance is the sandwich H^-1 S H^-1 (Huber 1967; White 1982), S the covariance
 of the slope g of the cost at the truth. H has the loss's own second derivatives: where the loss is as narrow as the
-errors, poses are off by a fifth to a third more than with weights held. S is the sum over groups of tracks, by where
-their newest places are (`neighbours`), of the squares of what each group says: within one, errors may hang together as
-they like, from view to view, with those of the rows, and from neighbour to neighbour.
+errors, poses are off by a fifth to a third more than with weights held. S is the sum over tracks of the squares of what
+each says: within one, errors may hang together as they like, from view to view, with those of the rows. What neighbours
+share makes it larger (`neighbours.widened`), by where their newest places are.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.numerics.places import places
-from ispom.solvers.neighbours import GROUPS, SHIFTS, by_group, cells, left_open
+from ispom.solvers.neighbours import GROUPS, by_group, cells, widened
 from ispom.solvers.window.adjustment import Equations, Window, covariance
 from ispom.solvers.window.kernels import Eliminated
 from ispom.solvers.window.prior import POSE, Lasting, Sandwich
@@ -52,7 +52,8 @@ class Groups:
         """Of a window whose tracks are `ids` (M,), ascending."""
         equations, prior = Equations.of(window, scale, bends=BENDS), window.prior
         size, known_to, corrections = len(equations.right), 0, POSE * len(window.rotations)
-        curvature, scatter, others = equations.symmetric, np.zeros((size, size)), Lasting.none(size)
+        curvature, others = equations.symmetric, Lasting.none(size)
+        scatter = np.zeros((size, size))
         said = slopes(window.observed, equations.eliminated, len(window.extra), scale)
         if prior is not None and prior.sandwich is not None:
             known_to = POSE * len(prior.rotations)
@@ -79,34 +80,41 @@ class Groups:
 
     def newest(self) -> Array:
         """(6, 6) covariance of the left twist of the newest pose."""
-        last, known = POSE * len(self.window.rotations), self.covariance
-        way = known[:, last - POSE : last]
-        others = self.others.slopes @ way
-        squares, groups = self._squares(np.ones(len(self.ids), bool), known, way)
-        return left_open(groups) * squares + way.T @ self.scatter @ way + others.T @ others
+        way = self._way(self.covariance)
+        alone, others = self._alone(self.covariance) @ way, self.others.slopes @ way
+        wider = self._wider(np.ones(len(self.ids), bool), self.covariance, alone)
+        return wider * alone.T @ alone + way.T @ self.scatter @ way + others.T @ others
 
     def sandwich(self, lasting: NDArray[np.int64], known: Array) -> Sandwich:
         """Of what is marginalised; tracks `lasting` (N,) go on. `known` (D, D): `covariance` of the whole window."""
         go_on, others_go = (np.isin(own, lasting, kind="table") for own in (self.ids, self.others.ids))
-        ended = self.others.slopes[~others_go]
-        scatter = self.scatter + self._squares(~go_on, known)[0] + ended.T @ ended
+        ended, alone = self.others.slopes[~others_go], self._alone(known)[~go_on]
+        wider = self._wider(~go_on, known, alone @ self._way(known))
+        scatter = self.scatter + wider * alone.T @ alone + ended.T @ ended
         left = Lasting(self.others.ids[others_go], self.others.slopes[others_go])
         return Sandwich(self.curvature, scatter, left.and_of(self.ids[go_on], self.slopes[go_on]))
 
-    def _squares(self, use: NDArray[np.bool_], known: Array, way: Array | None = None) -> tuple[Array, float]:
-        """(R, R) of what the groups of the tracks in `use` (M,) say, by `way` (D, R), or (D, D) by all, and how many
-        groups they are: both the mean over SHIFTS."""
-        size = len(known) if way is None else way.shape[1]
-        total, count = np.zeros((size, size)), 0
+    def _way(self, known: Array) -> Array:
+        """(D, 6) how the newest pose follows a slope."""
+        last = POSE * len(self.window.rotations)
+        return known[:, last - POSE : last]
+
+    def _alone(self, known: Array) -> Array:
+        """(M, D) what each track says, as if it had had no part in the estimate."""
+        return self._without(np.arange(len(self.ids)), self.slopes, known)
+
+    def _wider(self, use: NDArray[np.bool_], known: Array, alone: Array) -> float:
+        """See neighbours.widened, of the tracks in `use` (M,), which move the newest pose by `alone` (N, 6)."""
         if not use.any():
-            return total, 0.0
-        newest = self.window.seen[np.append(np.flatnonzero(np.diff(self.window.owners)), -1), :2]
+            return 1.0
+        newest, groups = self.window.seen[np.append(np.flatnonzero(np.diff(self.window.owners)), -1), :2], list[Array]()
         for cell in cells(newest):
             cell[~use] = GROUPS
             said = by_group(GROUPS + 1, cell, self.slopes)
             said[GROUPS] = 0.0
-            said += followed(self.window.observed, self.eliminated, self.scale, BENDS, cell, said @ known)
-            found = said[:GROUPS] if way is None else said[:GROUPS] @ way
-            total += found.T @ found
-            count += np.count_nonzero(np.bincount(cell, minlength=GROUPS)[:GROUPS])
-        return total / len(SHIFTS), count / len(SHIFTS)
+            groups.append(self._without(cell, said, known)[:GROUPS] @ self._way(known))
+        return widened(alone, groups)
+
+    def _without(self, groups: NDArray[np.int64], said: Array, known: Array) -> Array:
+        """(G, D) what groups of tracks say, `said` (G, D), as if each had had no part in the estimate."""
+        return said + followed(self.window.observed, self.eliminated, self.scale, BENDS, groups, said @ known)

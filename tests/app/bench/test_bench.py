@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,6 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
     [
         (["--runs", "0"], "--runs"),
         (["--seeds", "1"], "--seeds"),
-        (["--miscalibrated"], "--consistency"),
         (["--sources", "mars"], "mars"),
         (["--json", "nowhere/b.json"], "nowhere"),
     ],
@@ -82,14 +82,17 @@ def test_consistency_is_told_of_what_has_covariances(
         twists = np.random.default_rng(seed).normal(size=(10, 6))
         return Errors(np.arange(10), twists, np.tile(np.eye(6) / 4, (10, 1, 1)))
 
-    monkeypatch.setattr(consistency, "_errors", lambda sequence, method: made(sequence))
+    monkeypatch.setattr(consistency, "_errors", lambda sequence, method, held: made(sequence))
+    monkeypatch.setattr(consistency, "miscalibrated", lambda sequence, seed: sequence)
     monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s, world: seed)
     monkeypatch.setattr(studies, "names", lambda: ("stereo",))
-    found = lambda module, task: consistency.measured("stereo", task["scene"], task["seeds"], tmp_path)  # noqa: E731
+    found = lambda module, task: consistency.measured(  # noqa: E731
+        "stereo", task["scene"], task["cameras"], task["seeds"], tmp_path
+    )
     monkeypatch.setattr(child, "found", found)
     assert main(["bench", "--consistency", "--seeds", "5", "--json", str(tmp_path / "c.json")]) == 0
     row, *others = json.loads((tmp_path / "c.json").read_text())["consistency"]
-    assert [row["scene"], *(other["scene"] for other in others)] == list(consistency.FLIGHTS)
+    assert [(r["cameras"], r["scene"]) for r in (row, *others)] == list(product(consistency.KNOWN, consistency.FLIGHTS))
     assert (
         row["pose"]["above"] == 1
         and row["pose"]["below"] == 0

@@ -21,6 +21,7 @@ from ispom.estimators.modern.monocular.unplaced import Unplaced
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
+from ispom.solvers.neighbours import left_open
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
 
@@ -113,8 +114,9 @@ class MapUncertainty:
         own = _inverse(held, 2 / scale**2 * slopes.T @ slopes)
         # Six of the errors' degrees of freedom went into the pose.
         slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))
-        both, of_map = slopes.T @ pulls @ follow.T, follow @ self.spread.root
-        return own @ (of_map @ of_map.T + self.shared * (slopes.T @ slopes + both + both.T)) @ own
+        both, of_map, said = slopes.T @ pulls @ follow.T, follow @ self.spread.root, slopes + pulls @ follow.T
+        open_ = (left_open(said, self.shared) - 1) * said.T @ said
+        return own @ (of_map @ of_map.T + self.shared * (slopes.T @ slopes + both + both.T + open_)) @ own
 
 
 def _inverse(held: Array, bent: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ispom.estimators.modern.lens import FOCAL_SIGMA, RADIAL_SIGMA, Lens
+from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.monocular.before_gap import remembered
 from ispom.estimators.modern.monocular.begin import begin
 from ispom.estimators.modern.monocular.conclude import as_step, corners_for, next_state
@@ -24,6 +24,7 @@ from ispom.estimators.modern.monocular.tracks import follow, projected, scene_po
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
+from ispom.geometry import Array
 from ispom.settings import Range
 from ispom.stopwatch import Stopwatch
 from ispom.types import Exposure, Image, Rig, Step, Trajectory, VideoFrame, as_grey
@@ -62,7 +63,16 @@ class ModernMonocularConfig:
     """Where two things move by themselves: what the map was begun with, which mostly stands still; or what fills more
     of the image, in a new map."""
     self_calibration: bool = True
-    """Correct the camera's focal length and radial distortion a little, by what its images say."""
+    """Correct the camera's focal length and radial distortion a little, by what its images say. The settings that
+    follow are standard deviations before any data."""
+    focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
+    """Of how far off its focal length is, as a share: what a careful calibration leaves."""
+    radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
+    """Of how far off its radial distortion k1 is."""
+
+    def lens_sigma(self) -> Array:
+        """(2,) of focal length and radial distortion; 0 holds them."""
+        return np.array([self.focal_sigma, self.radial_sigma]) * self.self_calibration
 
     def build(self, rig: Rig) -> ModernMonocular:
         return ModernMonocular(rig, self)
@@ -120,7 +130,7 @@ class ModernMonocular:
             self._size.tracked,
             c.noise_px,
             LOSS * c.noise_px,
-            LOSS * np.array([FOCAL_SIGMA, RADIAL_SIGMA]) * c.self_calibration,
+            LOSS * c.lens_sigma(),
             c.max_tracks,
             c.key_frames,
             float(np.radians(c.start_parallax_deg)),

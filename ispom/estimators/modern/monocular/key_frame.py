@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.adjustment import optimised
-from ispom.estimators.modern.lens import FOCAL_SIGMA
 from ispom.estimators.modern.monocular import checks
-from ispom.estimators.modern.monocular.covariance import MapUncertainty
+from ispom.estimators.modern.monocular.covariance import LOSS, MapUncertainty
 from ispom.estimators.modern.monocular.map import Map, adjusted, intersected
 from ispom.estimators.modern.monocular.setup import INLIER, MOVING, Setup
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame, parallax_deg
@@ -112,7 +111,7 @@ def _correction(world: Map) -> tuple[Decision, ...]:
     if not world.extra_sigma.any():
         return ()
     focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
-    limit = 300 * FOCAL_SIGMA
+    limit = 300 * float(world.extra_sigma[0]) / LOSS
     because = f"focal length {focal:+.2f} %, radial distortion {radial:+.4f}"
     return (checks.FOCAL_LENGTH.of(abs(focal), limit, because),)
 

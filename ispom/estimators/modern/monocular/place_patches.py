@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.surfaces import slopes
 from ispom.estimators.modern.places import Place
 from ispom.frontends.patches import align, warps_of
 from ispom.geometry import Array, Pose
@@ -30,8 +31,10 @@ def patches_found(
     and which (N,) it has. `near` (N, 3): their points in the image's camera; `reduction`: its pixels per the camera's.
     """
     turn, way = place_from_camera.rotation[None], place_from_camera.translation[None]
-    warps = place.reduction / reduction * warps_of(lens.camera, turn, way, near)
+    slant = slopes(near[:, :2] / near[:, 2:], 1 / near[:, 2])
+    warps, bends = warps_of(lens.camera, turn, way, near, slant)
+    warps, bends = place.reduction / reduction * warps, bends / reduction
     start = (expected + 0.5) * reduction - 0.5
-    found, score = align(place.images[0], place.reduced(seen), image, start, warps)
+    found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends)
     found = (found + 0.5) / reduction - 0.5
     return found, (score > MIN_CORRELATION) & (np.linalg.norm(found - expected, axis=1) < MAX_SHIFT_PX)

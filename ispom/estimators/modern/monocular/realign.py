@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.surfaces import slopes
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.frontends.exposure import as_bright
 from ispom.frontends.klt import Klt
@@ -54,12 +55,14 @@ def realigned(
     compared = np.zeros(len(uv), bool)
     if len(mine):
         turns, ways = _motions(tuple(origins[time_ns] for time_ns, _ in usable), pose)
-        warps = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], in_camera[mine])
+        xyz = in_camera[mine]
+        slant = slopes(xyz[:, :2] / xyz[:, 2:], 1 / xyz[:, 2])
+        warps, bends = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], xyz, slant)
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         fit = (area > MIN_WARP) & (area < MAX_WARP)
-        mine, warps = mine[fit], warps[fit]
+        mine, warps, bends = mine[fit], warps[fit], bends[fit]
         found, score = _aligned(
-            [image for _, image in usable], origin[mine], live.origin_uv[mine], grey, expected[mine], warps
+            [image for _, image in usable], origin[mine], live.origin_uv[mine], grey, expected[mine], warps, bends
         )
         good = (score > MIN_CORRELATION) & (lengths(found - expected[mine]) < MAX_SHIFT_PX)
         uv[mine[good]] = found[good]
@@ -81,15 +84,23 @@ def _motions(origins: tuple[Pose, ...], pose: Pose) -> tuple[Array, Array]:
 
 
 def _aligned(
-    images: list[Image], origin: NDArray[np.int64], origin_uv: Array, grey: Image, expected: Array, warps: Array
+    images: list[Image],
+    origin: NDArray[np.int64],
+    origin_uv: Array,
+    grey: Image,
+    expected: Array,
+    warps: Array,
+    bends: Array,
 ) -> tuple[Array, Array]:
     """`patches.align` of points (N,) with patches of several images: `origin` (N,) says which."""
     order = np.argsort(origin, kind="stable")
-    of, origin_uv, expected, warps = origin[order], origin_uv[order], expected[order], warps[order]
+    of, origin_uv, expected, warps, bends = (v[order] for v in (origin, origin_uv, expected, warps, bends))
     found, score = np.empty((len(order), 2)), np.empty(len(order))
     ends = np.searchsorted(of, np.arange(len(images)), "right").tolist()
     for image, begin, end in zip(images, [0, *ends], ends, strict=False):
         if begin < end:
             some = slice(begin, end)
-            found[order[some]], score[order[some]] = align(image, origin_uv[some], grey, expected[some], warps[some])
+            found[order[some]], score[order[some]] = align(
+                image, origin_uv[some], grey, expected[some], warps[some], bends=bends[some]
+            )
     return found, score

@@ -50,15 +50,15 @@ class ModernStereoConfig:
     """Estimate what is wrong with the pair: the radial distortion of both cameras; and how the right one is turned, its
     own focal length, principal point, distortion, and a late shutter. The settings that follow are standard deviations
     before any data."""
-    offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.5
+    offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.25
     """Of how far off disparities and rows are in the middle of the image."""
-    turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.15
+    turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.1
     """Of how the right camera is turned about each of its axes."""
-    focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
+    focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.0015
     """Of its focal length against the left one's, as a share."""
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
     """Of the radial distortion k1 and k2 of both, and of the right one's beside."""
-    decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.002
+    decentring_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.001
     """Of the right one's decentring distortion p1 and p2."""
     lag_sigma_s: Annotated[float, Range(1e-5, 0.1)] = 0.005
     """Of how late its shutter is."""

@@ -39,6 +39,8 @@ class _Patches:
     """(K, 2) [px] in the key frame's left image."""
     warps: Array
     """(K, 2, 2) its pixels per pixel of the image."""
+    bends: Array
+    """(K, 2) see patches.align."""
 
     @staticmethod
     def of_points(setup: Setup, last: LastPair, world: StereoMap, near: Array, predicted: Pose) -> _Patches:
@@ -49,11 +51,18 @@ class _Patches:
         xy = key.seen[old, :2]
         start = camera.project(np.column_stack([xy, np.ones(len(old))])).astype(np.float32)
         way = predicted @ key.left_from_world.inverse()
-        back = way.inverse()
-        depth = back.apply(near[new])[:, 2]
-        warps, known = slanted_warps(camera, way, xy, depth, key.slants[old], setup.baseline_m)
-        warps[~known] = warps_of(camera, back.rotation[None], back.translation[None], near[new][~known])
-        return _Patches(new, start, warps)
+        depth = way.inverse().apply(near[new])[:, 2]
+        return _Patches(new, start, *warps_from(setup, way, xy, depth, key.slants[old]))
+
+
+def warps_from(setup: Setup, way: Pose, xy: Array, depth: Array, slants: Array) -> tuple[Array, Array]:
+    """See patches.align: to a left image in which points are at normalised `xy` (N, 2) and `depth` (N,) on surfaces
+    with `slants` (N, 2), from another one, `way` from it."""
+    warps, bends, known = slanted_warps(setup.camera, way, xy, depth, slants, setup.baseline_m)
+    back = way.inverse()
+    near = way.apply(np.column_stack([xy, np.ones(len(xy))])[~known] * depth[~known, None])
+    warps[~known], bends[~known] = warps_of(setup.camera, back.rotation[None], back.translation[None], near)
+    return warps, bends
 
 
 def led(
@@ -70,10 +79,10 @@ def led(
     expected = world.left(setup.camera).project(near[patches.of])
     inside = _inside(new.left, expected)
     expected[~inside] = 0.0  # no patch is there
-    coarse, score = align(last.key_half, patches.uv / 2, new.half, expected / 2, patches.warps)
+    coarse, score = align(last.key_half, patches.uv / 2, new.half, expected / 2, patches.warps, bends=2 * patches.bends)
     good = (score > MIN_CORRELATION) & _within(2 * coarse, expected, LED_PX)
     start = np.where(good[:, None], 2 * coarse, expected)
-    found, score = align(last.key_left, patches.uv, new.left, start, patches.warps)
+    found, score = align(last.key_left, patches.uv, new.left, start, patches.warps, bends=patches.bends)
     good = inside & (score > MIN_CORRELATION) & _within(found, start, MAX_SHIFT_PX)
     if good.sum() < LED_SHARE * inside.sum():
         return None
@@ -103,7 +112,9 @@ def realigned(
     patches = _Patches.of_points(setup, last, world, near, predicted)
     alive = status[patches.of] == TrackStatus.ALIVE
     new = patches.of[alive]
-    again, score = align(last.key_left, patches.uv[alive], left, uv[new], patches.warps[alive])
+    again, score = align(
+        last.key_left, patches.uv[alive], left, uv[new], patches.warps[alive], bends=patches.bends[alive]
+    )
     good = (score > MIN_CORRELATION) & _within(again, uv[new], MAX_SHIFT_PX)
     uv, status = uv.copy(), status.copy()
     uv[new[good]] = again[good]

@@ -13,11 +13,12 @@ from ispom.estimators.modern.lens import Lens
 from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, plausible
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
+from ispom.estimators.modern.stereo.patch_search import warps_from
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, emptied, with_key
 from ispom.frontends import sift
-from ispom.frontends.patches import align, warps_of
+from ispom.frontends.patches import align
 from ispom.frontends.row_search import PointSearch
 from ispom.geometry import Array, Pose
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect, resect_optimised
@@ -151,9 +152,9 @@ def _aligned(
     setup: Setup, place: Place, points: PairPoints, xyz: Array, uv: NDArray[np.float32], pose: Pose, new: NewPair
 ) -> NDArray[np.float32]:
     """Places (N, 2) [px] in the left image, set right by the key frame's patches as seen from `pose`."""
-    back = pose.inverse()
-    warps = place.reduction * warps_of(setup.camera, back.rotation[None], back.translation[None], pose.apply(xyz))
-    found, score = align(place.images[0], place.reduced(points.uv), new.left, uv, warps)
+    warps, bends = warps_from(setup, pose, xyz[:, :2] / xyz[:, 2:], xyz[:, 2], points.slants)
+    warps = place.reduction * warps
+    found, score = align(place.images[0], place.reduced(points.uv), new.left, uv, warps, bends=bends)
     good = (score > MIN_CORRELATION) & (np.linalg.norm(found - uv, axis=1) < MAX_SHIFT_PX)
     return np.where(good[:, None], found, uv).astype(np.float32)
 
