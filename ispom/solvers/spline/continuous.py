@@ -20,7 +20,7 @@ from ispom.numerics.lie import logs
 from ispom.solvers.spline.curve import Sampled, add_smoothness
 from ispom.solvers.spline.normal_equations import Eliminated, Knots, reduce
 from ispom.solvers.spline.observation import RIG, Observed, slope, squared_errors
-from ispom.solvers.spline.points import point_pulls, point_sensitivity, point_steps
+from ispom.solvers.spline.points import point_pulls, point_sensitivity, point_steps, views_moved
 from ispom.solvers.spline.problem import LEFT, VIDEO, PosePrior, RigModel, SplineProblem
 
 Tried = tuple[SplineProblem, Sampled, float]
@@ -49,9 +49,11 @@ class PointUncertainty:
     """(n, n) covariance of z."""
     shared: Array
     """(K, 3, S) how they follow errors that the observations share, such as of the lens: spline and rig with them."""
+    moves: Array
+    """(K, n) how each, by its own observations, moves spline and rig: part of `parameters`."""
 
     def select(self, index: NDArray) -> PointUncertainty:
-        return PointUncertainty(self.sensitivity[index], self.parameters, self.shared[index])
+        return PointUncertainty(self.sensitivity[index], self.parameters, self.shared[index], self.moves[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +82,19 @@ class Solution:
         full[np.ix_(free, free)] = covariance_of(hessian[np.ix_(free, free)])
         return full
 
-    def as_far_off(self, parameters: Array) -> Array:
-        """(n, n) `parameters` where observations are as far off as they turned out to be, whatever their weights say.
+    def as_far_off(self, parameters: Array) -> tuple[Array, Array]:
+        """(n, n) `parameters`, and (M, n) how each point moves them, where observations are as far off as they turned
+        out to be, whatever their weights say.
 
         The sandwich H^-1 M H^-1 (Huber 1981, section 7.6) with M the sum over points of the squares of what each adds
         to the right side: errors along a track may be alike, as those of one that drifts are (Liang and Zeger 1986).
-        What is believed beforehand is as sure as it says.
+        Each as it would be, to first order, had the point had no part in the estimate (a jackknife: Bell & McCaffrey
+        2002): knots are many, and follow the errors that a track keeps. What is believed beforehand is as sure as it
+        says.
         """
         p, o, spline, n = self.problem, self.problem.observations, self.problem.spline, len(parameters)
         pulls = point_pulls(_knots(p, self.sampled), o.exposure, o.owner, self.eliminated)
+        pulls -= self._pulls_of(pulls @ parameters)
         weights, slopes = 1 / (1 + (self.errors / p.loss) ** 2), np.ones(len(pulls))
         for camera, images in ((VIDEO, 2), (LEFT, 3)):
             its = o.camera == camera
@@ -97,14 +103,26 @@ class Solution:
         believed = np.zeros((n, n))
         add_smoothness(spline.rotations, spline.positions, spline.spacing_s, *p.smoothness, believed, np.zeros(n))
         believed[-RIG:, -RIG:] += p.rig_prior.information
-        return parameters + parameters @ (pulls.T @ pulls - (self.hessian - believed)) @ parameters
+        moves = pulls @ parameters
+        return parameters + moves.T @ moves - parameters @ (self.hessian - believed) @ parameters, moves
+
+    def _pulls_of(self, moves: Array) -> Array:
+        """(M, n) what each point adds to the right side as it moves spline and rig by `moves` (M, n)."""
+        p, o, knots = self.problem, self.problem.observations, _knots(self.problem, self.sampled)
+        moved = views_moved(moves, knots, _observed(p, self.sampled), bool(p.rig.free.any()))
+        return point_pulls(knots, o.exposure, o.owner, self._where_moved(-moved)[2])
+
+    def _where_moved(self, moved: Array) -> tuple[Array, Array, Eliminated]:
+        """As `_reduced`, of observations that are off by `moved` (O, 3) alone."""
+        p = self.problem
+        at = np.column_stack([p.points.values[:, 2], p.depth_prior[:, 1]])
+        return _reduced(replace(p, depth_prior=at), self.sampled, 0.0, np.ascontiguousarray(moved))
 
     def follows(self, moved: Array, parameters: Array) -> tuple[Array, Array]:
         """How knots and rig (n, S), and points (M, 3, S), follow what moves all observations by (O, 3, S)."""
         p, o, steps, points = self.problem, self.problem.observations, list[Array](), list[Array]()
-        at = np.column_stack([p.points.values[:, 2], p.depth_prior[:, 1]])
         for way in np.moveaxis(moved, 2, 0):
-            _, right, pulled = _reduced(replace(p, depth_prior=at), self.sampled, 0.0, np.ascontiguousarray(way))
+            _, right, pulled = self._where_moved(way)
             steps.append(parameters @ right)
             points.append(point_steps(steps[-1], _knots(p, self.sampled), o.exposure, o.owner, pulled))
         return np.stack(steps, axis=1), np.stack(points, axis=2)
@@ -116,12 +134,12 @@ class Solution:
         turn = np.vstack([s.rotations[e].T @ j[3:], j[:3]])
         return turn @ parameters[k : k + 24, k : k + 24] @ turn.T
 
-    def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array) -> PointUncertainty:
-        """Of the chosen points (K,), in their values."""
+    def point_uncertainty(self, chosen: NDArray[np.int64], parameters: Array, moves: Array) -> PointUncertainty:
+        """Of the chosen points (K,), in their values; the others as of `as_far_off`."""
         o, knots = self.problem.observations, _knots(self.problem, self.sampled)
         sensitivity = point_sensitivity(chosen, knots, o.exposure, o.owner, self.eliminated)
         none = np.zeros((len(chosen), 3, 0))
-        return PointUncertainty(sensitivity, parameters, none)
+        return PointUncertainty(sensitivity, parameters, none, moves[chosen])
 
     def refined_rig(self, parameters: Array) -> RigModel:
         """The rig as estimated, with the information that its covariance leaves."""

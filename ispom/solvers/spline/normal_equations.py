@@ -125,7 +125,7 @@ def _add_point(m, begin, knots, observed, depth_prior, loss, with_rig, moved, re
                     rows.errors[i] = -observed.inverse_sigma[o, i] * moved[o, i]
             _add_rows(m, o, count, weight, e, reduced, eliminated, rows)
             if with_rig and observed.cameras[o] == 0:
-                _fill_by_rig(by_rig, rows, camera, observed.points[m, 2], knots.rates, e)
+                fill_by_rig(by_rig, rows, camera, observed.points[m, 2], knots.rates, e)
                 _add_rig(m, weight, e, 6 * knots.count, reduced, eliminated, rows, by_rig)
             low, high = min(low, 6 * knots.first[e]), max(high, 6 * knots.first[e] + 24)
         o += 1
@@ -154,7 +154,7 @@ def _add_rows(m, o, count, weight, e, reduced, eliminated, rows):
 
 
 @part
-def _fill_by_rig(out, rows, camera, rho, rates, e):
+def fill_by_rig(out, rows, camera, rho, rates, e):
     """(2, RIG): the errors of the video camera by the unknowns of the rig."""
     for i in range(2):
         by_camera, by_rig = vector(rows.by_camera, i), vector(rows.by_rig, i)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ispom.kernels import kernel, part
-from ispom.solvers.spline.normal_equations import gain, spread_over_knots
-from ispom.solvers.spline.observation import RIG
+from ispom.solvers.spline.normal_equations import fill_by_rig, gain, spread_over_knots
+from ispom.solvers.spline.observation import MIN_DEPTH, RIG, empty_rows, linearise, placed
 
 
 @kernel()
@@ -44,6 +44,27 @@ def _subtract(left, mixed, step):
 def _multiply(left, block):
     """left (3,) becomes V^-1 left, V^-1 a symmetric block (3, 3)."""
     left[0], left[1], left[2] = gain(block, left[0], left[1], left[2])
+
+
+@kernel()
+def views_moved(moves, knots, observed, with_rig):
+    """(O, 3) how far observations move with their own points' `moves` (M, n) of spline and rig, the points held."""
+    out, rows, by_rig, pose = np.zeros((len(observed.owners), 3)), empty_rows(), np.empty((2, RIG)), np.empty(6)
+    for o in range(len(out)):
+        rig, camera = placed(observed, o)
+        if camera[2] > MIN_DEPTH:
+            e, step, pose[:] = observed.exposures[o], moves[observed.owners[o]], 0.0
+            _step_of_pose(pose, e, knots, step)
+            count = linearise(rows, observed, o, rig, camera)
+            for i in range(count):
+                out[o, i] = np.dot(rows.by_pose[i], pose)
+            if with_rig and observed.cameras[o] == 0:
+                fill_by_rig(by_rig, rows, camera, observed.points[observed.owners[o], 2], knots.rates, e)
+                for i in range(2):
+                    out[o, i] += np.dot(by_rig[i], step[6 * knots.count :])
+            for i in range(count):
+                out[o, i] /= observed.inverse_sigma[o, i]
+    return out
 
 
 @kernel()

@@ -58,7 +58,8 @@ def pose_covariance(
 
     Seen at (K, 2), weighed by errors `sigma` and a Cauchy loss of scale `loss` times that (normalised units), and off
     as far as they turn out to be (`Solution.as_far_off`), what is wrong with each point included. What all points
-    follow is led back to the unknowns of their window, so that it is counted jointly. Errors with covariance `shared`
+    follow is led back to the unknowns of their window, so that it is counted jointly; what a point says there and here
+    is mostly one error, and is squared together. Errors with covariance `shared`
     (S, S) move the observations by `moved` (K, 2, S), and the points by uncertainty.shared.
 
     The sandwich H^-1 S H^-1 (Huber 1967; White 1982), as in `window.groups`: H has the loss's own second derivatives,
@@ -81,7 +82,13 @@ def pose_covariance(
         r, t = rig_from_camera.rotation, rig_from_camera.translation
         of_rig[3:, :3], of_rig[:3, :3], of_rig[:3, 3:6] = r, np.cross(t, r.T).T, np.eye(3)
         turn[:, -RIG:] -= of_rig
-    found = inverse @ _scatter(seen, equations, inverse) @ inverse + turn @ uncertainty.parameters @ turn.T
+    moves = uncertainty.moves @ turn.T
+    # Slopes are those of the cost: the pose goes against them.
+    alone, *groups = [
+        by_group(int(of.max(initial=-1)) + 1, of, moves) - _without(of, equations, inverse) @ inverse
+        for of in (np.arange(len(seen)), *_neighbours(seen))
+    ]
+    found = turn @ uncertainty.parameters @ turn.T + widened(alone, groups) * alone.T @ alone - moves.T @ moves
     return found if shared is None else found + of_shared @ shared @ of_shared.T
 
 
@@ -124,11 +131,9 @@ def _is_minimum(information: Array) -> bool:
     return True
 
 
-def _scatter(seen: Array, equations: Equations, inverse: Array) -> Array:
-    """(6, 6) of the right side, by what points and groups of neighbours say."""
-    alone, groups = np.arange(len(seen)), [np.unique(numbers, return_inverse=True)[1] for numbers in cells(seen)]
-    said = _without(alone, equations, inverse)
-    return widened(said, [_without(group, equations, inverse) for group in groups]) * said.T @ said
+def _neighbours(seen: Array) -> list[NDArray[np.int64]]:
+    """Numbers (K,) of groups of neighbours, from 0 on."""
+    return [np.unique(numbers, return_inverse=True)[1] for numbers in cells(seen)]
 
 
 def _without(groups: NDArray[np.int64], equations: Equations, inverse: Array) -> Array:

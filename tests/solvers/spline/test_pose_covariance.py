@@ -53,7 +53,7 @@ def test_what_points_and_rig_do_to_a_pose_is_that_of_finite_differences() -> Non
         pulls.append(relocated(points, seen, model.moved(eps * np.eye(7)[k]).rig_from_video, pose) / eps)
     rows = np.zeros((len(points), 3, 3 + 7))
     rows[2, :, :3] = np.eye(3)
-    uncertainty = PointUncertainty(rows, np.eye(10), np.zeros((len(points), 3, 0)))
+    uncertainty = PointUncertainty(rows, np.eye(10), np.zeros((len(points), 3, 0)), np.zeros((len(points), 10)))
     covariance = pose_covariance(pose, RIG.rig_from_video, True, points, seen, 1e-9, 1e9, uncertainty)
     np.testing.assert_allclose(covariance, np.array(pulls).T @ np.array(pulls), rtol=1e-3, atol=1e-5)
 
@@ -63,7 +63,7 @@ def test_what_observations_share_does_to_a_pose_what_finite_differences_say() ->
     moved, follow = rng.normal(size=(len(points), 2, 1)), 0.1 * rng.normal(size=(len(points), 3, 1))
     values = points.values + eps * follow[:, :, 0]
     pull = relocated(replace(points, values=values), seen + eps * moved[:, :, 0], RIG.rig_from_video, pose) / eps
-    uncertainty = PointUncertainty(np.zeros((len(points), 3, 0)), np.zeros((0, 0)), follow)
+    uncertainty = PointUncertainty(np.zeros((len(points), 3, 0)), np.zeros((0, 0)), follow, np.zeros((len(points), 0)))
     covariance = pose_covariance(
         pose, RIG.rig_from_video, False, points, seen, 1e-9, 1e9, uncertainty, moved, np.array([[4.0]])
     )
@@ -74,7 +74,7 @@ def test_points_follow_the_spline_as_finite_differences_say() -> None:
     problem = problem_of(made_flight(0.5, 30))
     found = solve(replace(problem, loss=100.0), 20, 1e-12)
     chosen, held = np.arange(0, len(problem.points), 3), PosePrior(0, Pose(), HELD)
-    rows, eps = found.point_uncertainty(chosen, found.parameter_covariance(held)).sensitivity, 1e-5
+    rows, eps = found.point_uncertainty(chosen, *found.as_far_off(found.parameter_covariance(held))).sensitivity, 1e-5
 
     def wanted(knot: int, sign: int) -> Array:
         step = np.zeros(6 * len(problem.spline))
@@ -128,7 +128,7 @@ def test_observations_are_as_far_off_as_they_turn_out_to_be_whatever_their_weigh
     for claimed in (1.0, 3.0):
         weighed = replace(o, inverse_sigma=claimed * o.inverse_sigma)
         found = solve(replace(problem, observations=weighed, loss=50 * claimed, smoothness=(1e5, 1e5)), 20, 1e-12)
-        covariances.append(found.pose_covariance(e, found.as_far_off(found.parameter_covariance(held))))
+        covariances.append(found.pose_covariance(e, found.as_far_off(found.parameter_covariance(held))[0]))
         if claimed == 1.0:
             by_weights = found.pose_covariance(e, found.parameter_covariance(held))
             assert np.trace(covariances[0] @ np.linalg.inv(by_weights)) / 6 == pytest.approx(1.0, abs=0.35)
@@ -158,7 +158,7 @@ def held_out(seed: int, claimed: float = 1.0, walk_px: float = 0.0) -> float:
     points = AnchoredPoints(points.anchors_r[chosen], points.anchors_t[chosen], points.values[chosen])
     reference = Pose(found.sampled.rotations[pair], found.sampled.positions[pair])
     parameters = found.parameter_covariance(PosePrior(pair, reference, HELD))
-    uncertainty = found.point_uncertainty(chosen, found.as_far_off(parameters))
+    uncertainty = found.point_uncertainty(chosen, *found.as_far_off(parameters))
     seen, sigma = o.seen[mine][:, :2], 0.3 / RIG.camera("video").fx / claimed
     guess = Pose(found.sampled.rotations[last], found.sampled.positions[last])
     located = refine_pose(
@@ -192,7 +192,7 @@ def test_a_pose_is_as_far_off_as_the_errors_put_it(alike: bool, loss: float) -> 
     """Where they are independent, where the loss is no wider than they are, and where neighbours share them."""
     pose, points, exact = scene(150)
     camera_from_world, nees = (pose @ RIG.rig_from_video).inverse(), list[float]()
-    of_nothing = PointUncertainty(np.zeros((150, 3, 0)), np.zeros((0, 0)), np.zeros((150, 3, 0)))
+    of_nothing = PointUncertainty(np.zeros((150, 3, 0)), np.zeros((0, 0)), np.zeros((150, 3, 0)), np.zeros((150, 0)))
     _, patch = np.unique(np.floor(exact / 0.1).astype(int), axis=0, return_inverse=True)
     for seed in range(60):
         errors = NOISE * np.random.default_rng(seed).normal(size=exact.shape)
@@ -210,7 +210,7 @@ def test_a_pose_is_as_far_off_as_the_errors_put_it(alike: bool, loss: float) -> 
 def test_where_the_loss_is_no_minimum_weights_are_held() -> None:
     (pose, points, exact), rng = scene(9), np.random.default_rng(0)
     seen = exact + 0.1 * rng.normal(size=exact.shape)
-    nothing = PointUncertainty(np.zeros((9, 3, 0)), np.zeros((0, 0)), np.zeros((9, 3, 0)))
+    nothing = PointUncertainty(np.zeros((9, 3, 0)), np.zeros((0, 0)), np.zeros((9, 3, 0)), np.zeros((9, 0)))
     covariance = pose_covariance(pose, RIG.rig_from_video, False, points, seen, NOISE, 1.0, nothing)
     assert np.isfinite(covariance).all() and (np.linalg.eigvalsh(covariance) > 0).all()
 
@@ -223,3 +223,17 @@ def test_what_was_never_seen_has_a_large_variance_and_a_finite_one() -> None:
     found = covariance_of(unseen)
     np.testing.assert_allclose(found[:6, :6], np.linalg.inv(seen.T @ seen), rtol=1e-4)
     assert (found.diagonal()[6:] > 1e5).all() and (found.diagonal()[6:] < 1e7).all()
+
+
+def test_a_point_left_out_moves_the_spline_as_it_says() -> None:
+    problem = replace(problem_of(made_flight(0.5, 80), noise_px=0.3), loss=50.0)
+    found, o, e = solve(problem, 30, 1e-14), problem.observations, len(problem.times_s) - 1
+    _, moves = found.as_far_off(found.parameter_covariance(problem.prior))
+    jacobian = found.sampled.jacobian(e, len(problem.spline))[3:]
+    for point in range(0, len(problem.points), 16):
+        kept = o.owner != point
+        rest = {n: getattr(o, n)[kept] for n in ("exposure", "camera", "owner", "seen", "inverse_sigma")}
+        without = solve(replace(found.problem, observations=replace(o, **rest)), 30, 1e-14)
+        off = found.sampled.positions[e] - without.sampled.positions[e]
+        told = jacobian @ moves[point, : jacobian.shape[1]]
+        np.testing.assert_allclose(told, off, rtol=0, atol=0.12 * np.linalg.norm(off))

@@ -124,7 +124,7 @@ def _reference(
     here = place[time_ns]
     pose = window.views[here].world_from_rig
     weighed = solution.parameter_covariance(PosePrior(here, pose, np.eye(6) * HELD))
-    parameters = solution.as_far_off(weighed)
+    parameters, moves = solution.as_far_off(weighed)
     by_spline, by_points = solution.follows(_moved_by_lens(solution), weighed)
     lens = np.zeros((LENS, LENS)) if window.lens_covariance is None else window.lens_covariance
     together = parameters + by_spline @ lens @ by_spline.T
@@ -136,7 +136,7 @@ def _reference(
         there = place.get(before.time_ns, 0)
         carry = (pose.inverse() @ window.views[there].world_from_rig).adjoint
         drift = carry @ (before.drift + solution.pose_covariance(there, together)) @ carry.T
-    points = replace(solution.point_uncertainty(chosen, parameters), shared=by_points[chosen])
+    points = replace(solution.point_uncertainty(chosen, parameters, moves), shared=by_points[chosen])
     newest = solution.pose_covariance(len(window.views) - 1, together)
     return Reference(time_ns, pose, window.table.ids[used[chosen]], points, newest, drift), weighed
 
