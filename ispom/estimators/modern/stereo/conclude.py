@@ -13,7 +13,7 @@ from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
-from ispom.estimators.modern.stereo.window import newest_covariance, variance_factor
+from ispom.estimators.modern.stereo.window import KeyFrame, newest_covariance, with_pair
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
@@ -43,7 +43,7 @@ def next_state(
         now.pose,
         Pose() if unknown else now.pose @ last.left_from_world.inverse(),
         0.0 if unknown else (new.time_ns - last.time_ns) * 1e-9,
-        _covariance(setup, state, now.pose, sighting, is_key),
+        _covariance(setup, state, now, sighting, is_key),
     )
     relative = (new.time_ns, newest.time_ns, now.pose @ newest.left_from_world.inverse())
     places = _with_place(setup, state, now) if is_key else state.places
@@ -57,14 +57,14 @@ def _with_place(setup: Setup, state: ModernStereoState, now: Current) -> Places:
     return state.places.revised({k.time_ns: k.left_from_world for k in state.map.keys}).with_place(place)
 
 
-def _covariance(setup: Setup, state: ModernStereoState, pose: Pose, sighting: Sighting, is_key: bool) -> Array | None:
-    """(6, 6) of left_from_world's left twist: the newest key frame's, and the way from there."""
-    of_key = newest_covariance(state.map)
-    if of_key is None or is_key or sighting.located is None:
-        return of_key
-    way = (pose @ state.map.keys[-1].left_from_world.inverse()).adjoint
-    own = variance_factor(state.map, setup.loss) * np.linalg.inv(sighting.located.information)
-    return way @ of_key @ way.T + own
+def _covariance(setup: Setup, state: ModernStereoState, now: Current, sighting: Sighting, is_key: bool) -> Array | None:
+    """(6, 6) of left_from_world's left twist."""
+    world, points = state.map, now.points
+    if not is_key and sighting.located is not None and world.newest is not None:
+        seen = points.seen_by(setup.camera)
+        pair = KeyFrame(now.new.time_ns, now.pose, points.ids, seen, now.motion, points.slants, setup.shutter)
+        world = with_pair(world, pair, setup.baseline_m, setup.extra_sigma, setup.loss)
+    return newest_covariance(world)
 
 
 def as_step(setup: Setup, exposure: StereoPair, outcome: Outcome) -> Step:
