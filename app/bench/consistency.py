@@ -55,10 +55,14 @@ are estimated in."""
 
 SELF_CALIBRATING = "monocular", "stereo"
 """Methods that correct their cameras; `integrated` takes over what these find."""
-KNOWN = {"held": "exact cameras, held", "drawn": "cameras off by what the settings allow for"}
-"""What is known of the cameras is true in both, as NEES asks for: that they are what the rig says, or that they are off
-by as much as the deviations of the settings, each seed otherwise. With exact ones that are not held, covariances would
-be too wide for all seeds alike."""
+KNOWN = {
+    "held": "exact cameras, held",
+    "drawn": "cameras off by what the settings allow for",
+    "exact": "exact cameras, corrected all the same",
+}
+"""What is known of the cameras is true in the first two, as NEES asks for: that they are what the rig says, or that they
+are off by as much as the deviations of the settings, each seed otherwise. In the last one they are better than that, as
+those of a good calibration are: there covariances are wider than errors."""
 
 
 def measured(method: str, scene: str, cameras: str, seeds: int, folder: Path) -> dict[str, Any]:
