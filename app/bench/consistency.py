@@ -60,9 +60,9 @@ KNOWN = {
     "drawn": "cameras off by what the settings allow for",
     "exact": "exact cameras, corrected all the same",
 }
-"""What is known of the cameras is true in the first two, as NEES asks for: that they are what the rig says, or that they
-are off by as much as the deviations of the settings, each seed otherwise. In the last one they are better than that, as
-those of a good calibration are: there covariances are wider than errors."""
+"""What is known of the cameras is true in the first two, as NEES asks for: that they are what the rig says, or that
+they are off by as much as the deviations of the settings, each seed otherwise. In the last one they are better than
+that, as those of a good calibration are: there covariances are wider than errors."""
 
 
 def measured(method: str, scene: str, cameras: str, seeds: int, folder: Path) -> dict[str, Any]:

@@ -32,6 +32,9 @@ def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) ->
     way = reference.newest if view.smoothed is not None else _resected_covariance(setup.noise, state, view)
     if base is None or way is None:
         return None
+    if view.information is not None:
+        # The reference lies on the spline, which does not follow all that the rig does.
+        way = way + window.strays * np.linalg.inv(view.information)
     carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
     return carry @ base @ carry.T + way + _drift(window, view, reference)
 

@@ -67,8 +67,9 @@ def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[
         chosen, misfit = USUAL_KNOT_FRAMES, 0.0
     # A window has one spacing: that of its liveliest part.
     knots = (*window.knots, chosen)[1 - len(window.pairs) :]
+    strays = 0.0 if located is None else spline_error(located, window, min(knots), frame_s)
     because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", for the motion before")
-    return replace(window, knots=knots), checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
+    return replace(window, knots=knots, strays=strays), checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
 
 
 def spline_misfit(located: Located, spacing_s: float) -> float | None:
@@ -83,6 +84,16 @@ def spline_misfit(located: Located, spacing_s: float) -> float | None:
     spline = fitted(times, located.rotations, located.positions, spacing_s)
     off = misfits(spline, times, located.rotations, located.positions)[new]
     return float(np.einsum("ei,eij,ej->", off, located.information, off)) / (6 * float(freedom))
+
+
+def spline_error(located: Located, window: JointWindow, frames: float, frame_s: float) -> float:
+    """Mean square of how far a spline with knots so many frames apart passes beside these poses, but for their noise,
+    in their variances: what it does more than one with the next denser knots. Each knot took a share with it."""
+    denser = max((f for f in KNOT_FRAMES if f < frames), default=None)
+    if denser is None:
+        return 0.0
+    own, noise = (spline_misfit(located, knot_spacing_s(window, f, frame_s)) for f in (frames, denser))
+    return 0.0 if own is None or noise is None else max(own - noise, 0.0) * (1 - 1 / frames)
 
 
 def dense_frames(window: JointWindow, frames: float, frame_s: float) -> float:
