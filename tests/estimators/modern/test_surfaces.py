@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ispom.estimators.modern.monocular.surfaces import HELD, REACH, slopes
+from ispom.estimators.modern.monocular.surfaces import REACH, slopes
 from ispom.frontends.patches import warps_of
 from ispom.geometry import Array, Pose
 from ispom.types import Camera
@@ -24,7 +24,8 @@ def test_of_one_plane_the_slope_is_its_own(slope: tuple[float, float], nearness:
     found = slopes(xy, nearness * (1 + xy @ slope))
     inner = np.abs(xy).max(axis=1) < 0.4 - REACH / 2
     off = np.abs(found[inner] - nearness * np.array(slope)) / nearness
-    assert np.percentile(off, 90) <= 8 * HELD * np.abs(slope).max() + 1e-12, "but for a few with hardly any neighbours"
+    assert np.percentile(off, 90) <= 0.3 * np.abs(slope).max() + 1e-12, "but for a few with hardly any neighbours"
+    assert np.median(off) <= 0.15 * np.abs(slope).max() + 1e-12
 
 
 def test_another_surface_beside_it_is_left_out() -> None:
@@ -41,7 +42,7 @@ def test_alone_or_along_a_line_nothing_is_made_up() -> None:
     assert slopes(np.zeros((0, 2)), np.zeros(0)).shape == (0, 2)
     line = np.column_stack([np.linspace(-0.05, 0.05, 9), np.zeros(9)])
     found = slopes(line, 0.5 + 0.4 * line[:, 0])
-    np.testing.assert_allclose(found[4], (0.4, 0.0), atol=0.02)
+    assert found[4, 0] == pytest.approx(0.4, abs=0.08) and not found[:, 1].any()
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (0.1, 0.55)])

@@ -14,11 +14,12 @@ REACH = 0.08
 """[rad] How far neighbours count: some ten of the tracks of one image, and less than the side of a house."""
 LIKE = 0.02
 """Share of its inverse depth by which a neighbour off the plane counts half: another surface is off by more."""
-STEPS = 6
-"""Of the weights, after which each neighbour counts by how far it is off the plane of those before; all alike first."""
-HELD = 0.01
-"""A slope as large as the inverse depth is held back like this, by the weight of the nearest neighbours: what three
-points on one line leave open stays 0."""
+STEPS = 4
+"""Of the weights: each neighbour counts by how far it was off the plane before."""
+HELD = 0.05
+"""What a slope is held back by, times the weight of a neighbour at the rim: it keeps nine tenths of itself by ten
+neighbours, and where three lie along a line nothing is made up across it. With 0.02 to 0.15 KITTI 06 is 16 to 19 mm off,
+and KITTI 00 0.16 to 0.21 m."""
 
 
 def slopes(xy: Array, inverse: Array) -> Array:
@@ -40,12 +41,12 @@ def _slopes(xy, inverse):
                 weights[count] = (1.0 - far) * (1.0 - far)
                 count += 1
         a, b, held = 0.0, 0.0, HELD * REACH * REACH
-        for step in range(STEPS):
+        for _ in range(STEPS):
             xx, xy_, yy, p, q = held, 0.0, held, 0.0, 0.0
             for k in range(count):
                 dx, dy, off = near[k, 0], near[k, 1], near[k, 2]
                 left = (off - a * dx - b * dy) * scale
-                w = weights[k] / (1.0 + left * left) if step > 0 else weights[k]
+                w = weights[k] / (1.0 + left * left)
                 xx += w * dx * dx
                 xy_ += w * dx * dy
                 yy += w * dy * dy
