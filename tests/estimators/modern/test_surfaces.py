@@ -24,8 +24,8 @@ def test_of_one_plane_the_slope_is_its_own(slope: tuple[float, float], nearness:
     found = slopes(xy, nearness * (1 + xy @ slope))
     inner = np.abs(xy).max(axis=1) < 0.4 - REACH / 2
     off = np.abs(found[inner] - nearness * np.array(slope)) / nearness
-    assert np.percentile(off, 90) <= 0.3 * np.abs(slope).max() + 1e-12, "but for a few with hardly any neighbours"
-    assert np.median(off) <= 0.15 * np.abs(slope).max() + 1e-12
+    assert np.percentile(off, 90) <= 0.4 * np.abs(slope).max() + 1e-12, "but for a few with hardly any neighbours"
+    assert np.median(off) <= 0.2 * np.abs(slope).max() + 1e-12
 
 
 def test_another_surface_beside_it_is_left_out() -> None:

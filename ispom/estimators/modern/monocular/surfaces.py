@@ -18,8 +18,8 @@ STEPS = 4
 """Of the weights: each neighbour counts by how far it was off the plane before."""
 HELD = 0.05
 """What a slope is held back by, times the weight of a neighbour at the rim: it keeps nine tenths of itself by ten
-neighbours, and where three lie along a line nothing is made up across it. With 0.02 to 0.15 KITTI 06 is 16 to 19 mm off,
-and KITTI 00 0.16 to 0.21 m."""
+neighbours, and where three lie along a line nothing is made up across it. With 0.02 to 0.15 KITTI 06 is 16 to 19 mm
+off, and KITTI 00 0.16 to 0.21 m."""
 
 
 def slopes(xy: Array, inverse: Array) -> Array:
