@@ -11,7 +11,7 @@ quarter too much.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from ispom.estimators.modern.monocular.unplaced import Unplaced
 from ispom.geometry import Array
 from ispom.numerics.reprojection import reprojected
 from ispom.solvers.motion_only import PoseFit
-from ispom.solvers.neighbours import left_open
 from ispom.solvers.window.adjustment import Window
 from ispom.solvers.window.prior import LENS, POSE
 
@@ -41,8 +40,6 @@ class MapUncertainty:
     """(M, 3, D) how each point moves with poses and camera."""
     spread: Spread
     """Of these; `pulls` (M, D) are those of the tracks of the points."""
-    shared: float
-    """Tracks pull together so many times as much as each by itself."""
     pose: Array
     """(6, 6) covariance of the last key frame's pose, twist on the right of world_from_camera."""
     scale_sigma: float
@@ -65,8 +62,7 @@ class MapUncertainty:
             key_times_ns,
             ids[young],
             -(curved.found.conditional[young] @ curved.found.mixed[young]),
-            Spread(spread.root, spread.pulls[young]),
-            shared,
+            replace(spread, pulls=spread.pulls[young]),
             all_poses[last, last],
             *_of_steps(window, all_poses),
         )
@@ -114,9 +110,8 @@ class MapUncertainty:
         own = _inverse(held, 2 / scale**2 * slopes.T @ slopes)
         # Six of the errors' degrees of freedom went into the pose.
         slopes /= np.sqrt(max(1 - POSE / (n + len(slopes)), LEAST_SHARE))
-        both, of_map, said = slopes.T @ pulls @ follow.T, follow @ self.spread.root, slopes + pulls @ follow.T
-        open_ = (left_open(said, self.shared) - 1) * said.T @ said
-        return own @ (of_map @ of_map.T + self.shared * (slopes.T @ slopes + both + both.T + open_)) @ own
+        both, of_map = slopes.T @ pulls @ follow.T, follow @ self.spread.root
+        return own @ (of_map @ of_map.T + self.spread.wider * (slopes.T @ slopes + both + both.T)) @ own
 
 
 def _inverse(held: Array, bent: Array) -> Array:

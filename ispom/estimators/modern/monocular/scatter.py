@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispom.geometry import Array
+from ispom.solvers.neighbours import left_open
 from ispom.solvers.window.adjustment import Equations, Window
 from ispom.solvers.window.curvature import Curved, curved, left_out
 from ispom.solvers.window.observation import Observed
@@ -32,6 +33,8 @@ class Spread:
     """(D, D) how they move with D independent unit errors: times itself transposed it is their covariance."""
     pulls: Array
     """(M, D) how each track moves them, with all its errors."""
+    wider: float
+    """How many times as much as each by itself tracks move them together, by what they share and leave open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +60,12 @@ class Curvature:
         """With the window's prior; tracks pull together `shared` times as much as each by itself."""
         root, middle = self._factors(sigma)
         inverse = root.T @ middle @ root
-        scores = self.left_out(inverse)
-        scatter = self._scatter(scores, shared)
+        scores, last = self.left_out(inverse), POSE * len(self.window.rotations)
+        wider = shared * left_open(scores @ inverse[:, last - POSE : last], shared)
+        scatter = self._scatter(scores, wider)
         # By the normal equations: beside what is held, 1e12 times as sure, the digits of all else would be lost.
         values, vectors = np.linalg.eigh(root @ scatter @ root.T)
-        return Spread(root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0))), -scores @ inverse)
+        return Spread(root.T @ middle @ (vectors * np.sqrt(np.maximum(values, 0.0))), -scores @ inverse, wider)
 
     def inverse(self, sigma: float) -> Array:
         """(D, D) of the second derivatives, those of the window's prior included."""
