@@ -94,7 +94,8 @@ def _aligned(
 ) -> tuple[Array, Array]:
     """`patches.align` of points (N,) with patches of several images: `origin` (N,) says which."""
     order = np.argsort(origin, kind="stable")
-    of, origin_uv, expected, warps, bends = (v[order] for v in (origin, origin_uv, expected, warps, bends))
+    of, origin_uv, expected = origin[order], origin_uv[order], expected[order]
+    warps, bends = warps[order], bends[order]
     found, score = np.empty((len(order), 2)), np.empty(len(order))
     ends = np.searchsorted(of, np.arange(len(images)), "right").tolist()
     for image, begin, end in zip(images, [0, *ends], ends, strict=False):
