@@ -57,11 +57,13 @@ def views_moved(moves, knots, observed, with_rig):
             _step_of_pose(pose, e, knots, step)
             count = linearise(rows, observed, o, rig, camera)
             for i in range(count):
-                out[o, i] = np.dot(rows.by_pose[i], pose)
+                for k in range(6):
+                    out[o, i] += rows.by_pose[i, k] * pose[k]
             if with_rig and observed.cameras[o] == 0:
                 fill_by_rig(by_rig, rows, camera, observed.points[observed.owners[o], 2], knots.rates, e)
                 for i in range(2):
-                    out[o, i] += np.dot(by_rig[i], step[6 * knots.count :])
+                    for k in range(RIG):
+                        out[o, i] += by_rig[i, k] * step[6 * knots.count + k]
             for i in range(count):
                 out[o, i] /= observed.inverse_sigma[o, i]
     return out

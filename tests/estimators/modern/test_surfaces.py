@@ -18,10 +18,15 @@ def spread(count: int, seed: int = 0) -> Array:
     return np.random.default_rng(seed).uniform(-0.4, 0.4, (count, 2))
 
 
+def points(xy: Array, inverse: Array) -> Array:
+    """(N, 3) at normalised places and inverse depths."""
+    return np.column_stack([xy, np.ones(len(xy))]) / inverse[:, None]
+
+
 @given(st.tuples(*[st.floats(-0.5, 0.5)] * 2), st.floats(0.01, 10.0))
 def test_of_one_plane_the_slope_is_its_own(slope: tuple[float, float], nearness: float) -> None:
     xy = spread(300)
-    found = slopes(xy, nearness * (1 + xy @ slope))
+    found = slopes(points(xy, nearness * (1 + xy @ slope)))
     inner = np.abs(xy).max(axis=1) < 0.4 - REACH / 2
     off = np.abs(found[inner] - nearness * np.array(slope)) / nearness
     assert np.percentile(off, 90) <= 0.4 * np.abs(slope).max() + 1e-12, "but for a few with hardly any neighbours"
@@ -32,16 +37,24 @@ def test_another_surface_beside_it_is_left_out() -> None:
     xy = spread(500, 1)
     left = xy[:, 0] < 0
     inverse = np.where(left, 0.5 + 0.3 * xy[:, 1], 0.2 - 0.1 * xy[:, 0])
-    found, at_edge = slopes(xy, inverse), np.abs(xy[:, 0]) < REACH / 2
+    found, at_edge = slopes(points(xy, inverse)), np.abs(xy[:, 0]) < REACH / 2
     assert np.median(np.abs(found[left & at_edge] - (0.0, 0.3)).max(axis=1)) < 0.05
     assert np.median(np.abs(found[~left & at_edge] - (-0.1, 0.0)).max(axis=1)) < 0.03
 
 
+def test_what_is_not_in_front_says_nothing() -> None:
+    front = points(spread(300), 0.5 + 0.2 * spread(300)[:, 0])
+    for behind in (-front, np.zeros((300, 3)), np.full((300, 3), np.nan)):
+        found = slopes(np.vstack([front, behind]))
+        np.testing.assert_array_equal(found[:300], slopes(front))
+        assert not found[300:].any()
+
+
 def test_alone_or_along_a_line_nothing_is_made_up() -> None:
-    assert not slopes(np.array([[0.1, 0.2]]), np.array([0.5])).any()
-    assert slopes(np.zeros((0, 2)), np.zeros(0)).shape == (0, 2)
+    assert not slopes(np.array([[0.2, 0.4, 2.0]])).any()
+    assert slopes(np.zeros((0, 3))).shape == (0, 2)
     line = np.column_stack([np.linspace(-0.05, 0.05, 9), np.zeros(9)])
-    found = slopes(line, 0.5 + 0.4 * line[:, 0])
+    found = slopes(points(line, 0.5 + 0.4 * line[:, 0]))
     assert found[4, 0] == pytest.approx(0.4, abs=0.08) and not found[:, 1].any()
 
 

@@ -34,7 +34,7 @@ def newest_covariance(setup: Setup, state: ModernIntegratedState, part: Step) ->
         return None
     if view.information is not None:
         # The reference lies on the spline, which does not follow all that the rig does.
-        way = way + window.strays * np.linalg.inv(view.information)
+        way = way + window.spline_error * np.linalg.inv(view.information)
     carry = (view.world_from_rig.inverse() @ reference.world_from_rig).adjoint
     return carry @ base @ carry.T + way + _drift(window, view, reference)
 

@@ -50,8 +50,8 @@ class JointWindow:
     """Whether views have left it."""
     knots: tuple[float, ...] = ()
     """Video frames from one knot to the next, as chosen after each pair in it but the first."""
-    strays: float = 0.0
-    """How far their spline passes beside a pose: see knots.spline_error."""
+    spline_error: float = 0.0
+    """How far their spline passes beside a pose, see knots.spline_error."""
     reference: Reference | None = None
     """Of the last adjustment."""
 

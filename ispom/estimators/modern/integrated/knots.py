@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +59,13 @@ class Located:
 def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[JointWindow, Decision]:
     """With the coarsest knots, in frames, that the poses since the last adjustment lie near enough to; and why."""
     chosen, misfit, located = KNOT_FRAMES[-1], None, Located.of(window)
+
+    @cache
+    def misfit_of(frames: float) -> float | None:
+        return None if located is None else spline_misfit(located, knot_spacing_s(window, frames, frame_s))
+
     for frames in KNOT_FRAMES[:-1]:
-        found = None if located is None else spline_misfit(located, knot_spacing_s(window, frames, frame_s))
+        found = misfit_of(frames)
         misfit = misfit if found is None else found
         if found is not None and found <= max_misfit:
             chosen = frames
@@ -67,9 +74,9 @@ def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[
         chosen, misfit = USUAL_KNOT_FRAMES, 0.0
     # A window has one spacing: that of its liveliest part.
     knots = (*window.knots, chosen)[1 - len(window.pairs) :]
-    strays = 0.0 if located is None else spline_error(located, window, min(knots), frame_s)
     because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", for the motion before")
-    return replace(window, knots=knots, strays=strays), checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
+    window = replace(window, knots=knots, spline_error=spline_error(misfit_of, min(knots)))
+    return window, checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
 
 
 def spline_misfit(located: Located, spacing_s: float) -> float | None:
@@ -86,13 +93,16 @@ def spline_misfit(located: Located, spacing_s: float) -> float | None:
     return float(np.einsum("ei,eij,ej->", off, located.information, off)) / (6 * float(freedom))
 
 
-def spline_error(located: Located, window: JointWindow, frames: float, frame_s: float) -> float:
-    """Mean square of how far a spline with knots so many frames apart passes beside these poses, but for their noise,
-    in their variances: what it does more than one with the next denser knots. Each knot took a share with it."""
+def spline_error(misfit_of: Callable[[float], float | None], frames: float) -> float:
+    """Mean square of how far a spline with knots so many frames apart passes beside poses, but for their noise, in
+    their variances: what its misfit is larger by than with the next denser knots. Each knot took a share with it.
+
+    `misfit_of` that many frames: see spline_misfit.
+    """
     denser = max((f for f in KNOT_FRAMES if f < frames), default=None)
     if denser is None:
         return 0.0
-    own, noise = (spline_misfit(located, knot_spacing_s(window, f, frame_s)) for f in (frames, denser))
+    own, noise = misfit_of(frames), misfit_of(denser)
     return 0.0 if own is None or noise is None else max(own - noise, 0.0) * (1 - 1 / frames)
 
 

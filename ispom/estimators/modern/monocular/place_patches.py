@@ -31,8 +31,7 @@ def patches_found(
     and which (N,) it has. `near` (N, 3): their points in the image's camera; `reduction`: its pixels per the camera's.
     """
     turn, way = place_from_camera.rotation[None], place_from_camera.translation[None]
-    slant = slopes(near[:, :2] / near[:, 2:], 1 / near[:, 2])
-    warps, bends = warps_of(lens.camera, turn, way, near, slant)
+    warps, bends = warps_of(lens.camera, turn, way, near, slopes(near))
     warps, bends = place.reduction / reduction * warps, bends / reduction
     start = (expected + 0.5) * reduction - 0.5
     found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends)

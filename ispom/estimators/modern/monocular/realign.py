@@ -56,8 +56,7 @@ def realigned(
     if len(mine):
         turns, ways = _motions(tuple(origins[time_ns] for time_ns, _ in usable), pose)
         xyz = in_camera[mine]
-        slant = slopes(xyz[:, :2] / xyz[:, 2:], 1 / xyz[:, 2])
-        warps, bends = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], xyz, slant)
+        warps, bends = warps_of(lens.camera, turns[origin[mine]], ways[origin[mine]], xyz, slopes(xyz))
         area = np.abs(warps[:, 0, 0] * warps[:, 1, 1] - warps[:, 0, 1] * warps[:, 1, 0])
         fit = (area > MIN_WARP) & (area < MAX_WARP)
         mine, warps, bends = mine[fit], warps[fit], bends[fit]

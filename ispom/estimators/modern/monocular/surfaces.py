@@ -21,23 +21,33 @@ HELD = 0.05
 neighbours, and where three lie along a line nothing is made up across it. With 0.02 to 0.15 KITTI 06 is 16 to 19 mm
 off, and KITTI 00 0.16 to 0.21 m."""
 
+NEAREST = 1e-6
+"""[m, or the map's unit] Points nearer than that, or behind, are none in front of the camera."""
 
-def slopes(xy: Array, inverse: Array) -> Array:
-    """(N, 2) change of the inverse depth (N,) over the image around each of the points at normalised places (N, 2)."""
-    return _slopes(np.ascontiguousarray(xy), np.ascontiguousarray(inverse))
+
+def slopes(xyz: Array) -> Array:
+    """(N, 2) change of the inverse depth over the normalised image around each of points (N, 3) in the camera; 0 of
+    those that are not in front."""
+    return _slopes(np.ascontiguousarray(xyz))
 
 
 @kernel()
-def _slopes(xy, inverse):
-    n, out = len(xy), np.zeros((len(xy), 2))
-    near, weights = np.empty((n, 3)), np.empty(n)
+def _slopes(xyz):
+    n, out = len(xyz), np.zeros((len(xyz), 2))
+    places, near, weights = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
     for i in range(n):
-        count, scale = 0, 1 / (LIKE * inverse[i])
+        places[i, 2] = 1 / xyz[i, 2] if xyz[i, 2] > NEAREST else 0.0
+        places[i, 0], places[i, 1] = xyz[i, 0] * places[i, 2], xyz[i, 1] * places[i, 2]
+    for i in range(n):
+        inverse, count = places[i, 2], 0
+        if inverse == 0.0:
+            continue
+        scale = 1 / (LIKE * inverse)
         for j in range(n):
-            dx, dy = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            dx, dy = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1]
             far = (dx * dx + dy * dy) / (REACH * REACH)
-            if far < 1.0 and j != i:
-                near[count, 0], near[count, 1], near[count, 2] = dx, dy, inverse[j] - inverse[i]
+            if far < 1.0 and j != i and places[j, 2] > 0.0:
+                near[count, 0], near[count, 1], near[count, 2] = dx, dy, places[j, 2] - inverse
                 weights[count] = (1.0 - far) * (1.0 - far)
                 count += 1
         a, b, held = 0.0, 0.0, HELD * REACH * REACH

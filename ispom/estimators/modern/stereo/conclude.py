@@ -13,7 +13,7 @@ from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
-from ispom.estimators.modern.stereo.window import KeyFrame, newest_covariance, with_pair
+from ispom.estimators.modern.stereo.window import newest_covariance, with_pair
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
@@ -59,10 +59,9 @@ def _with_place(setup: Setup, state: ModernStereoState, now: Current) -> Places:
 
 def _covariance(setup: Setup, state: ModernStereoState, now: Current, sighting: Sighting, is_key: bool) -> Array | None:
     """(6, 6) of left_from_world's left twist."""
-    world, points = state.map, now.points
+    world = state.map
     if not is_key and sighting.located is not None and world.newest is not None:
-        seen = points.seen_by(setup.camera)
-        pair = KeyFrame(now.new.time_ns, now.pose, points.ids, seen, now.motion, points.slants, setup.shutter)
+        pair = now.as_key(setup, now.points)
         world = with_pair(world, pair, setup.baseline_m, setup.extra_sigma, setup.loss)
     return newest_covariance(world)
 

@@ -74,6 +74,11 @@ class Current:
             motion = steady(twist_of(way) / ((new.time_ns - last.time_ns) * 1e-9))
         return Current(new, pose, sighting.alive(last.points), motion)
 
+    def as_key(self, setup: Setup, points: PairPoints) -> KeyFrame:
+        """With these points, as they are in the pair."""
+        seen = points.seen_by(setup.camera)
+        return KeyFrame(self.new.time_ns, self.pose, points.ids, seen, self.motion, points.slants, setup.shutter)
+
 
 def key_frame_tests(setup: Setup, world: StereoMap, points: PairPoints) -> tuple[Decision, ...]:
     """Large displacement, or too few of the last key frame's points left: each makes a key frame; none, the first."""
@@ -124,8 +129,7 @@ def extended(
     The adjustment knows nothing of points seen once: the fresh ones are placed by the pose and the pair that it found.
     """
     points, world = PairPoints.joined(now.points, fresh), state.map
-    seen, time_ns = points.seen_by(setup.camera), now.new.time_ns
-    key = KeyFrame(time_ns, now.pose, points.ids, seen, now.motion, points.slants, setup.shutter)
+    key = now.as_key(setup, points)
     predicted = None
     if not world.keys and state.last.left is not None:
         predicted = state.last.predicted_covariance(now.new.time_ns, setup.baseline_m)
