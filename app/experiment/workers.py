@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+from contextlib import suppress
 from typing import Any
 
 from ispom.child import Child
@@ -63,8 +64,9 @@ class Workers:
         }
         task = {"address": self.cluster.scheduler_address, "name": f"worker-{n}-{child.pid}", "keys": keys}
         task |= {"memory_gb": self._memory_gb, "path": sys.path}
-        child.requests.write(json.dumps(task).encode() + b"\n")
-        child.requests.flush()
+        with suppress(OSError):  # it has ended already: `keep` finds out, and says why
+            child.requests.write(json.dumps(task).encode() + b"\n")
+            child.requests.flush()
         return child
 
     def _cause(self, child: Child) -> str:

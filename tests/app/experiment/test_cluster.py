@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -13,6 +13,7 @@ from ispom_app.experiment import cluster, workers
 from ispom_app.experiment.cluster import ATTEMPTS
 from ispom_app.experiment.results import TIMES, by_plan
 
+from ispom.child import Child
 from ispom.errors import InputError
 from tests.app.experiment import made
 
@@ -43,6 +44,20 @@ def test_a_run_that_takes_too_much_memory_is_a_row_that_says_so(tmp_path: Path) 
 def test_workers_that_do_not_start_end_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(workers, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
     with pytest.raises(InputError, match=r"the workers do not live: one ended with exit code 1 \(no such module\)"):
+        rows(tmp_path, made.quick, count=1, seeds=(0,))
+
+
+def test_one_that_ends_before_it_is_told_its_task_is_one_that_does_not_live(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class Ended(Child):
+        def __init__(self, command: list[str], environment: Mapping[str, str] | None = None) -> None:
+            super().__init__(command, environment)
+            assert self.wait(60)
+
+    monkeypatch.setattr(workers, "Child", Ended)
+    monkeypatch.setattr(workers, "COMMAND", [sys.executable, "-c", "raise SystemExit('no such module')"])
+    with pytest.raises(InputError, match="the workers do not live: one ended with exit code 1"):
         rows(tmp_path, made.quick, count=1, seeds=(0,))
 
 
