@@ -25,7 +25,7 @@ class Bench:
     """Measure the building blocks, too: bundle adjustment of a window, rendering, logging, opening."""
     consistency: bool = False
     """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of
-    three simulations: with exact cameras that are held, and with ones that are off by what the methods allow for."""
+    three simulations: with exact cameras, and with ones that are off by what the methods allow for."""
     seeds: int = 20
     """Number of seeds for --consistency and --loops."""
     gaps: bool = False

@@ -119,9 +119,9 @@ def adjustment_of(config: Any, scene: Scene) -> Adjustment:
     """What a method of these settings corrects in its own cameras, and over how many key frames."""
     match config:
         case ModernStereoConfig():
-            sigmas = config.pair_sigma(scene.rig.camera("left").fx)
+            sigmas = config.pair_sigma(scene.rig.camera("left").fx, scene.rig.pair_sigma)
             return Adjustment(tuple(sigmas.tolist()), config.loss_px, config.window)
         case ModernMonocularConfig():
-            sigmas = LOSS * config.lens_sigma()
+            sigmas = LOSS * config.lens_sigma(scene.rig.video_sigma)
             return Adjustment(tuple(sigmas.tolist()), LOSS * config.noise_px, config.key_frames)
     return Adjustment((0.0,) * (PAIR if scene.is_pair else LENS))

@@ -72,7 +72,7 @@ def corrected(rig: Rig, found: Mapping[str, Array]) -> Corrected:
     findings: list[Finding] = []
     if rig.video is not None and "lens_covariance" in found:
         camera, told = _lens(rig.video, found["lens"], found["lens_covariance"])
-        rig, findings = replace(rig, video=camera), [*findings, *told]
+        rig, findings = replace(rig, video=camera, video_sigma=None), [*findings, *told]
     if rig.has_stereo and "pair_covariance" in found:
         rig, told = _pair(rig, found["pair"], found["pair_covariance"])
         findings += told
@@ -154,7 +154,7 @@ def _pair(rig: Rig, pair: Array, covariance: Array) -> tuple[Rig, list[Finding]]
     moved = np.array([0.0, pair[DOWN], pair[AHEAD]]) * rig.baseline_m
     turn = Pose.from_rotvec(pair[turns], np.zeros(3))
     placed = Pose(translation=rig.rig_from_right.rotation @ moved) @ rig.rig_from_right @ turn
-    return replace(rig, left=left, right=right, rig_from_right=placed), told
+    return replace(rig, left=left, right=right, rig_from_right=placed, pair_sigma=None), told
 
 
 def _distorted(camera: Camera, lens: Array) -> tuple[float, ...]:

@@ -1,7 +1,11 @@
-"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; of a laser where it is."""
+"""Rigs as YAML: each camera with its intrinsics and rig_from_CAMERA; of a laser where it is; and how sure all this is.
+
+`video_sigma` and `pair_sigma` hold the standard deviations of `ispom.types.calibration`.
+"""
 
 from __future__ import annotations
 
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +17,17 @@ from ispom.geometry import Pose
 from ispom.io.camera import INTRINSICS, SIZES, camera_of, line_delay_entry
 from ispom.io.mapping import MAX_BYTES, finite_numbers, read_mapping
 from ispom.io.rows import read_text
-from ispom.types import Camera, Rig
+from ispom.types import Camera, LensSigma, PairSigma, Rig
 
 _CAMERAS = ("video", "left", "right")
+_SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 
 
 def rig_text(rig: Rig) -> str:
     """The file's content."""
     present = [name for name in _CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
+    content |= {name: asdict(getattr(rig, name)) for name in _SIGMAS if getattr(rig, name) is not None}
     if rig.rig_from_laser is not None:
         content["laser"] = {"rig_from_laser": _pose_entry(rig.rig_from_laser)}
     return yaml.safe_dump(content, sort_keys=False)
@@ -37,17 +43,18 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
     """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
     video camera may be without a pose: it is then that of the rig."""
     content = read_mapping(path)
-    if not set(content) & set(_CAMERAS) or not set(content) <= {*_CAMERAS, "laser"}:
+    if not set(content) & set(_CAMERAS) or not set(content) <= {*_CAMERAS, "laser", *_SIGMAS}:
+        perhaps = ", ".join(("laser", *_SIGMAS))
         raise InputError(
-            f"{path} must hold entries called video, left or right, perhaps laser, and no others: correct it"
+            f"{path} must hold entries called video, left or right, perhaps {perhaps}, and no others: correct it"
         )
-    fields: dict[str, Any] = {}
+    found: dict[str, Any] = {name: _sigma(path, name, content.pop(name)) for name in _SIGMAS if name in content}
     if "laser" in content:
         laser = content.pop("laser")
-        fields["rig_from_laser"] = _pose(path, "laser", laser if isinstance(laser, dict) else {})
+        found["rig_from_laser"] = _pose(path, "laser", laser if isinstance(laser, dict) else {})
     for name, entry in content.items():
-        fields[name], fields[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
-    return Rig(**fields)
+        found[name], found[f"rig_from_{name}"] = _camera(path, name, entry, placed or name != "video")
+    return Rig(**found)
 
 
 def _camera_entry(rig: Rig, name: Any) -> dict[str, Any]:
@@ -72,6 +79,17 @@ def _camera(path: Path, name: str, entry: Any, placed: bool) -> tuple[Camera, Po
     camera = camera_of(path, entry, f"{name}.")
     nowhere = entry.get(f"rig_from_{name}") is None and not placed
     return camera, Pose() if nowhere else _pose(path, name, entry)
+
+
+def _sigma(path: Path, name: str, entry: Any) -> LensSigma | PairSigma:
+    known = [field.name for field in fields(_SIGMAS[name])]
+    if not isinstance(entry, dict) or set(entry) != set(known):
+        raise InputError(f"{path}: {name} must hold {', '.join(known)}, and no others: correct it")
+    values = {key: finite_numbers(path, f"{name}.{key}", [entry[key]], 1)[0] for key in known}
+    for key, value in values.items():
+        if value < 0:
+            raise InputError(f"{path}: {name}.{key} is {value:g}, a standard deviation is not negative: correct it")
+    return _SIGMAS[name](**values)
 
 
 def _pose(path: Path, name: str, entry: dict[Any, Any]) -> Pose:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from ispom.geometry import Pose
-from ispom.types import Camera, Kind, Rig
+from ispom.types import EXACT_LENS, EXACT_PAIR, Camera, Kind, Rig
 
 BASELINE_M = 0.4
 NOISE_SIGMA = 1.6
@@ -81,7 +81,7 @@ AS_BUILT = Optics()
 def simulated_rig(scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
     """Video 640x480 and stereo 1280x960 at scale 1; the fields of view stay the same at every scale.
 
-    A pair of fisheye lenses is not rectified.
+    It is exact, and says so. A pair of fisheye lenses is not rectified.
     """
     stereo = Rig.stereo(optics.of(Camera(1280, 960, 920.0, 920.0, 639.5, 479.5).scaled(scale)), BASELINE_M)
     video = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
@@ -92,6 +92,8 @@ def simulated_rig(scale: float = 1.0, optics: Optics = AS_BUILT) -> Rig:
         Pose.from_rotvec(np.radians([1.2, -1.7, 0.9]), np.array([0.025, -0.045, 0.03])),
         stereo.rig_from_left,
         stereo.rig_from_right,
+        video_sigma=EXACT_LENS,
+        pair_sigma=EXACT_PAIR,
     )
 
 

@@ -1,5 +1,6 @@
 """The values that flow between sequences, estimators and viewers. All frozen; arrays are never written to."""
 
+from ispom.types.calibration import EXACT_LENS, EXACT_PAIR, LensSigma, PairSigma
 from ispom.types.camera import Camera, Frame, Image, Rig
 from ispom.types.check import Check, by_key
 from ispom.types.exposure import Exposure, Kind, StereoPair, VideoFrame, as_grey, colours_at
@@ -12,6 +13,8 @@ from ispom.types.tracks import Landmarks, Tracks, TrackStatus
 from ispom.types.trajectory import Trajectory
 
 __all__ = [
+    "EXACT_LENS",
+    "EXACT_PAIR",
     "Camera",
     "Check",
     "Decision",
@@ -22,6 +25,8 @@ __all__ = [
     "Image",
     "Kind",
     "Landmarks",
+    "LensSigma",
+    "PairSigma",
     "Rig",
     "SegmentFit",
     "Sequence",

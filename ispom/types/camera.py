@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose
+from ispom.types.calibration import LensSigma, PairSigma
 
 Frame = Literal["world", "rig", "left", "right", "video", "board", "body"]
 Lens = Literal["opencv", "fisheye"]
@@ -107,6 +108,10 @@ class Rig:
     rig_from_right: Pose = field(default_factory=Pose)
     rig_from_laser: Pose | None = None
     """Of another sensor, whose points the poses place; None where nothing is said of one."""
+    video_sigma: LensSigma | None = None
+    """How sure the calibration is of the video camera; None where it does not say: then settings do."""
+    pair_sigma: PairSigma | None = None
+    """The same of the pair."""
 
     @property
     def has_stereo(self) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.rig import read_rig, rig_text
-from ispom.types import Camera, Rig
+from ispom.types import Camera, LensSigma, PairSigma, Rig
 from tests import doubles
 
 
@@ -20,6 +20,23 @@ def test_a_rig_is_read_back(rig: Rig, tmp_path: Path) -> None:
     assert (found.video, found.left, found.right) == (rig.video, rig.left, rig.right)
     for name in ("video", "left", "right"):
         np.testing.assert_allclose(found.rig_from(name).matrix, rig.rig_from(name).matrix, atol=1e-15)
+
+
+def test_how_sure_it_is_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> None:
+    path, pair = tmp_path / "rig.yaml", PairSigma(0.1, 0.02, 1e-4, 0.003, 2e-4, 0.0)
+    path.write_text(rig_text(replace(doubles.rig(), video_sigma=LensSigma(1e-3, 0.0), pair_sigma=pair)))
+    found, text = read_rig(path), path.read_text()
+    assert (found.video_sigma, found.pair_sigma) == (LensSigma(1e-3, 0.0), pair)
+    for old, new, message in (
+        ("turn_deg: 0.02", "turn_deg: -1", r"pair_sigma\.turn_deg is -1, a standard deviation is not negative"),
+        ("turn_deg: 0.02", "turn_deg: .inf", r"pair_sigma\.turn_deg needs 1 finite number"),
+        ("turn_deg: 0.02", "roll_deg: 1", r"pair_sigma must hold offset_px, turn_deg, .*, and no others"),
+        ("video_sigma:\n  focal: 0.001\n  radial: 0.0\n", "video_sigma: 3\n", r"video_sigma must hold focal, radial"),
+    ):
+        assert text.count(old) == 1
+        path.write_text(text.replace(old, new))
+        with pytest.raises(InputError, match=message):
+            read_rig(path)
 
 
 def test_a_laser_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from ispom.frontends.row_search import PointSearch
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.cameras import Optics, simulated_rig
 from ispom.simulation.scenario.scenario import scenario_of_words
-from ispom.types import Frame, Sequence, StereoPair, VideoFrame
+from ispom.types import EXACT_PAIR, Frame, Sequence, StereoPair, VideoFrame
 
 NAMES: tuple[Frame, ...] = ("video", "left", "right")
 
@@ -56,6 +56,11 @@ def test_the_told_rig_knows_the_shutter_unless_it_is_wrong(tmp_path: Path) -> No
     slower = opened("rolling_shutter_ms=20&fault=wrong-shutter:percent=10", tmp_path).rig
     assert [silent.camera(n).line_delay_s for n in NAMES] == [0, 0, 0]
     assert slower.camera("left").line_delay_s == pytest.approx(1.1 * told.camera("left").line_delay_s)
+
+
+def test_a_late_right_camera_is_no_exact_pair(tmp_path: Path) -> None:
+    assert opened("right_late_ms=5", tmp_path).rig.pair_sigma is None
+    assert opened("portrait=true", tmp_path).rig.pair_sigma == EXACT_PAIR
 
 
 def test_a_pair_of_fisheye_lenses_is_rectified(tmp_path: Path) -> None:

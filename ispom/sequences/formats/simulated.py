@@ -160,6 +160,8 @@ def open_simulated(
     shaping = (seed, motion_blur, preset.scale)
     source, stamps = Source(*shaping, *asked), Timing(duration_s).exposures()
     rig, rectified = _rectified(source.rig)
+    if world.right_late_ms:
+        rig = replace(rig, pair_sigma=None)
     path = motion_of(source.motion, seed)
     other = () if asked == PRESETS["city"].rendered(_PLAIN) else asked
     libraries = [version(name) for name in ("numpy", "opencv-python-headless")]

@@ -1,4 +1,7 @@
-"""Wrong calibrations of each kind: what the estimators are told is not what made the images."""
+"""Wrong calibrations of each kind: what the estimators are told is not what made the images.
+
+Simulated rigs say that they are exact; these say nothing of how sure they are.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +33,9 @@ class WrongLens:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         if self.camera == "video":
-            return replace(sequence, rig=replace(rig, video=self.told(rig.camera("video"))))
-        return replace(
-            sequence, rig=replace(rig, left=self.told(rig.camera("left")), right=self.told(rig.camera("right")))
-        )
+            return replace(sequence, rig=replace(rig, video=self.told(rig.camera("video")), video_sigma=None))
+        left, right = (self.told(rig.camera(name)) for name in ("left", "right"))
+        return replace(sequence, rig=replace(rig, left=left, right=right, pair_sigma=None))
 
     def told(self, camera: Camera) -> Camera:
         factor = 1 + self.focal_percent / 100
@@ -58,7 +60,7 @@ class WrongBaseline:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig, factor = sequence.rig, 1 + self.percent / 100
         left, right = (replace(p, translation=factor * p.translation) for p in (rig.rig_from_left, rig.rig_from_right))
-        return replace(sequence, rig=replace(rig, rig_from_left=left, rig_from_right=right))
+        return replace(sequence, rig=replace(rig, rig_from_left=left, rig_from_right=right, pair_sigma=None))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +84,8 @@ class WrongPair(Spell):
             seen = cv2.warpPerspective(image, homography, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             return np.asarray(seen, np.uint8)
 
-        return with_images(sequence, change, self, "right")
+        unsure = replace(sequence, rig=replace(sequence.rig, pair_sigma=None))
+        return with_images(unsure, change, self, "right")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +98,8 @@ class WrongShutter:
     def on(self, sequence: Sequence, seed: int) -> Sequence:
         rig = sequence.rig
         video, left, right = (self.told(rig.camera(name)) for name in ("video", "left", "right"))
-        return replace(sequence, rig=replace(rig, video=video, left=left, right=right))
+        told = replace(rig, video=video, left=left, right=right, video_sigma=None, pair_sigma=None)
+        return replace(sequence, rig=told)
 
     def told(self, camera: Camera) -> Camera:
         return replace(camera, line_delay_s=(1 + self.percent / 100) * camera.line_delay_s)

@@ -15,6 +15,8 @@ POSE = 6
 """Unknowns of a pose: left twist (rho, phi) of camera_from_world."""
 LENS = 2
 """Unknowns of what is wrong with one lens, or with both of a pair: see window.Window.extra."""
+LEAST_SIGMA = 1e-6
+"""Of a correction [rad, share, s], before any data: less than a thousandth of a pixel, as good as exact."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,8 +82,8 @@ def test_consistency_is_told_of_what_has_covariances(
         twists = np.random.default_rng(seed).normal(size=(10, 6))
         return Errors(np.arange(10), twists, np.tile(np.eye(6) / 4, (10, 1, 1)))
 
-    monkeypatch.setattr(consistency, "_errors", lambda sequence, method, held: made(sequence))
-    monkeypatch.setattr(consistency, "miscalibrated", lambda sequence, seed: sequence)
+    monkeypatch.setattr(consistency, "_errors", lambda sequence, method: made(sequence))
+    monkeypatch.setattr(consistency, "_known", lambda sequence, seed, cameras: sequence)
     monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s, world: seed)
     monkeypatch.setattr(studies, "names", lambda: ("stereo",))
     found = lambda module, task: consistency.measured(  # noqa: E731

@@ -114,7 +114,7 @@ def test_a_step_tells_the_spline_before_and_after_its_adjustment(walked: tuple[l
         assert fit.knots_ns[0] <= fit.times_ns[0] and fit.knots_ns[-1] >= fit.times_ns[-1]
         assert fit.cost_after < fit.cost_before
     fit, step = found[-1].spline, found[-1]
-    assert fit is not None and np.nanmedian(fit.errors_after) < np.nanmedian(fit.errors_before)
+    assert fit is not None and np.nanmean(fit.errors_after**2) < np.nanmean(fit.errors_before**2)
     newest = fit.video & (fit.times_ns > fit.times_ns[~fit.video][-2])
     revised = step.revised.select(np.isin(step.revised.times_ns, fit.times_ns[newest]))
     assert np.abs(fit.after[newest] - revised.translations).max() < 0.02, "but for what anchors it to stereo"

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ispom.geometry import rotation_angle_rad
-from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair
+from ispom.simulation.cameras import simulated_rig
+from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair, WrongShutter
+from ispom.simulation.scenario.fault import Fault
 from ispom.types import Sequence
 from tests.simulation.scenario.conftest import pair
 
@@ -45,6 +49,24 @@ def test_a_turned_right_camera_moves_its_image(plain: Sequence, asked: dict, axi
     assert after == pytest.approx(centre + camera.fx * np.tan(angle), abs=0.6)
 
 
+@pytest.mark.parametrize(
+    ("fault", "exact"),
+    [
+        (WrongLens(), {"pair_sigma"}),
+        (WrongLens(camera="stereo"), {"video_sigma"}),
+        (WrongBaseline(), {"video_sigma"}),
+        (WrongPair(), {"video_sigma"}),
+        (WrongShutter(), set()),
+        (WrongMount(), {"pair_sigma", "video_sigma"}),
+    ],
+)
+def test_what_is_wrong_is_not_said_to_be_exact(plain: Sequence, fault: Fault, exact: set[str]) -> None:
+    told = fault.on(replace(plain, rig=simulated_rig(0.1)), 0).rig
+    assert {name for name in ("video_sigma", "pair_sigma") if getattr(told, name) is not None} == exact
+
+
 def test_the_left_images_and_the_rig_stay(plain: Sequence) -> None:
     found = WrongPair().on(plain, 0)
-    assert found.rig is plain.rig and np.array_equal(pair(found, 2).left, pair(plain, 2).left)
+    assert found.rig.camera("right") is plain.rig.camera("right") and np.array_equal(
+        pair(found, 2).left, pair(plain, 2).left
+    )

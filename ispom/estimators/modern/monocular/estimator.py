@@ -26,8 +26,9 @@ from ispom.estimators.modern.rolling import late_px
 from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.geometry import Array
 from ispom.settings import Range
+from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Exposure, Image, Rig, Step, Trajectory, VideoFrame, as_grey
+from ispom.types import Exposure, Image, LensSigma, Rig, Step, Trajectory, VideoFrame, as_grey
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,18 @@ class ModernMonocularConfig:
     of the image, in a new map."""
     self_calibration: bool = True
     """Correct the camera's focal length and radial distortion a little, by what its images say. The settings that
-    follow are standard deviations before any data."""
+    follow are standard deviations before any data, where the rig's file does not say how sure its calibration is
+    (video_sigma)."""
     focal_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.003
     """Of how far off its focal length is, as a share: what a careful calibration leaves."""
     radial_sigma: Annotated[float, Range(1e-5, 0.1)] = 0.01
     """Of how far off its radial distortion k1 is."""
 
-    def lens_sigma(self) -> Array:
-        """(2,) of focal length and radial distortion; 0 holds them."""
-        return np.array([self.focal_sigma, self.radial_sigma]) * self.self_calibration
+    def lens_sigma(self, told: LensSigma | None = None) -> Array:
+        """(2,) of focal length and radial distortion; 0 holds them. `told` by the calibration, in place of the
+        settings."""
+        sigma = told or LensSigma(self.focal_sigma, self.radial_sigma)
+        return np.maximum([sigma.focal, sigma.radial], LEAST_SIGMA) * self.self_calibration
 
     def build(self, rig: Rig) -> ModernMonocular:
         return ModernMonocular(rig, self)
@@ -130,7 +134,7 @@ class ModernMonocular:
             self._size.tracked,
             c.noise_px,
             LOSS * c.noise_px,
-            LOSS * c.lens_sigma(),
+            LOSS * c.lens_sigma(self.rig.video_sigma),
             c.max_tracks,
             c.key_frames,
             float(np.radians(c.start_parallax_deg)),

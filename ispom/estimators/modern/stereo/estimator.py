@@ -25,8 +25,9 @@ from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.right_camera import PAIR
+from ispom.solvers.window.prior import LEAST_SIGMA
 from ispom.stopwatch import Stopwatch
-from ispom.types import Decision, Exposure, Rig, Status, Step, StereoPair, Trajectory
+from ispom.types import Decision, Exposure, PairSigma, Rig, Status, Step, StereoPair, Trajectory
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class ModernStereoConfig:
     self_calibration: bool = True
     """Estimate what is wrong with the pair: the radial distortion of both cameras; and how the right one is turned, its
     own focal length, principal point, distortion, and a late shutter. The settings that follow are standard deviations
-    before any data."""
+    before any data, where the rig's file does not say how sure its calibration is (pair_sigma)."""
     offset_sigma_px: Annotated[float, Range(0.01, 10)] = 0.25
     """Of how far off disparities and rows are in the middle of the image."""
     turn_sigma_deg: Annotated[float, Range(0.001, 2)] = 0.1
@@ -79,14 +80,26 @@ class ModernStereoConfig:
     iterations: Annotated[int, Range(1, 30)] = 10
     """Of the adjustment at most, at each key frame: a pair that is not what it is taken for needs most of them."""
 
-    def pair_sigma(self, focal_px: float) -> Array:
-        """(E,) of what may be wrong with the pair, in the order of right_camera.TERMS; 0 holds it."""
+    def pair_sigma(self, focal_px: float, told: PairSigma | None = None) -> Array:
+        """(E,) of what may be wrong with the pair, in the order of right_camera.TERMS; 0 holds it.
+
+        `focal_px` of the images whose pixels they are in; `told` by the calibration, in place of the settings.
+        """
         if not self.self_calibration:
             return np.zeros(PAIR)
-        offset, turn = self.offset_sigma_px / focal_px, np.radians(self.turn_sigma_deg)
-        radial, decentring = [self.radial_sigma] * 2, [self.decentring_sigma] * 4
-        lens = self.focal_sigma, *radial, *decentring
-        return np.array([*radial, offset, turn, turn, turn, *lens, turn, self.lag_sigma_s, offset, turn])
+        sigma = told or PairSigma(
+            self.offset_sigma_px,
+            self.turn_sigma_deg,
+            self.focal_sigma,
+            self.radial_sigma,
+            self.decentring_sigma,
+            self.lag_sigma_s,
+        )
+        offset, turn = sigma.offset_px / focal_px, np.radians(sigma.turn_deg)
+        radial, decentring = [sigma.radial] * 2, [sigma.decentring] * 4
+        lens = sigma.focal, *radial, *decentring
+        found = np.array([*radial, offset, turn, turn, turn, *lens, turn, sigma.lag_s, offset, turn])
+        return np.maximum(found, LEAST_SIGMA)
 
     def build(self, rig: Rig) -> ModernStereo:
         return ModernStereo(rig, self)
@@ -177,6 +190,11 @@ class ModernStereo:
     def _size(self) -> TrackedSize:
         return TrackedSize.of(self.rig.camera("left"), self.config.max_width_px)
 
+    @property
+    def _pair_sigma(self) -> Array:
+        told = self.rig.pair_sigma
+        return self.config.pair_sigma((self._size.tracked if told is None else self.rig.camera("left")).fx, told)
+
     @cached_property
     def _setup(self) -> Setup:
         c = self.config
@@ -186,7 +204,7 @@ class ModernStereo:
             self.rig.rig_from_left,
             c.loss_px,
             c.max_error_px,
-            c.pair_sigma(self._size.tracked.fx),
+            self._pair_sigma,
             c.settling_s,
             c.max_tracks,
             c.window,
