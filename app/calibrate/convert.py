@@ -41,5 +41,7 @@ def _is_left(rig: Rig) -> bool:
 def _with_usual_frame(rig: Rig) -> Rig:
     """The rig at the middle of the baseline (Fig. 6), not in the left camera as other programs have it."""
     left, right = rectifying(rig.rig_from_right.inverse() @ rig.rig_from_left)
-    video = left @ rig.rig_from_left.inverse() @ rig.rig_from_video
-    return replace(rig, rig_from_left=left, rig_from_right=right, rig_from_video=video)
+    new_from_old = left @ rig.rig_from_left.inverse()
+    laser = None if rig.rig_from_laser is None else new_from_old @ rig.rig_from_laser
+    video = new_from_old @ rig.rig_from_video
+    return replace(rig, rig_from_left=left, rig_from_right=right, rig_from_video=video, rig_from_laser=laser)

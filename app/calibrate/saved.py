@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from ispom.calibration.result import Clock
 from ispom.errors import InputError, printable
 from ispom.io.calibrations.files import placed_of, rig_files
 from ispom.io.camera import LINE_DELAY
-from ispom.io.rig import rig_text
+from ispom.io.rig import SIGMAS, rig_text
 from ispom.types import Rig
 
 from ..outputs import require_own, write_file
@@ -30,18 +31,20 @@ def save(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) ->
     """Writes the file, or the files of a folder where the format has one for each camera; says on standard error what
     the format cannot hold."""
     _write(rig, clock, about, path, form)
-    lost = left_out(rig, form)
-    if lost is not None:
+    for lost in left_out(rig, form):
         sys.stderr.write(printable(lost) + "\n")
 
 
-def left_out(rig: Rig, form: Format) -> str | None:
-    """A sentence about the rolling shutters, of which formats of other programs say nothing; None where all is said."""
+def left_out(rig: Rig, form: Format) -> Iterator[str]:
+    """A sentence each about what only our own formats say: rolling shutters, and how sure the calibration is."""
     rolling = [each.name for each in placed_of(rig) if each.camera.line_delay_s]
-    if not rolling or form in ("rig", "camera"):
-        return None
-    which = " and ".join(rolling)
-    return f"--format {form} has no place for a rolling shutter: {LINE_DELAY} of {which} is left out; rig.yaml keeps it"
+    if rolling and form not in ("rig", "camera"):
+        which = f"{LINE_DELAY} of {' and '.join(rolling)}"
+        yield f"--format {form} has no place for a rolling shutter: {which} is left out; rig.yaml keeps it"
+    sigmas = [name for name in SIGMAS if getattr(rig, name) is not None]
+    if sigmas and form != "rig":
+        what = "how sure the calibration is"
+        yield f"--format {form} has no place for {what}: left out: {' and '.join(sigmas)}; rig.yaml keeps it"
 
 
 def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:

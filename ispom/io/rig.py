@@ -20,14 +20,15 @@ from ispom.io.rows import read_text
 from ispom.types import Camera, LensSigma, PairSigma, Rig
 
 _CAMERAS = ("video", "left", "right")
-_SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
+SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
+ENTRIES = frozenset((*_CAMERAS, "laser", *SIGMAS))
 
 
 def rig_text(rig: Rig) -> str:
     """The file's content."""
     present = [name for name in _CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
-    content |= {name: asdict(getattr(rig, name)) for name in _SIGMAS if getattr(rig, name) is not None}
+    content |= {name: asdict(getattr(rig, name)) for name in SIGMAS if getattr(rig, name) is not None}
     if rig.rig_from_laser is not None:
         content["laser"] = {"rig_from_laser": _pose_entry(rig.rig_from_laser)}
     return yaml.safe_dump(content, sort_keys=False)
@@ -43,12 +44,12 @@ def read_rig(path: Path, placed: bool = True) -> Rig:
     """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
     video camera may be without a pose: it is then that of the rig."""
     content = read_mapping(path)
-    if not set(content) & set(_CAMERAS) or not set(content) <= {*_CAMERAS, "laser", *_SIGMAS}:
-        perhaps = ", ".join(("laser", *_SIGMAS))
+    if not set(content) & set(_CAMERAS) or not set(content) <= ENTRIES:
+        perhaps = ", ".join(("laser", *SIGMAS))
         raise InputError(
             f"{path} must hold entries called video, left or right, perhaps {perhaps}, and no others: correct it"
         )
-    found: dict[str, Any] = {name: _sigma(path, name, content.pop(name)) for name in _SIGMAS if name in content}
+    found: dict[str, Any] = {name: _sigma(path, name, content.pop(name)) for name in SIGMAS if name in content}
     if "laser" in content:
         laser = content.pop("laser")
         found["rig_from_laser"] = _pose(path, "laser", laser if isinstance(laser, dict) else {})
@@ -82,14 +83,14 @@ def _camera(path: Path, name: str, entry: Any, placed: bool) -> tuple[Camera, Po
 
 
 def _sigma(path: Path, name: str, entry: Any) -> LensSigma | PairSigma:
-    known = [field.name for field in fields(_SIGMAS[name])]
+    known = [field.name for field in fields(SIGMAS[name])]
     if not isinstance(entry, dict) or set(entry) != set(known):
         raise InputError(f"{path}: {name} must hold {', '.join(known)}, and no others: correct it")
     values = {key: finite_numbers(path, f"{name}.{key}", [entry[key]], 1)[0] for key in known}
     for key, value in values.items():
         if value < 0:
             raise InputError(f"{path}: {name}.{key} is {value:g}, a standard deviation is not negative: correct it")
-    return _SIGMAS[name](**values)
+    return SIGMAS[name](**values)
 
 
 def _pose(path: Path, name: str, entry: dict[Any, Any]) -> Pose:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
-from ispom.types import Camera, Guess, Image, Trajectory
+from ispom.types import Camera, Guess, Image, LensSigma, PairSigma, Trajectory
 
 Side = Literal["left", "right"]
 
@@ -35,5 +35,9 @@ class Recording:
     """What a person must know about it: images without a partner, a gap in time."""
     left_from_laser: Pose | None = None
     """Of another sensor, where one is known."""
+    video_sigma: LensSigma | None = None
+    """How sure the calibration is of the camera by itself,"""
+    pair_sigma: PairSigma | None = None
+    """and of the pair; None where it does not say."""
     guess: Guess | None = None
     """Where the camera has no calibration; its note comes before the others."""

@@ -40,6 +40,7 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
         notes = (_emulation(stereo_every, video_scale), *notes)
     if recording.left_from_laser is not None:
         rig = replace(rig, rig_from_laser=rig.rig_from_left @ recording.left_from_laser)
+    rig = replace(rig, video_sigma=recording.video_sigma, pair_sigma=recording.pair_sigma)
     plan: list[tuple[int, Kind]] = []
     for i in range(len(recording.times_ns)):
         if rig.has_stereo and i % stereo_every == 0:

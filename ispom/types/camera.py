@@ -138,6 +138,12 @@ class Rig:
             "right": self.rig_from_right,
         }[frame]
 
+    def beside(self, rig: Rig) -> Rig:
+        """The `rig`, with the laser of this one, and as sure as this one is."""
+        return replace(
+            rig, rig_from_laser=self.rig_from_laser, video_sigma=self.video_sigma, pair_sigma=self.pair_sigma
+        )
+
     @staticmethod
     def stereo(left: Camera, baseline_m: float) -> Rig:
         """A rectified pair alone: the rig frame is centred on the baseline (Fig. 6), with the left camera's axes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ispom.geometry import Pose
 from ispom.io.calibrations.files import rig_files
 from ispom.io.calibrations.recognised import any_camera, any_rig
 from ispom.io.rig import rig_text
-from ispom.types import Camera, Rig
+from ispom.types import EXACT_PAIR, Camera, LensSigma, Rig
 
 LEFT = Camera(752, 480, 458.654321987, 457.296, 367.215, 248.375, (-0.28340811, 0.07395907, 1.9359e-4, 1.76187114e-5))
 VIDEO = Camera(640, 480, 452.0, 455.0, 322.3, 237.1, (-0.22, 0.06, 0.0006, -0.0004))
@@ -45,6 +46,23 @@ def test_a_rig_is_converted_there_and_back(tmp_path: Path, form: str) -> None:
     assert main(["calibrate", "convert", str(own), "--out", str(path), "--format", form]) == 0
     assert main(["calibrate", "convert", str(path), "--out", str(back)]) == 0
     assert alike(RIG, any_rig((back,)))
+
+
+def test_our_own_format_keeps_the_laser_and_how_sure_it_is(tmp_path: Path) -> None:
+    """Where the rig's frame was that of the left camera, too, which other programs have."""
+    own, back = tmp_path / "rig.yaml", tmp_path / "back.yaml"
+    laser = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6]))
+    at_left = replace(RIG, rig_from_left=Pose(), rig_from_right=RIG.rig_from_left.inverse() @ RIG.rig_from_right)
+    for rig in (RIG, at_left):
+        told = replace(rig, rig_from_laser=laser, video_sigma=LensSigma(1e-3, 2e-3), pair_sigma=EXACT_PAIR)
+        own.write_text(rig_text(told))
+        assert main(["calibrate", "convert", str(own), "--out", str(back)]) == 0
+        found = any_rig((back,))
+        assert (found.video_sigma, found.pair_sigma) == (told.video_sigma, told.pair_sigma)
+        assert found.rig_from_laser is not None
+        seen = [r.rig_from_left.inverse() @ (r.rig_from_laser or Pose()) for r in (told, found)]
+        np.testing.assert_allclose(seen[0].matrix, seen[1].matrix, atol=1e-9)
+        back.unlink()
 
 
 @pytest.mark.parametrize("form", ["camera", "kalibr", "euroc", "opencv", "ros", "colmap"])

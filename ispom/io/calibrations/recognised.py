@@ -16,7 +16,7 @@ from ispom.io.calibrations.ros import read_ros
 from ispom.io.camera import INTRINSICS, SIZES, read_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import MAX_BYTES, read_mapping
-from ispom.io.rig import read_rig
+from ispom.io.rig import ENTRIES, read_rig
 from ispom.io.rows import read_text
 from ispom.types import Camera, Rig
 
@@ -56,7 +56,10 @@ def any_rig(paths: tuple[Path, ...]) -> Rig:
     fields: dict[str, object] = {}
     for name, each in zip(_names(paths[0], found), found, strict=True):
         fields |= {name: each.camera, f"rig_from_{name}": each.body_from_camera}
-    return Rig(**fields)  # type: ignore[arg-type]
+    rig = Rig(**fields)  # type: ignore[arg-type]
+    for own in (read_rig(file) for file in files if _is_rig(file)):
+        rig = own.beside(rig)
+    return rig
 
 
 def _names(path: Path, found: list[Placed]) -> tuple[str, ...]:
@@ -92,10 +95,9 @@ def _read(path: Path) -> tuple[list[Placed], bool]:
         return _unplaced(path, read_colmap_cameras(path)), False
     if "opencv-matrix" in text:
         return read_opencv(path), True
-    content = read_mapping(path)
-    keys = {key for key in content if isinstance(key, str)}
-    if keys and keys <= {"video", "left", "right", "laser"}:
+    if _is_rig(path):
         return placed_of(read_rig(path)), True
+    keys = {key for key in read_mapping(path) if isinstance(key, str)}
     if any(key.startswith("cam") and key[3:].isdigit() for key in keys):
         return read_kalibr(path), True
     if "T_BS" in keys:
@@ -105,6 +107,14 @@ def _read(path: Path) -> tuple[list[Placed], bool]:
     if keys & {"model", *SIZES, *INTRINSICS}:
         return _unplaced(path, [read_camera(path)]), False
     raise InputError(f"{path} is no calibration that is known: give {KNOWN}")
+
+
+def _is_rig(path: Path) -> bool:
+    """Whether it is a rig.yaml."""
+    if path.suffix.lower() == ".txt" or "opencv-matrix" in read_text(path, MAX_BYTES):
+        return False
+    keys = {key for key in read_mapping(path) if isinstance(key, str)}
+    return bool(keys) and keys <= ENTRIES
 
 
 def _unplaced(path: Path, cameras: list[Camera]) -> list[Placed]:

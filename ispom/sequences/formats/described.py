@@ -109,14 +109,17 @@ def _recording(name: str, stereo: StereoStream, truth: Trajectory | None) -> Rec
     if truth is not None:
         found = truth_at(truth.moved(right=rig.rig_from_left, frame="left"), stereo.times_ns)
     laser = None if rig.rig_from_laser is None else rig.rig_from_left.inverse() @ rig.rig_from_laser
-    return Recording(name, rig.camera("left"), rig.baseline_m, stereo.times_ns, stereo.read, found, stereo.notes, laser)
+    return Recording(
+        name, rig.camera("left"), rig.baseline_m, stereo.times_ns, stereo.read, found, stereo.notes, laser,
+        rig.video_sigma, rig.pair_sigma,
+    )  # fmt: skip
 
 
 def _sequence(name: str, rig: Rig, video: Stream, stereo: StereoStream | None, truth: Trajectory | None) -> Sequence:
     plan: list[tuple[int, Kind, int]] = [(t, "video", i) for i, t in enumerate(video.times_ns.tolist())]
     notes = video.notes
     if stereo is None:
-        rig = Rig(video=rig.video, rig_from_video=rig.rig_from_video, rig_from_laser=rig.rig_from_laser)
+        rig = rig.beside(Rig(video=rig.video, rig_from_video=rig.rig_from_video))
     else:
         rig, notes = stereo.rig, notes + stereo.notes
         both: list[tuple[int, Kind, int]] = [(t, "stereo", i) for i, t in enumerate(stereo.times_ns.tolist())]

@@ -18,8 +18,8 @@ from ispom.simulation.cameras import Optics, simulated_rig
 def test_a_line_delay_that_is_left_out_is_told(
     form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rolling = simulated_rig(1.0, Optics(rolling_ns=20_000_000))
-    for name, rig in (("rolling", replace(rolling, video=None)), ("still", replace(simulated_rig(), video=None))):
+    for name, optics in (("rolling", Optics(rolling_ns=20_000_000)), ("still", Optics())):
+        rig = replace(simulated_rig(1.0, optics), video=None, video_sigma=None, pair_sigma=None)
         (tmp_path / f"{name}.yaml").write_text(rig_text(rig))
     convert = ["calibrate", "convert", str(tmp_path / "rolling.yaml"), "--format", form, "--out", str(tmp_path / out)]
     assert main(convert) == 0
@@ -29,6 +29,21 @@ def test_a_line_delay_that_is_left_out_is_told(
     )
     assert main([str(tmp_path / "still.yaml") if word.endswith("rolling.yaml") else word for word in convert]) == 0
     assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("form", "out"), [("camera", "c.yaml"), ("colmap", "c.txt")])
+def test_how_sure_it_is_is_told_to_be_left_out(
+    form: str, out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = replace(simulated_rig(), left=None, right=None, pair_sigma=None)
+    (tmp_path / "rig.yaml").write_text(rig_text(alone))
+    convert = ["calibrate", "convert", str(tmp_path / "rig.yaml"), "--out", str(tmp_path / out)]
+    assert main([*convert, "--format", form]) == 0
+    told = f"--format {form} has no place for how sure the calibration is: left out: video_sigma; rig.yaml keeps it\n"
+    assert capsys.readouterr().err == told
+    assert main([*convert[:-1], str(tmp_path / "again.yaml")]) == 0
+    assert not capsys.readouterr().err
+    assert read_rig(tmp_path / "again.yaml").video_sigma == alone.video_sigma
 
 
 def test_rig_yaml_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

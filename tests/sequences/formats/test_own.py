@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.sequences import open_sequence
-from ispom.types import StereoPair, VideoFrame
+from ispom.types import LensSigma, PairSigma, StereoPair, VideoFrame
 from tests.sequences import own_folders
 from tests.sequences.folders import images
 from tests.sequences.own_folders import (
@@ -352,6 +354,20 @@ def test_no_change_of_a_small_file_is_more_than_an_input_error(name: str, tmp_pa
         check_only_input_errors(path)
 
     fuzz()
+
+
+@pytest.mark.parametrize("without", ["nothing", "video", "left"])
+def test_a_rig_stays_as_sure_as_its_file_says(without: str, tmp_path: Path) -> None:
+    root = make_described(tmp_path / "roof", video=without != "video")
+    described = (root / "sequence.yaml").read_text().splitlines()
+    if without == "left":
+        described = [line for line in described if not line.startswith(("left", "right"))]
+    (root / "sequence.yaml").write_text("\n".join(described))
+    sigmas = {"video_sigma": LensSigma(1e-3, 2e-3), "pair_sigma": PairSigma(0.1, 0.2, 0.3, 0.4, 0.5, 0.6)}
+    with (root / "rig.yaml").open("a") as file:
+        file.write(yaml.safe_dump({name: asdict(sigma) for name, sigma in sigmas.items()}))
+    rig = open_sequence(str(root)).rig
+    assert {name: getattr(rig, name) for name in sigmas} == sigmas
 
 
 def test_a_laser_stays_where_it_is_beside_the_cameras(tmp_path: Path) -> None:
