@@ -116,12 +116,13 @@ def corrects_its_lens(config: Any) -> bool:
 
 
 def adjustment_of(config: Any, scene: Scene) -> Adjustment:
-    """What a method of these settings corrects in its own cameras, and over how many key frames."""
+    """What a method of these settings corrects in its own cameras, and over how many key frames. A wrong calibration
+    does not say how sure it is, see Perturbation.of_rig."""
     match config:
         case ModernStereoConfig():
-            sigmas = config.pair_sigma(scene.rig.camera("left").fx, scene.rig.pair_sigma)
+            sigmas = config.pair_sigma(scene.rig.camera("left").fx)
             return Adjustment(tuple(sigmas.tolist()), config.loss_px, config.window)
         case ModernMonocularConfig():
-            sigmas = LOSS * config.lens_sigma(scene.rig.video_sigma)
+            sigmas = LOSS * config.lens_sigma()
             return Adjustment(tuple(sigmas.tolist()), LOSS * config.noise_px, config.key_frames)
     return Adjustment((0.0,) * (PAIR if scene.is_pair else LENS))

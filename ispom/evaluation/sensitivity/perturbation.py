@@ -60,9 +60,15 @@ class Perturbation:
         )
 
     def of_rig(self, rig: Rig) -> Rig:
-        """The rig as the perturbed calibration has it; the middle of the baseline stays."""
+        """The rig as the perturbed calibration has it; the middle of the baseline stays. It does not say how sure it is
+        of what is wrong, so that the methods correct that as far as their settings let them."""
         middle = (rig.rig_from_left.translation + rig.rig_from_right.translation) / 2
-        found = rig
+        wrong_pair, wrong_video = (any(n.startswith(of) for n in self.said) for of in (("pair", "baseline"), "video"))
+        found = replace(
+            rig,
+            video_sigma=None if wrong_video else rig.video_sigma,
+            pair_sigma=None if wrong_pair else rig.pair_sigma,
+        )
         for name in ("left", "right"):
             if getattr(rig, name) is not None and rig.has_stereo:
                 pose = rig.rig_from(name)

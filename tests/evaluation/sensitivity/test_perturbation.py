@@ -10,7 +10,7 @@ from ispom.evaluation.sensitivity.effect import shift_m
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.geometry import Pose
 from ispom.simulation.cameras import simulated_rig
-from ispom.types import Sequence, StereoPair, Trajectory, VideoFrame
+from ispom.types import EXACT_LENS, EXACT_PAIR, Sequence, StereoPair, Trajectory, VideoFrame
 
 IMAGE = np.zeros((2, 2), np.uint8)
 
@@ -99,3 +99,16 @@ def test_a_wrong_clock_reports_where_the_rig_was_at_the_wrong_time() -> None:
     inside = found.select(np.arange(30, 270))
     ahead = inside.translations[:, 2] - run.translations[30:270, 2]
     np.testing.assert_allclose(ahead, 0.010, atol=1e-6)
+
+
+def test_a_wrong_rig_does_not_say_that_it_is_exact() -> None:
+    rig = simulated_rig()
+    for wrong, video, pair in (
+        (Perturbation(), EXACT_LENS, EXACT_PAIR),
+        (Perturbation(video_focal_percent=1), None, EXACT_PAIR),
+        (Perturbation(pair_centre_x_px=1), EXACT_LENS, None),
+        (Perturbation(baseline_percent=1), EXACT_LENS, None),
+        (Perturbation(turn_x_deg=1, clock_ms=1), EXACT_LENS, EXACT_PAIR),
+    ):
+        told = wrong.of_rig(rig)
+        assert (told.video_sigma, told.pair_sigma) == (video, pair)
