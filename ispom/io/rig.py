@@ -21,6 +21,9 @@ from ispom.types import Camera, LensSigma, PairSigma, Rig
 
 _CAMERAS = ("video", "left", "right")
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
+MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
+MAX_SHARE = 0.1
+"""Of the other deviations, as of the methods' settings: with more there is nothing to start from."""
 ENTRIES = frozenset((*_CAMERAS, "laser", *SIGMAS))
 
 
@@ -88,8 +91,9 @@ def _sigma(path: Path, name: str, entry: Any) -> LensSigma | PairSigma:
         raise InputError(f"{path}: {name} must hold {', '.join(known)}, and no others: correct it")
     values = {key: finite_numbers(path, f"{name}.{key}", [entry[key]], 1)[0] for key in known}
     for key, value in values.items():
-        if value < 0:
-            raise InputError(f"{path}: {name}.{key} is {value:g}, a standard deviation is not negative: correct it")
+        most = MAX_SIGMA.get(key, MAX_SHARE)
+        if not 0 <= value <= most:
+            raise InputError(f"{path}: {name}.{key} is {value:g}, give a value from 0 to {most:g}")
     return SIGMAS[name](**values)
 
 

@@ -28,7 +28,9 @@ def test_how_sure_it_is_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path
     found, text = read_rig(path), path.read_text()
     assert (found.video_sigma, found.pair_sigma) == (LensSigma(1e-3, 0.0), pair)
     for old, new, message in (
-        ("turn_deg: 0.02", "turn_deg: -1", r"pair_sigma\.turn_deg is -1, a standard deviation is not negative"),
+        ("turn_deg: 0.02", "turn_deg: -1", r"pair_sigma\.turn_deg is -1, give a value from 0 to 2"),
+        ("turn_deg: 0.02", "turn_deg: 1e300", r"pair_sigma\.turn_deg is 1e\+300, give a value from 0 to 2"),
+        ("focal: 0.001", "focal: 0.2", r"video_sigma\.focal is 0\.2, give a value from 0 to 0\.1"),
         ("turn_deg: 0.02", "turn_deg: .inf", r"pair_sigma\.turn_deg needs 1 finite number"),
         ("turn_deg: 0.02", "roll_deg: 1", r"pair_sigma must hold offset_px, turn_deg, .*, and no others"),
         ("video_sigma:\n  focal: 0.001\n  radial: 0.0\n", "video_sigma: 3\n", r"video_sigma must hold focal, radial"),

@@ -363,7 +363,7 @@ def test_a_rig_stays_as_sure_as_its_file_says(without: str, tmp_path: Path) -> N
     if without == "left":
         described = [line for line in described if not line.startswith(("left", "right"))]
     (root / "sequence.yaml").write_text("\n".join(described))
-    sigmas = {"video_sigma": LensSigma(1e-3, 2e-3), "pair_sigma": PairSigma(0.1, 0.2, 0.3, 0.4, 0.5, 0.6)}
+    sigmas = {"video_sigma": LensSigma(1e-3, 2e-3), "pair_sigma": PairSigma(0.1, 0.2, 0.03, 0.04, 0.05, 0.06)}
     with (root / "rig.yaml").open("a") as file:
         file.write(yaml.safe_dump({name: asdict(sigma) for name, sigma in sigmas.items()}))
     rig = open_sequence(str(root)).rig
