@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.evaluation.consistency import band
 from ispom.geometry import Array, Pose
+from ispom.solvers import motion_only
+from ispom.solvers.motion_only import PoseFit, fit_pose
 from ispom.solvers.window.prior import LENS, POSE
 from ispom.types import Camera, Rig, TrackStatus
 
@@ -38,11 +41,17 @@ def seen(world_from_camera: Pose, xyz: Array) -> Array:
 
 
 def located(
-    seed: int, tracks: int = TRACKS, error_px: float = 0.2, drift_m: float = 0.0, key: Pose = KEY
+    seed: int,
+    tracks: int = TRACKS,
+    error_px: float = 0.2,
+    drift_m: float = 0.0,
+    key: Pose = KEY,
+    guess: Pose = LAST,
+    predicted: Pose | None = None,
 ) -> Localisation:
     """A frame by points at the image's edge; the other tracks, all over it, move by `drift_m` a frame of their own.
 
-    `key`: where the map has the key frame.
+    `key`: where the map has the key frame; `guess`, `predicted` as of `located_by`.
     """
     rng, other = np.random.default_rng(seed), np.random.default_rng(100 + seed)
     edge = np.column_stack([rng.uniform(-0.62, -0.5, POINTS), rng.uniform(-0.1, 0.1, POINTS), np.ones(POINTS)])
@@ -61,7 +70,7 @@ def located(
     followed = Followed(
         at[2].astype(np.float32), np.full(len(ids), ALIVE, np.uint8), np.zeros((len(ids), 2), np.float32)
     )
-    return located_by(SETUP, live, world, followed, LAST)
+    return located_by(SETUP, live, world, followed, guess, predicted=predicted)
 
 
 def off(found: Localisation) -> Array:
@@ -80,6 +89,30 @@ def test_points_that_are_more_or_that_are_right_need_no_help() -> None:
     assert all(located(seed, POINTS, 0.5).unplaced is None for seed in range(10))
     assert any(located(seed, TRACKS, 0.5).unplaced is not None for seed in range(10))
     assert all(located(seed, TRACKS, 0.02).unplaced is None for seed in range(10))
+
+
+ASIDE = Pose.from_rotvec(np.array([0.0, -0.14, 0.0]), np.array([1.0, 0.0, 0.0]))
+
+
+def led_away(xyz: Array, seen: Array, guess: Pose, *args: Any, **named: Any) -> PoseFit | None:
+    """`fit_pose` where points alone lead along a valley: 8 degrees and a metre beside the pose."""
+    found = fit_pose(xyz, seen, guess, *args, **named)
+    if found is None or named.get("rays") is not None:
+        return found
+    return replace(found, camera_from_world=ASIDE @ found.camera_from_world)
+
+
+def test_where_points_lead_away_tracks_are_also_asked_from_where_the_motion_leads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Around a corner all points were on one facade at the image's edge. They led 2 degrees beside the turn; from there
+    all tracks together found another minimum, 9 degrees beside it, and the drive lost its unit."""
+    monkeypatch.setattr(motion_only, "fit_pose", led_away)
+    led, predicted = (ASIDE @ NEW.inverse()).inverse(), LAST @ (KEY.inverse() @ LAST)
+    for seed in range(5):
+        found, stuck = (located(seed, guess=led, predicted=by) for by in (predicted, None))
+        assert np.degrees(np.linalg.norm(off(found)[3:])) < 0.2
+        assert np.degrees(np.linalg.norm(off(stuck)[3:])) > 5
 
 
 @pytest.mark.parametrize("drift_m", [0.3, 1.0])

@@ -100,21 +100,31 @@ def _located(setup: Setup, live: LiveTracks, world: Map, new: NewImage, followed
     if motion is not None:
         pose = motion.camera_from_world.inverse()
         followed, compared = set_right(setup, live, world, new, followed, pose, places)
-        return replace(located_by(setup, live, world, followed, pose, places), compared=compared)
+        found = located_by(setup, live, world, followed, pose, places, new.predicted)
+        return replace(found, compared=compared)
     ids, xyz, x = _seen(setup, live, world, followed, places)
     return Localisation(followed, compared, None, ids, xyz, x)
 
 
 def located_by(
-    setup: Setup, live: LiveTracks, world: Map, followed: Followed, world_from_guess: Pose, places: Array | None = None
+    setup: Setup,
+    live: LiveTracks,
+    world: Map,
+    followed: Followed,
+    world_from_guess: Pose,
+    places: Array | None = None,
+    predicted: Pose | None = None,
 ) -> Localisation:
-    """The pose that these tracks give, from a good guess. `places` (N, 3) as `Map.known` of them, where it is there."""
+    """The pose that these tracks give, from a good guess. `places` (N, 3) as `Map.known` of them, where it is there;
+    `predicted` where the motion before leads, if that is another one."""
     places = world.known(live.ids) if places is None else places
     ids, xyz, x = _seen(setup, live, world, followed, places)
     limit = INLIER * setup.sigma
     motion, unplaced = motion_only.fit_pose(xyz, x, world_from_guess.inverse(), WIDTH * setup.sigma, limit), None
     if motion is not None:
-        motion, unplaced = with_unplaced(setup, live, world, followed, places, motion, (xyz, x))
+        motion, unplaced = with_unplaced(
+            setup, live, world, followed, places, motion, (xyz, x), world_from_guess if predicted is None else predicted
+        )
     return Localisation(followed, np.zeros(len(followed.status), bool), motion, ids, xyz, x, unplaced)
 
 

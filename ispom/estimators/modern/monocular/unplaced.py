@@ -34,9 +34,11 @@ LEAST_GAIN = 0.1
 would only be added."""
 NEARER = 0.5
 """Of the least depth of the map's points: no track is on anything nearer."""
+BEHIND = 1e9
+"""Error of what is behind the camera, as in `fit_pose`."""
 MOST_COST = 22.5
 """By which the squares of the points' errors may grow for the sake of tracks without a point, in variances of a tracked
-place: so many have a chance of a thousandth by six unknowns (chi square)."""
+place as far as neighbours share it: so many have a chance of a thousandth by six unknowns (chi square)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +68,14 @@ def with_unplaced(
     places: Array,
     motion: PoseFit,
     points: tuple[Array, Array],
+    world_from_guess: Pose,
 ) -> tuple[PoseFit, Unplaced | None]:
     """The pose by tracks without a point, too, and those by which it is, where they are more than the points that agree
     with it; as it was where they disagree.
 
     `places` (N, 3) as `Map.known` of all tracks; `points` (M, 3), (M, 2) the map's, and where they are seen, by which
-    the pose was found.
+    the pose was found. It is sought from there and from the guess, as points that say little led along a valley: once
+    to 2 degrees beside the right turn, where all tracks together have another minimum 9 degrees beside it.
     """
     alone = np.flatnonzero((followed.status == TrackStatus.ALIVE) & np.isnan(places[:, 0]))
     if len(alone) <= motion.inliers.sum():
@@ -80,8 +84,10 @@ def with_unplaced(
     if unplaced is None:
         return motion, None
     scale, limit, pose = WIDTH * setup.sigma, INLIER * setup.sigma, motion.camera_from_world
-    found = motion_only.fit_pose(*points, pose, scale, limit, widest=scale, rays=unplaced.rays)
-    if found is None or _cost(found, scale) - _cost(motion, scale) > MOST_COST * setup.noise**2:
+    starts = (pose, world_from_guess.inverse())
+    fits = [motion_only.fit_pose(*points, s, scale, limit, widest=scale, rays=unplaced.rays) for s in starts]
+    found = min((f for f in fits if f is not None), key=lambda f: _joint_cost(f, unplaced, scale), default=None)
+    if found is None or _cost(found, scale) - _cost(motion, scale) > MOST_COST * world.noise.variance(setup.noise):
         return motion, None
     before, after = (_agreeing(setup, unplaced.rays, pose).mean() for pose in (pose, found.camera_from_world))
     return (found, unplaced) if after >= max(LEAST_SHARE, before + LEAST_GAIN) else (motion, None)
@@ -116,6 +122,13 @@ def _unplaced(
 def _cost(found: PoseFit, scale: float) -> float:
     """Sum of squares of the points' errors, each as the loss of width `scale` takes it."""
     return float(scale**2 * np.log1p((found.distances / scale) ** 2).sum())
+
+
+def _joint_cost(found: PoseFit, unplaced: Unplaced, scale: float) -> float:
+    """With what is added by the tracks without a point, whose errors are of two images."""
+    errors, _ = unplaced.rays.errors(found.camera_from_world)
+    beside = np.minimum((errors**2).sum(axis=1), BEHIND**2)
+    return _cost(found, scale) + float(scale**2 * np.log1p(beside / (2 * scale**2)).sum())
 
 
 def _agreeing(setup: Setup, rays: Rays, camera_from_world: Pose) -> NDArray[np.bool_]:
