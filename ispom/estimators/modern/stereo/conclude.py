@@ -12,8 +12,9 @@ from ispom.estimators.modern.stereo.key_frame import Current
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shaken_window import with_pair
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
-from ispom.estimators.modern.stereo.window import newest_covariance, with_pair
+from ispom.estimators.modern.stereo.window import newest_covariance
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR
 from ispom.types import Landmarks, Step, StereoPair, Tracks, TrackStatus, Trajectory, colours_at
@@ -62,7 +63,7 @@ def _covariance(setup: Setup, state: ModernStereoState, now: Current, sighting: 
     world = state.map
     if not is_key and sighting.located is not None and world.newest is not None:
         pair = now.as_key(setup, now.points)
-        world = with_pair(world, pair, setup.baseline_m, setup.extra_sigma, setup.loss)
+        world = with_pair(setup, world, pair)
     return newest_covariance(world)
 
 

@@ -15,8 +15,9 @@ from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected, with_rows
 from ispom.estimators.modern.stereo.row_motions import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
+from ispom.estimators.modern.stereo.shaken_window import adjusted, without_oldest
 from ispom.estimators.modern.stereo.state import ModernStereoState
-from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, adjusted, with_key, without_oldest
+from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, with_key
 from ispom.frontends.buckets import detect_spread
 from ispom.frontends.corners import at_subpixel
 from ispom.frontends.row_search import PointSearch
@@ -163,14 +164,13 @@ def _adjusted(
     setup: Setup, world: StereoMap, settled: PersistentList[tuple[int, Pose]]
 ) -> tuple[StereoMap, PersistentList[tuple[int, Pose]], tuple[Decision, ...]]:
     """The window adjusted; what is too much for it becomes a prior."""
-    baseline, sigma = setup.baseline_m, setup.extra_sigma
-    world, result = adjusted(world, baseline, sigma, setup.loss, setup.limit, setup.iterations)
+    world, result = adjusted(setup, world)
     count, then = len(world.keys), ""
     while len(world.keys) > setup.window:
         oldest = world.keys[0]
         then = f"the oldest became a prior on the others, with its {len(oldest.ids)} points"
         settled = settled.appended((oldest.time_ns, oldest.left_from_world))
-        world = without_oldest(world, baseline, sigma, setup.loss)
+        world = without_oldest(setup, world)
     if result is None:
         return world, settled, ()
     far = int((result.distances > setup.limit).sum())

@@ -83,35 +83,75 @@ def _by_pair(setup: Setup, world: StereoMap, key: KeyFrame, near: Array, exact: 
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Normal equations of key frames (MOVES each) and pair, the points eliminated, by tracks that are off by the loss's
+    scale; what gives the points back is beside them."""
+
+    hessian: Array
+    """(D, D)."""
+    right: Array
+    """(D,)."""
+    used: NDArray[np.int64]
+    """(U,) places of the points in the map."""
+    inverse: Array
+    """(U, 3, 3) of their own blocks."""
+    side: Array
+    """(U, 3)."""
+    rows: Array
+    """(U, 3, D) what they share with the others."""
+
+    @staticmethod
+    def of(setup: Setup, world: StereoMap, believed: list[Believed]) -> Joint:
+        """`believed` of each key frame. Of points that one key frame sees, nothing."""
+        places = [world.places(k.ids) for k in world.keys]
+        every = np.concatenate(places)
+        count = np.bincount(every[every >= 0], minlength=len(world.ids))
+        observed = [_Observed.of(setup, world, *each, count) for each in zip(world.keys, places, strict=True)]
+        used = np.unique(np.concatenate([seen.point for seen in observed]))
+        first = len(observed) * MOVES
+        pair = np.arange(first, first + PAIR)
+        hessian, right = LEAST * np.eye(first + PAIR), np.zeros(first + PAIR)
+        own, side, rows = np.zeros((len(used), 3, 3)), np.zeros((len(used), 3)), np.zeros((len(used), 3, first + PAIR))
+        for c, seen in enumerate(observed):
+            here, point = np.concatenate([MOVES * c + np.arange(MOVES), pair]), np.searchsorted(used, seen.point)
+            root = 1 / np.sqrt(setup.loss**2 + (seen.error**2).sum(axis=1))[:, None, None]
+            by_unknown, by_point, error = root * seen.by_unknown, root * seen.by_point, root[:, 0] * seen.error
+            flat, turned = by_unknown.reshape(-1, len(here)), by_point.transpose(0, 2, 1)
+            hessian[np.ix_(here, here)] += flat.T @ flat
+            right[here] += flat.T @ error.ravel()
+            own[point] += turned @ by_point
+            side[point] += (turned @ error[:, :, None])[:, :, 0]
+            shared = turned @ by_unknown
+            rows[point, :, MOVES * c : MOVES * (c + 1)] = shared[:, :, :MOVES]
+            rows[point, :, first:] += shared[:, :, MOVES:]
+        _add_known(setup, world, believed, hessian, right)
+        inverse = np.linalg.inv(own + LEAST * np.eye(3))
+        carried, flat = (inverse @ rows).reshape(-1, len(right)), rows.reshape(-1, len(right))
+        reduced = hessian - flat.T @ carried
+        return Joint((reduced + reduced.T) / 2, right - carried.T @ side.ravel(), used, inverse, side, rows)
+
+    def without_motions(self, also: int = 0) -> tuple[Array, Array]:
+        """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, the motions eliminated, and the first poses, too."""
+        count = (len(self.right) - PAIR) // MOVES
+        pose = np.append((np.arange(len(self.right) - PAIR) % MOVES) < POSE, np.ones(PAIR, bool))
+        pose[: also * MOVES] = False
+        h, g = self.hessian, self.right
+        # Each motion has units of its own, and so have poses: scaled, none loses digits to another.
+        scale = 1 / np.sqrt(h.diagonal())
+        scaled = scale[:, None] * h * scale
+        gain = np.linalg.solve(scaled[np.ix_(~pose, ~pose)], scaled[np.ix_(~pose, pose)]).T
+        rest = scaled[np.ix_(pose, pose)] - gain @ scaled[np.ix_(~pose, pose)]
+        assert len(rest) == POSE * (count - also) + PAIR
+        back = 1 / scale[pose]
+        return back[:, None] * (rest + rest.T) / 2 * back, g[pose] - back * (gain @ (scale * g)[~pose])
+
+
 def _stepped(setup: Setup, world: StereoMap, believed: list[Believed]) -> StereoMap:
-    places = [world.places(k.ids) for k in world.keys]
-    every = np.concatenate(places)
-    count = np.bincount(every[every >= 0], minlength=len(world.ids))
-    observed = [_Observed.of(setup, world, *each, count) for each in zip(world.keys, places, strict=True)]
-    used = np.unique(np.concatenate([seen.point for seen in observed]))
-    first = len(observed) * MOVES
-    pair = np.arange(first, first + PAIR)
-    # Key frames and pair: normal equations. Points: own blocks and sides, and rows of what each shares with those.
-    hessian, right = LEAST * np.eye(first + PAIR), np.zeros(first + PAIR)
-    own, side, rows = np.zeros((len(used), 3, 3)), np.zeros((len(used), 3)), np.zeros((len(used), 3, first + PAIR))
-    for c, seen in enumerate(observed):
-        here, point = np.concatenate([MOVES * c + np.arange(MOVES), pair]), np.searchsorted(used, seen.point)
-        root = 1 / np.sqrt(setup.loss**2 + (seen.error**2).sum(axis=1))[:, None, None]
-        by_unknown, by_point, error = root * seen.by_unknown, root * seen.by_point, root[:, 0] * seen.error
-        flat, turned = by_unknown.reshape(-1, len(here)), by_point.transpose(0, 2, 1)
-        hessian[np.ix_(here, here)] += flat.T @ flat
-        right[here] += flat.T @ error.ravel()
-        own[point] += turned @ by_point
-        side[point] += (turned @ error[:, :, None])[:, :, 0]
-        shared = turned @ by_unknown
-        rows[point, :, MOVES * c : MOVES * (c + 1)] = shared[:, :, :MOVES]
-        rows[point, :, first:] += shared[:, :, MOVES:]
-    _add_known(setup, world, believed, hessian, right)
-    inverse = np.linalg.inv(own + LEAST * np.eye(3))
-    carried, flat = (inverse @ rows).reshape(-1, len(right)), rows.reshape(-1, len(right))
-    step = np.linalg.solve(hessian - flat.T @ carried, right - carried.T @ side.ravel())
+    joint = Joint.of(setup, world, believed)
+    step = np.linalg.solve(joint.hessian, joint.right)
     xyz = world.xyz.copy()
-    xyz[used] += (inverse @ (side - rows @ step)[:, :, None])[:, :, 0]
+    xyz[joint.used] += (joint.inverse @ (joint.side - joint.rows @ step)[:, :, None])[:, :, 0]
     keys = tuple(
         replace(k, left_from_world=Pose.exp(s[:POSE]) @ k.left_from_world, motion=k.motion + s[POSE:])
         for k, s in zip(world.keys, step[:-PAIR].reshape(-1, MOVES), strict=True)

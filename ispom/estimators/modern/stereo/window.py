@@ -151,7 +151,10 @@ def known_of_pair(state: StereoMap, extra_sigma: Array) -> Array:
 def adjusted(
     state: StereoMap, baseline: float, extra_sigma: Array, scale: float, threshold: float, iterations: int
 ) -> tuple[StereoMap, Adjusted | None]:
-    """Bundle adjustment of the window; observations farther than `threshold` from their points are dropped then."""
+    """Bundle adjustment of the window; observations farther than `threshold` from their points are dropped then.
+
+    How sure it is then is told where all rows are exposed together (else see shaken_window.py).
+    """
     window, used, origin = _packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):
         return state, None
@@ -168,23 +171,31 @@ def adjusted(
         keys[c] = keys[c].only(keep)
     xyz = state.xyz.copy()
     xyz[used] = window.points
-    groups, noise = Groups.of(window, state.ids[used], scale), state.noise.after(result, scale)
-    known, newest = groups.covariance, groups.newest()
-    made = replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, covariance=known, newest=newest, noise=noise)
-    return made, result
+    noise = state.noise.after(result, scale)
+    made = replace(state, keys=tuple(keys), xyz=xyz, extra=window.extra, noise=noise)
+    if state.keys[-1].shutter.rolls:
+        return made, result
+    groups = Groups.of(window, state.ids[used], scale)
+    return replace(made, covariance=groups.covariance, newest=groups.newest()), result
 
 
-def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
-    """The oldest key frame and its points become a prior on the others; tracks that go on keep their newest places."""
-    oldest, newest, known = state.keys[0], len(state.keys) - KEPT_FRAMES, state.covariance
-    assert known is not None
+def parted(state: StereoMap) -> tuple[tuple[KeyFrame, ...], tuple[KeyFrame, ...]]:
+    """What all key frames saw of the points that leave with the oldest, and the others with the rest of what they saw;
+    tracks that go on keep their newest places."""
+    oldest, newest = state.keys[0], len(state.keys) - KEPT_FRAMES
     gone = [
         places(oldest.ids, k.ids) >= 0 if i < newest else np.zeros(len(k.ids), bool) for i, k in enumerate(state.keys)
     ]
     past = tuple(k.only(m) for k, m in zip(state.keys, gone, strict=True))
-    window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
     rest = (k.only(~m) for k, m in zip(state.keys[1:newest], gone[1:], strict=False))
-    keys = (*rest, *state.keys[newest:])
+    return past, (*rest, *state.keys[newest:])
+
+
+def without_oldest(state: StereoMap, baseline: float, extra_sigma: Array, scale: float) -> StereoMap:
+    """The oldest key frame and its points become a prior on the others."""
+    (past, keys), known = parted(state), state.covariance
+    assert known is not None
+    window, used, _ = _packed(replace(state, keys=past), baseline, extra_sigma)
     lasting = np.concatenate([k.ids for k in keys])
 
     def of_part(part: Window) -> Sandwich:
