@@ -7,8 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.geometry import Array
+from ispom.geometry import Array, Pose
 from ispom.types import Camera
+
+AHEAD = 4
+"""Poses of the polynomial that tells the motion at the newest frame: each more makes errors of its own pose larger."""
+LEAST = 3
+"""Fewer tell no more than the tracks' own motions do."""
+SPAN_S = 0.25
+"""The polynomial's poses are from no longer a time: a hand shakes at up to 4 Hz."""
+PASSES = 2
+"""Poses and motions follow from each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +87,17 @@ def mean_rates(motion: Array, seconds: Array) -> Array:
     """(N, 6) over times (N,) after the middle row, of a motion (12,): its rate then (rho [m/s], phi [rad/s]), and how
     that changes ([m/s^2], [rad/s^2])."""
     return motion[:6] + 0.5 * seconds[:, None] * motion[6:]
+
+
+def motion_at(poses: list[tuple[int, Pose]], time_ns: int) -> Array:
+    """(2, 6) how camera_from_world goes on from one of the times of these poses world_from_camera: by left twists
+    (rho, phi) of the first times s [s] plus the second times s^2, of the polynomial through all of them."""
+    here = next(pose for t, pose in poses if t == time_ns)
+    twists = np.array([(pose.inverse() @ here).log() for _, pose in poses])
+    seconds = np.array([t - time_ns for t, _ in poses]) * 1e-9
+    unit = float(np.abs(seconds).max())
+    powers = np.vander(seconds / unit, increasing=True)
+    return np.linalg.solve(powers, twists)[1:3] / np.array([[unit], [unit**2]])
 
 
 def moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:

@@ -13,9 +13,9 @@ from ispom.estimators.modern.monocular.first_map import anchored_prior
 from ispom.estimators.modern.monocular.localise import Localisation, located_by
 from ispom.estimators.modern.monocular.map import Map, RelativeFrame, adjusted
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.shutter import begun_by_motions, by_motions, motion_at, speeds_by, with_motions
+from ispom.estimators.modern.monocular.shutter import begun_by_motions, by_motions, speeds_by, with_motions
 from ispom.estimators.modern.monocular.tracks import Followed, LiveTracks
-from ispom.estimators.modern.rolling import Sight, late_px, late_s
+from ispom.estimators.modern.rolling import Sight, late_px, late_s, motion_at
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig, TrackStatus

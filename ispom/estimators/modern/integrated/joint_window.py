@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from ispom.estimators.modern.integrated.view import Reference, Table, View
 from ispom.estimators.modern.lens import corrected
+from ispom.estimators.modern.rolling import AHEAD, SPAN_S, steady
 from ispom.geometry import Array, Pose
 from ispom.solvers.right_camera import PAIR, without_lens
 from ispom.solvers.spline.problem import RigModel
@@ -88,10 +89,18 @@ class JointWindow:
             return last.world_from_rig
         return last.world_from_rig @ Pose.exp(share * way[0].log())
 
-    def motion(self) -> Array:
-        """(6,) change of world_from_rig (rho [m/s], phi [rad/s]; right) between the last two views; 0 before them."""
-        way = self._way()
-        return np.zeros(6) if way is None else way[0].log() / (way[1] * 1e-9)
+    def motion(self, video: bool) -> Array:
+        """(12,) of rig_from_world, as of rolling.mean_rates: the mean between a camera's last two views, 0 before."""
+        views = [v for v in self.views if v.video == video][-2:]
+        if len(views) < 2 or views[0].time_ns >= views[1].time_ns:
+            return np.zeros(12)
+        way = views[1].world_from_rig.inverse() @ views[0].world_from_rig
+        return steady(way.log() / ((views[1].time_ns - views[0].time_ns) * 1e-9))
+
+    def recent(self, time_ns: int) -> list[tuple[int, Pose]]:
+        """Times and poses world_from_rig of the last video frames before this time that tell how the rig moves then."""
+        views = [v for v in self.views if v.video and v.located and time_ns - SPAN_S * 1e9 <= v.time_ns < time_ns]
+        return [(v.time_ns, v.world_from_rig) for v in views[1 - AHEAD :]]
 
     def _way(self) -> tuple[Pose, int] | None:
         """before_rig_from_last_rig and the time [ns] from the last view but one of the last one's camera to that."""

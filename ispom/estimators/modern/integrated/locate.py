@@ -13,6 +13,7 @@ from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import pose_by_stereo
 from ispom.estimators.modern.integrated.view import Noise, View
+from ispom.estimators.modern.rolling import LEAST, PASSES, motion_at
 from ispom.geometry import Array
 from ispom.solvers.multiview.resection import Resection, refine_pose, resect
 from ispom.solvers.spline.pose_covariance import pose_information
@@ -70,19 +71,20 @@ def _metric(window: JointWindow, view: View, found: Resection, passed: int) -> b
 
 
 def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View, Resection | None]:
-    """The view as if all its rows had been exposed together, by the motion before it and that which leads to it; and
-    its resection."""
-    before = window.motion()
-    view = at_middle(window, view, before)
-    found, last = _resected(noise, window, view), window.views[-1]
-    if found is None or view.late_s is None or not (view.video and last.video):
+    """The view as if all its rows had been exposed together, by the motion before it and, of the video, that which
+    leads to it; and its resection."""
+    view = at_middle(window, view, window.motion(view.video))
+    found, recent = _resected(noise, window, view), window.recent(view.time_ns)
+    if view.late_s is None or not view.video or len(recent) + 1 < LEAST:
         return view, found
-    rig_from_camera, seconds = window.rig.rig_from_video, (view.time_ns - last.time_ns) * 1e-9
-    pose = found.camera_from_world.inverse() @ rig_from_camera.inverse()
-    now = (last.world_from_rig.inverse() @ pose).log() / max(seconds, 1e-3)
-    # The motion at the end of two intervals of which these are the means.
-    view = at_middle(window, view, 1.5 * now - 0.5 * before if before.any() else now)
-    return view, _resected(noise, window, view)
+    for _ in range(PASSES):
+        if found is None:
+            break
+        pose = found.camera_from_world.inverse() @ window.rig.rig_from_video.inverse()
+        first, second = motion_at([*recent, (view.time_ns, pose)], view.time_ns)
+        view = at_middle(window, view, np.concatenate([first, 2 * second]))
+        found = _resected(noise, window, view)
+    return view, found
 
 
 def _resected(noise: Noise, window: JointWindow, view: View) -> Resection | None:

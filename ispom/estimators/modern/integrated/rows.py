@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.view import View
-from ispom.estimators.modern.rolling import moved
+from ispom.estimators.modern.rolling import mean_rates, moved
 from ispom.geometry import Array
 from ispom.solvers.spline.problem import RowBands
 
@@ -18,13 +18,13 @@ BAND_S = 0.002
 
 
 def at_middle(window: JointWindow, view: View, motion: Array) -> View:
-    """The view with what the middle row would have seen, if the rig moves by (6,), as `JointWindow.motion`."""
+    """The view with what the middle row would have seen, if the rig moves by (12,), as `JointWindow.motion`."""
     if view.late_s is None:
         return view
     rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
-    rate = -rig_from_camera.inverse().adjoint @ motion  # of camera_from_rig: the other way, and on its left
+    of_camera = (motion.reshape(2, 6) @ rig_from_camera.inverse().adjoint.T).ravel()
     ray = np.column_stack([view.seen, np.ones(len(view.seen))])
-    middle = moved(ray, -view.late_s, rate, _inverse_depths(window, view))
+    middle = moved(ray, -view.late_s, mean_rates(of_camera, view.late_s), _inverse_depths(window, view))
     return replace(view, middle=middle[:, :2] / middle[:, 2:])
 
 

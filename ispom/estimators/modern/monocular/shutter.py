@@ -19,31 +19,14 @@ from ispom.estimators.modern.monocular.localise import Localisation, located_by
 from ispom.estimators.modern.monocular.map import Map, adjusted
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.tracks import LiveTracks, scene_points
-from ispom.estimators.modern.rolling import Sight, late_px, late_s, moved
+from ispom.estimators.modern.rolling import AHEAD, LEAST, PASSES, SPAN_S, Sight, late_px, late_s, motion_at, moved
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
 
-AHEAD, AROUND = 4, 5
-"""Poses of the polynomial at the newest frame, where each more makes errors of its own pose larger, and before it."""
-LEAST = 3
-"""Fewer tell no more than the tracks' own motions do."""
-SPAN_S = 0.25
-"""The polynomial's poses are from no longer a time: a hand shakes at up to 4 Hz."""
-PASSES = 2
-"""Poses and motions follow from each other."""
+AROUND = 5
+"""Poses of the polynomial before the newest frame (see rolling.AHEAD)."""
 LEAST_LATE_S = 1e-4
 """Rows nearer to the middle one move as this one does, over which the difference is taken."""
-
-
-def motion_at(poses: list[tuple[int, Pose]], time_ns: int) -> Array:
-    """(2, 6) how camera_from_world goes on from one of the times of these poses world_from_camera: by left twists
-    (rho, phi) of the first times s [s] plus the second times s^2, of the polynomial through all of them."""
-    here = next(pose for t, pose in poses if t == time_ns)
-    twists = np.array([(pose.inverse() @ here).log() for _, pose in poses])
-    seconds = np.array([t - time_ns for t, _ in poses]) * 1e-9
-    unit = float(np.abs(seconds).max())
-    powers = np.vander(seconds / unit, increasing=True)
-    return np.linalg.solve(powers, twists)[1:3] / np.array([[unit], [unit**2]])
 
 
 def speeds_by(

@@ -1,0 +1,86 @@
+"""A rolling shutter in the joint window: frames as their middle row would have seen them, and where they are then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
+from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.locate import located
+from ispom.estimators.modern.integrated.state import ModernIntegratedState
+from ispom.estimators.modern.integrated.view import Table, View
+from ispom.estimators.modern.rolling import late_s
+from ispom.geometry import Array, Pose
+from ispom.types import Camera, Rig
+
+CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5, line_delay_s=0.02 / 479)
+RIG_FROM_VIDEO = Pose.from_rotvec(np.array([0.02, -0.05, 0.01]), np.array([0.1, -0.05, 0.2]))
+RIG = replace(Rig.stereo(CAMERA, 0.4), video=CAMERA, rig_from_video=RIG_FROM_VIDEO)
+FRAME_S, PAIR_S, COUNT = 1 / 30, 1 / 3, 150
+
+
+def at(t: float) -> Pose:
+    """world_from_rig: ahead at 1.5 m/s, shaken at 2 and 3 Hz."""
+    turn = 0.02 * np.sin(2 * np.pi * np.array([2.0, 3.0, 2.5]) * t + (0.3, 1.0, 2.0))
+    return Pose.from_rotvec(turn, np.array([0.02 * np.sin(12 * t), 0.03 * np.sin(15 * t + 1), 1.5 * t]))
+
+
+def seen(xyz: Array, t: float) -> tuple[Array, Array]:
+    """(N, 2) normalised, of the video, and (N,) [s] when its rows were exposed after the middle one."""
+    late = np.zeros(len(xyz))
+    for _ in range(6):
+        camera = [(at(t + s) @ RIG_FROM_VIDEO).inverse() for s in late]
+        near = np.stack([pose.apply(p[None])[0] for pose, p in zip(camera, xyz, strict=True)])
+        late = late_s(CAMERA, CAMERA.project(near)[:, 1])
+    return near[:, :2] / near[:, 2:], late
+
+
+def view_of(xyz: Array, t: float) -> View:
+    uv, late = seen(xyz, t)
+    return View(round(t * 1e9), True, 2 * np.arange(len(xyz)), uv, np.full(len(xyz), np.nan), late)
+
+
+def view_at(t: float, video: bool) -> View:
+    """Of nothing."""
+    none = np.zeros(0)
+    return View(round(t * 1e9), video, np.zeros(0, np.int64), np.zeros((0, 2)), none, none, world_from_rig=at(t))
+
+
+@pytest.fixture(scope="module")
+def xyz() -> Array:
+    rng = np.random.default_rng(0)
+    near = np.column_stack([rng.uniform(-0.55, 0.55, COUNT), rng.uniform(-0.4, 0.4, COUNT), np.ones(COUNT)])
+    return (at(1.0) @ RIG_FROM_VIDEO).apply(near * rng.uniform(3, 20, (COUNT, 1)))
+
+
+@pytest.mark.parametrize("after_pair", [False, True])
+def test_a_frame_is_put_together_by_the_motion_of_the_frames_before_it(xyz: Array, after_pair: bool) -> None:
+    """Also just after a pair: the motion between pairs is that of a third of a second, and led 3 mm aside."""
+    config, now = ModernIntegratedConfig(), 1.0
+    estimator = config.build(RIG)
+    before = [view_of(xyz, now - k * FRAME_S) for k in (4, 3, 2, 1)]
+    views = [replace(v, world_from_rig=at(v.time_ns * 1e-9)) for v in before]
+    if after_pair:
+        views = [view_at(now - 0.01 - PAIR_S, False), *views, view_at(now - 0.01, False)]
+    values = np.column_stack([xyz[:, :2] / xyz[:, 2:], 1 / xyz[:, 2]])
+    table = Table.empty().with_new(2 * np.arange(COUNT), Pose(), values)
+    window = replace(estimator.start().window, views=tuple(views), table=table)
+    state, found, _ = located(estimator._setup, ModernIntegratedState(window), view_of(xyz, now))
+    assert found is not None
+    off = (at(now).inverse() @ state.window.views[-1].world_from_rig).log()
+    assert np.abs(off[:3]).max() < 5e-4 and np.degrees(np.abs(off[3:])).max() < 0.02
+
+
+def test_the_motion_of_a_camera_is_that_between_its_own_views() -> None:
+    times = (0.0, 0.04, FRAME_S, 0.04 + PAIR_S)
+    views = tuple(view_at(t, is_video) for t, is_video in zip(times, (True, False, True, False), strict=True))
+    window = replace(ModernIntegratedConfig().build(RIG).start().window, views=views)
+    for is_video, (a, b) in ((True, (0, 2)), (False, (1, 3))):
+        motion = window.motion(is_video)
+        way = Pose.exp(motion[:6] * (times[b] - times[a])) @ at(times[a]).inverse()
+        np.testing.assert_allclose(way.matrix, at(times[b]).inverse().matrix, atol=1e-6)
+        assert not motion[6:].any()
+    assert not JointWindow(window.rig, window.rig).motion(True).any()
