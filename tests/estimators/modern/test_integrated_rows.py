@@ -10,9 +10,10 @@ import pytest
 from ispom.estimators.modern.integrated.estimator import ModernIntegratedConfig
 from ispom.estimators.modern.integrated.joint_window import JointWindow
 from ispom.estimators.modern.integrated.locate import located
+from ispom.estimators.modern.integrated.rows import at_middle, by_rate
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.view import Table, View
-from ispom.estimators.modern.rolling import late_s
+from ispom.estimators.modern.rolling import late_s, motion_at
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Rig
 
@@ -56,19 +57,22 @@ def xyz() -> Array:
     return (at(1.0) @ RIG_FROM_VIDEO).apply(near * rng.uniform(3, 20, (COUNT, 1)))
 
 
+def window_of(xyz: Array, views: list[View]) -> JointWindow:
+    """That knows the points."""
+    values = np.column_stack([xyz[:, :2] / xyz[:, 2:], 1 / xyz[:, 2]])
+    table = Table.empty().with_new(2 * np.arange(COUNT), Pose(), values)
+    return replace(ModernIntegratedConfig().build(RIG).start().window, views=tuple(views), table=table)
+
+
 @pytest.mark.parametrize("after_pair", [False, True])
 def test_a_frame_is_put_together_by_the_motion_of_the_frames_before_it(xyz: Array, after_pair: bool) -> None:
     """Also just after a pair: the motion between pairs is that of a third of a second, and led 3 mm aside."""
-    config, now = ModernIntegratedConfig(), 1.0
-    estimator = config.build(RIG)
+    setup, now = ModernIntegratedConfig().build(RIG)._setup, 1.0
     before = [view_of(xyz, now - k * FRAME_S) for k in (4, 3, 2, 1)]
     views = [replace(v, world_from_rig=at(v.time_ns * 1e-9)) for v in before]
     if after_pair:
         views = [view_at(now - 0.01 - PAIR_S, False), *views, view_at(now - 0.01, False)]
-    values = np.column_stack([xyz[:, :2] / xyz[:, 2:], 1 / xyz[:, 2]])
-    table = Table.empty().with_new(2 * np.arange(COUNT), Pose(), values)
-    window = replace(estimator.start().window, views=tuple(views), table=table)
-    state, found, _ = located(estimator._setup, ModernIntegratedState(window), view_of(xyz, now))
+    state, found, _ = located(setup, ModernIntegratedState(window_of(xyz, views)), view_of(xyz, now))
     assert found is not None
     off = (at(now).inverse() @ state.window.views[-1].world_from_rig).log()
     assert np.abs(off[:3]).max() < 5e-4 and np.degrees(np.abs(off[3:])).max() < 0.02
@@ -84,3 +88,31 @@ def test_the_motion_of_a_camera_is_that_between_its_own_views() -> None:
         np.testing.assert_allclose(way.matrix, at(times[b]).inverse().matrix, atol=1e-6)
         assert not motion[6:].any()
     assert not JointWindow(window.rig, window.rig).motion(True).any()
+
+
+def test_what_a_frame_saw_follows_the_rate_by_which_its_rows_are_put_together(xyz: Array) -> None:
+    now, step = 1.0, 1e-4
+    window, view = window_of(xyz, [replace(view_at(now - FRAME_S, True), located=True)]), view_of(xyz, now)
+    found = by_rate(window, view)
+    for i in range(6):
+        motions = (np.eye(12)[i] * s for s in (step, -step))
+        more, less = (at_middle(window, view, m).middle for m in motions)
+        assert more is not None and less is not None
+        np.testing.assert_allclose(found[:, :, i], (more - less) / (2 * step), atol=1e-6)
+
+
+def test_rates_are_as_far_off_as_they_are_told_to_be(xyz: Array) -> None:
+    """Of the way they are found, from true poses: those of four poses."""
+    true, off, told = [], [], []
+    for now in np.arange(1.0, 1.4, FRAME_S):
+        views = [replace(view_at(now - k * FRAME_S, True), world_from_rig=at(now - k * FRAME_S)) for k in (4, 3, 2, 1)]
+        state = ModernIntegratedState(window_of(xyz, views))
+        state, _, _ = located(ModernIntegratedConfig().build(RIG)._setup, state, view_of(xyz, now))
+        newest = state.window.views[-1]
+        told.append(replace(state.window, views=(newest,)).rate_variance())
+        poses = [(round(t * 1e9), at(t)) for t in (now - 3 * FRAME_S, now - 2 * FRAME_S, now - FRAME_S, now)]
+        h = 1e-4
+        true.append((at(now + h).inverse() @ at(now - h)).log() / (2 * h))
+        off.append(motion_at(poses, poses[-1][0])[0] - true[-1])
+    ratio = np.mean(np.square(off), axis=0).reshape(2, 3).mean(axis=1) / np.mean(told, axis=0)[[0, 3]]
+    assert (ratio > 0.2).all() and (ratio < 3).all(), ratio

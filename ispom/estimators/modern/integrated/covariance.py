@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ispom.estimators.modern.integrated.joint_window import JointWindow
+from ispom.estimators.modern.integrated.rows import by_rate
 from ispom.estimators.modern.integrated.setup import MIN_POINTS, Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import common_pair
 from ispom.estimators.modern.integrated.view import Noise, Reference, View
 from ispom.geometry import Array
-from ispom.solvers.spline.pose_covariance import pose_covariance
+from ispom.solvers.spline.pose_covariance import POSE, pose_covariance
+from ispom.solvers.window.prior import LENS
 from ispom.types import Step
 
 DRIFT_SHARE = 0.006
@@ -61,7 +65,13 @@ def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View)
     _, mine, its = np.intersect1d(view.ids, window.reference.ids, assume_unique=True, return_indices=True)
     if len(mine) < MIN_POINTS:
         return None
-    seen = window.seen(view)[mine]
+    seen, uncertainty = window.seen(view)[mine], window.reference.uncertainty.select(its)
+    moved, shared = (by_lens(seen), window.lens_covariance) if view.video else (None, None)
+    if moved is not None and view.late_s is not None:
+        moved = np.concatenate([moved, by_rate(window, view)[mine]], axis=2)
+        shared = _with_rate(window, shared)
+        none = np.zeros((*uncertainty.shared.shape[:2], POSE))
+        uncertainty = replace(uncertainty, shared=np.concatenate([uncertainty.shared, none], axis=2))
     return pose_covariance(
         view.world_from_rig,
         window.rig.rig_from_video if view.video else window.rig.rig_from_left,
@@ -70,7 +80,15 @@ def _resected_covariance(noise: Noise, state: ModernIntegratedState, view: View)
         seen,
         noise.of(view.video),
         noise.loss,
-        window.reference.uncertainty.select(its),
-        by_lens(seen) if view.video else None,
-        window.lens_covariance,
+        uncertainty,
+        moved,
+        shared,
     )
+
+
+def _with_rate(window: JointWindow, lens: Array | None) -> Array:
+    """(8, 8) of the lens and of the rate by which a rolling shutter's rows were put together: all points share both."""
+    out = np.zeros((LENS + POSE, LENS + POSE))
+    out[:LENS, :LENS] = 0.0 if lens is None else lens
+    out[LENS:, LENS:] = np.diag(window.rate_variance())
+    return out

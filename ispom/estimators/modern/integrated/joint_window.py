@@ -27,6 +27,11 @@ USUAL_BASELINES = 20.0
 MOST_EXTRAPOLATED = 3
 """Intervals between the last two views that their motion is taken to go on; after longer gaps it says nothing."""
 
+RATES = 8
+"""Video frames whose rates tell how far off rates are."""
+RATE_SHARE = 0.6
+"""How far off the rate by four poses is, over what it differs by from that of three (0.6 of true poses in sim:city)."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointWindow:
@@ -96,6 +101,12 @@ class JointWindow:
             return np.zeros(12)
         way = views[1].world_from_rig.inverse() @ views[0].world_from_rig
         return steady(way.log() / ((views[1].time_ns - views[0].time_ns) * 1e-9))
+
+    def rate_variance(self) -> Array:
+        """(6,) of the rates by which rows of the last video frames were put together."""
+        off = [v.unforeseen for v in self.views if v.video and v.located][-RATES:]
+        square = (np.reshape(off, (-1, 2, 3)) ** 2).mean(axis=(0, 2)) if off else np.zeros(2)
+        return RATE_SHARE**2 * np.repeat(square, 3)
 
     def recent(self, time_ns: int) -> list[tuple[int, Pose]]:
         """Times and poses world_from_rig of the last video frames before this time that tell how the rig moves then."""

@@ -81,8 +81,9 @@ def _seen_together(noise: Noise, window: JointWindow, view: View) -> tuple[View,
         if found is None:
             break
         pose = found.camera_from_world.inverse() @ window.rig.rig_from_video.inverse()
-        first, second = motion_at([*recent, (view.time_ns, pose)], view.time_ns)
-        view = at_middle(window, view, np.concatenate([first, 2 * second]))
+        poses = [*recent, (view.time_ns, pose)]
+        (first, second), (fewer, _) = (motion_at(some, view.time_ns) for some in (poses, poses[1:]))
+        view = at_middle(window, replace(view, unforeseen=first - fewer), np.concatenate([first, 2 * second]))
         found = _resected(noise, window, view)
     return view, found
 

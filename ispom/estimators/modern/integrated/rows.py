@@ -28,6 +28,18 @@ def at_middle(window: JointWindow, view: View, motion: Array) -> View:
     return replace(view, middle=middle[:, :2] / middle[:, 2:])
 
 
+def by_rate(window: JointWindow, view: View) -> Array:
+    """(N, 2, 6) how what the middle row would have seen follows the rate of rig_from_world (rho [m/s], phi [rad/s])."""
+    assert view.late_s is not None
+    rig_from_camera = window.rig.rig_from_video if view.video else window.rig.rig_from_left
+    ray, far = np.column_stack([view.seen, np.ones(len(view.seen))]), _inverse_depths(window, view)
+    columns = list[Array]()
+    for rate in rig_from_camera.inverse().adjoint.T:
+        way = -view.late_s[:, None] * (rate[:3] * far[:, None] + np.cross(rate[3:], ray))
+        columns.append(way[:, :2] - view.seen * way[:, 2:])
+    return np.stack(columns, axis=2)
+
+
 def _inverse_depths(window: JointWindow, view: View) -> Array:
     """(N,) [1/m] of what a view sees: by disparity, or as the window's points have it; else their median."""
     if not view.video:

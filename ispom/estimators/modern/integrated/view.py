@@ -37,6 +37,9 @@ class View:
     """(N, 2) `seen` as the middle row would have, by the motion then known; None where rows are exposed together."""
     rate: Array = field(default_factory=lambda: np.zeros(6))
     """(6,) of left_from_world's change (rho [m/s], phi [rad/s]; left) that a late right shutter is held to see."""
+    unforeseen: Array = field(default_factory=lambda: np.zeros(6))
+    """(6,) by how much the rate of rig_from_world by which its rows were put together (rho [m/s], phi [rad/s]) differs
+    from what one pose less tells."""
     world_from_rig: Pose = field(default_factory=Pose)
     located: bool = True
     """Whether the pose is from what was seen; else it is that of the view before."""
