@@ -32,7 +32,7 @@ def anchored(own: Trajectory, anchors: Trajectory) -> Trajectory:
 
 def averaged(own: Trajectory, anchors: Trajectory, over: int) -> Trajectory:
     """The poses of `anchors` at the times that both have, but for what differs between neighbours: each is where the
-    corrections of the `over` nearest (an odd number; fewer at the ends) carry that of `own` on average.
+    corrections of the `over` nearest (as many before as after it; fewer at the ends) carry that of `own` on average.
 
     For anchors with errors of their own, where `own` says better how neighbours lie to each other.
     """

@@ -17,11 +17,6 @@ from ispom.types import Decision, Trajectory
 LEAST_LENGTH_BASELINES = 0.1
 """A window that is shorter, in baselines, gives no ratio of lengths: both are noise."""
 
-ROLLING_PAIRS = 5
-"""Over which what lies between the poses of a pair with a rolling shutter by both is averaged. Those of the stereo
-method are off by twice as much as other pairs' from one to the next; with three or seven errors are within a tenth of
-those with five (sim:city, 8 flights, exposed within 10, 20 and 30 ms)."""
-
 
 def common_pair(setup: Setup, state: ModernIntegratedState) -> View | None:
     """The last pair; where stereo is followed, of those that it located, too. Poses are given relative to it."""
@@ -44,11 +39,14 @@ def stereo_from_window(setup: Setup, state: ModernIntegratedState) -> Pose:
 
 
 def anchors(setup: Setup, own: Trajectory, metric: Trajectory) -> Trajectory:
-    """Where pairs are to be: as the stereo method located them. Of a rolling shutter that knows little of how a single
-    pair moved while its rows were exposed, and the video much; there it says where several are on average."""
+    """Where pairs are to be: as the stereo method located them.
+
+    Of a rolling shutter that knows little of how a single pair moved while its rows were exposed, and the video much;
+    there it says where as many neighbours as are adjusted together are on average.
+    """
     if not setup.rig.camera("left").line_delay_s:
         return metric
-    return averaged(own, metric, ROLLING_PAIRS)
+    return averaged(own, metric, setup.window_pairs)
 
 
 def pose_by_stereo(setup: Setup, state: ModernIntegratedState, view: View) -> Pose | None:
