@@ -11,8 +11,8 @@ from ispom.estimators.modern.places import Place, Places
 from ispom.estimators.modern.stereo.key_frame import Current
 from ispom.estimators.modern.stereo.last_pair import LastPair
 from ispom.estimators.modern.stereo.pair import Sighting
+from ispom.estimators.modern.stereo.rolling_window import with_pair
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shaken_window import with_pair
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.window import newest_covariance
 from ispom.geometry import Array, Pose

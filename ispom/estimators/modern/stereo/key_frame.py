@@ -13,9 +13,9 @@ from ispom.estimators.modern.stereo import checks
 from ispom.estimators.modern.stereo.corrections import corrections
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints, Sighting
 from ispom.estimators.modern.stereo.pair_calibration import intersected, with_rows
+from ispom.estimators.modern.stereo.rolling_window import adjusted, without_oldest
 from ispom.estimators.modern.stereo.row_motions import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shaken_window import adjusted, without_oldest
 from ispom.estimators.modern.stereo.state import ModernStereoState
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, with_key
 from ispom.frontends.buckets import detect_spread

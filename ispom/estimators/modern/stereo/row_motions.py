@@ -131,18 +131,18 @@ class Joint:
         reduced = hessian - flat.T @ carried
         return Joint((reduced + reduced.T) / 2, right - carried.T @ side.ravel(), used, inverse, side, rows)
 
-    def without_motions(self, also: int = 0) -> tuple[Array, Array]:
-        """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, the motions eliminated, and the first poses, too."""
+    def without_motions(self, first_poses: int = 0) -> tuple[Array, Array]:
+        """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, the motions eliminated, and so many of the first poses."""
         count = (len(self.right) - PAIR) // MOVES
         pose = np.append((np.arange(len(self.right) - PAIR) % MOVES) < POSE, np.ones(PAIR, bool))
-        pose[: also * MOVES] = False
+        pose[: first_poses * MOVES] = False
         h, g = self.hessian, self.right
         # Each motion has units of its own, and so have poses: scaled, none loses digits to another.
         scale = 1 / np.sqrt(h.diagonal())
         scaled = scale[:, None] * h * scale
         gain = np.linalg.solve(scaled[np.ix_(~pose, ~pose)], scaled[np.ix_(~pose, pose)]).T
         rest = scaled[np.ix_(pose, pose)] - gain @ scaled[np.ix_(~pose, pose)]
-        assert len(rest) == POSE * (count - also) + PAIR
+        assert len(rest) == POSE * (count - first_poses) + PAIR
         back = 1 / scale[pose]
         return back[:, None] * (rest + rest.T) / 2 * back, g[pose] - back * (gain @ (scale * g)[~pose])
 

@@ -153,7 +153,7 @@ def adjusted(
 ) -> tuple[StereoMap, Adjusted | None]:
     """Bundle adjustment of the window; observations farther than `threshold` from their points are dropped then.
 
-    How sure it is then is told where all rows are exposed together (else see shaken_window.py).
+    How sure it is then is told where all rows are exposed together (else see rolling_window.py).
     """
     window, used, origin = _packed(state, baseline, extra_sigma)
     if len(state.keys) < 2 or not len(window.cameras):

@@ -50,7 +50,7 @@ def without_oldest(setup: Setup, world: StereoMap) -> StereoMap:
         return window.without_oldest(world, setup.baseline_m, setup.extra_sigma, setup.loss)
     past, rest = parted(world)
     believed = believed_motions(world.keys, setup.baseline_m)
-    hessian, right = Joint.of(setup, replace(world, keys=past), believed).without_motions(also=1)
+    hessian, right = Joint.of(setup, replace(world, keys=past), believed).without_motions(first_poses=1)
     poses = [k.left_from_world for k in past[1:]]
     rotations, translations = np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses])
     return replace(world, keys=rest, prior=Prior(rotations, translations, world.extra, hessian, -right))

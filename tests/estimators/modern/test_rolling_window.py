@@ -9,9 +9,9 @@ import pytest
 
 from ispom.estimators.modern.rolling import steady
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
+from ispom.estimators.modern.stereo.rolling_window import adjusted, with_pair, without_oldest
 from ispom.estimators.modern.stereo.row_motions import with_motions
 from ispom.estimators.modern.stereo.setup import Setup
-from ispom.estimators.modern.stereo.shaken_window import adjusted, with_pair, without_oldest
 from ispom.estimators.modern.stereo.shutter import Shutter
 from ispom.estimators.modern.stereo.window import KeyFrame, StereoMap, newest_covariance, with_key
 from ispom.evaluation.consistency import band
