@@ -132,7 +132,7 @@ class Joint:
         return Joint((reduced + reduced.T) / 2, right - carried.T @ side.ravel(), used, inverse, side, rows)
 
     def without_motions(self, first_poses: int = 0) -> tuple[Array, Array]:
-        """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, the motions eliminated, and so many of the first poses."""
+        """(6 C + E, 6 C + E) and (6 C + E,) of poses and pair, without the motions, and so many of the first poses."""
         count = (len(self.right) - PAIR) // MOVES
         pose = np.append((np.arange(len(self.right) - PAIR) % MOVES) < POSE, np.ones(PAIR, bool))
         pose[: first_poses * MOVES] = False
