@@ -90,14 +90,17 @@ def mean_rates(motion: Array, seconds: Array) -> Array:
 
 
 def motion_at(poses: list[tuple[int, Pose]], time_ns: int) -> Array:
-    """(2, 6) how camera_from_world goes on from one of the times of these poses world_from_camera: by left twists
-    (rho, phi) of the first times s [s] plus the second times s^2, of the polynomial through all of them."""
+    """(2, 6) how camera_from_world goes on from one of the times of these poses world_from_camera, two at least.
+
+    By left twists (rho, phi) of the first times s [s] plus the second times s^2, of the polynomial through them all.
+    """
     here = next(pose for t, pose in poses if t == time_ns)
     twists = np.array([(pose.inverse() @ here).log() for _, pose in poses])
     seconds = np.array([t - time_ns for t, _ in poses]) * 1e-9
     unit = float(np.abs(seconds).max())
-    powers = np.vander(seconds / unit, increasing=True)
-    return np.linalg.solve(powers, twists)[1:3] / np.array([[unit], [unit**2]])
+    found = np.zeros((max(len(poses), 3), 6))
+    found[: len(poses)] = np.linalg.solve(np.vander(seconds / unit, increasing=True), twists)
+    return found[1:3] / np.array([[unit], [unit**2]])
 
 
 def moved(near: Array, seconds: Array, rate: Array, far: Array) -> Array:

@@ -116,3 +116,10 @@ def test_rates_are_as_far_off_as_they_are_told_to_be(xyz: Array) -> None:
         off.append(motion_at(poses, poses[-1][0])[0] - true[-1])
     ratio = np.mean(np.square(off), axis=0).reshape(2, 3).mean(axis=1) / np.mean(told, axis=0)[[0, 3]]
     assert (ratio > 0.2).all() and (ratio < 3).all(), ratio
+
+
+def test_two_poses_tell_a_rate_and_no_change_of_it() -> None:
+    poses = [(0, at(0.0)), (round(FRAME_S * 1e9), at(FRAME_S))]
+    first, second = motion_at(poses, poses[1][0])
+    np.testing.assert_allclose(Pose.exp(first * FRAME_S).matrix, (at(FRAME_S).inverse() @ at(0.0)).matrix, atol=1e-9)
+    assert not second.any()

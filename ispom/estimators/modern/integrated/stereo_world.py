@@ -32,9 +32,10 @@ def stereo_from_window(setup: Setup, state: ModernIntegratedState) -> Pose:
     pair, metric = common_pair(setup, state), dict(state.metric)
     if not setup.follow_stereo or pair is None or pair.time_ns not in metric:
         return Pose()
-    own = Trajectory.of([(v.time_ns, v.world_from_rig) for v in state.window.views if not v.video])
-    met = anchors(setup, own, Trajectory.of(list(state.metric))).at(pair.time_ns)
-    assert met is not None
+    met = metric[pair.time_ns]
+    if _rolls(setup):
+        own = Trajectory.of([(v.time_ns, v.world_from_rig) for v in state.window.views if not v.video])
+        met = dict(anchors(setup, own, Trajectory.of(list(state.metric))).items())[pair.time_ns]
     return met @ pair.world_from_rig.inverse()
 
 
@@ -44,9 +45,11 @@ def anchors(setup: Setup, own: Trajectory, metric: Trajectory) -> Trajectory:
     Of a rolling shutter that knows little of how a single pair moved while its rows were exposed, and the video much;
     there it says where as many neighbours as are adjusted together are on average.
     """
-    if not setup.rig.camera("left").line_delay_s:
-        return metric
-    return averaged(own, metric, setup.window_pairs)
+    return averaged(own, metric, setup.window_pairs) if _rolls(setup) else metric
+
+
+def _rolls(setup: Setup) -> bool:
+    return setup.rig.camera("left").line_delay_s != 0
 
 
 def pose_by_stereo(setup: Setup, state: ModernIntegratedState, view: View) -> Pose | None:
