@@ -71,7 +71,8 @@ class ModernIntegratedConfig:
     iterations: Annotated[int, Range(1, 30)] = 4
     """Of each adjustment, at most."""
     follow_stereo: bool = True
-    """Meet the stereo estimator's pose at every pair, so that both share one drift; else the drift is its own."""
+    """Meet the stereo estimator's pose at every pair, or with a rolling shutter on average over as many pairs as are
+    adjusted together, so that both share one drift; else the drift is its own."""
 
     def build(self, rig: Rig) -> ModernIntegrated:
         return ModernIntegrated(rig, self)

@@ -86,7 +86,8 @@ class JointWindow:
         """world_from_rig if the motion of the last two views goes on; identity before any view."""
         if not self.views:
             return Pose()
-        last, way = self.views[-1], self._way()
+        last = self.views[-1]
+        way = self._way(last.video)
         if way is None:
             return last.world_from_rig
         share = (time_ns - last.time_ns) / way[1]
@@ -96,11 +97,8 @@ class JointWindow:
 
     def motion(self, video: bool) -> Array:
         """(12,) of rig_from_world, as of rolling.mean_rates: the mean between a camera's last two views, 0 before."""
-        views = [v for v in self.views if v.video == video][-2:]
-        if len(views) < 2 or views[0].time_ns >= views[1].time_ns:
-            return np.zeros(12)
-        way = views[1].world_from_rig.inverse() @ views[0].world_from_rig
-        return steady(way.log() / ((views[1].time_ns - views[0].time_ns) * 1e-9))
+        way = self._way(video)
+        return np.zeros(12) if way is None else steady(-way[0].log() / (way[1] * 1e-9))
 
     def rate_variance(self) -> Array:
         """(6,) of the rates by which rows of the last video frames were put together."""
@@ -113,13 +111,12 @@ class JointWindow:
         views = [v for v in self.views if v.video and v.located and time_ns - SPAN_S * 1e9 <= v.time_ns < time_ns]
         return [(v.time_ns, v.world_from_rig) for v in views[1 - AHEAD :]]
 
-    def _way(self) -> tuple[Pose, int] | None:
-        """before_rig_from_last_rig and the time [ns] from the last view but one of the last one's camera to that."""
-        last = self.views[-1] if self.views else None
-        before = [v for v in self.views[:-1] if last is not None and v.video == last.video]
-        if last is None or not before or last.time_ns <= before[-1].time_ns:
+    def _way(self, video: bool) -> tuple[Pose, int] | None:
+        """before_rig_from_last_rig of the last two views of a camera, and the time [ns] between them."""
+        views = [v for v in self.views if v.video == video][-2:]
+        if len(views) < 2 or views[1].time_ns <= views[0].time_ns:
             return None
-        return before[-1].world_from_rig.inverse() @ last.world_from_rig, last.time_ns - before[-1].time_ns
+        return views[0].world_from_rig.inverse() @ views[1].world_from_rig, views[1].time_ns - views[0].time_ns
 
     def with_view(self, view: View) -> JointWindow:
         """With a view whose pose is known roughly; its new points get a depth, from disparity or from neighbours."""
