@@ -33,12 +33,14 @@ def align(
     warps: Array,
     iterations: int = 8,
     bends: Array | None = None,
+    taper_px: float = np.inf,
 ) -> tuple[Array, Array]:
     """Places (N, 2) [px] in `image` of the patches of `reference` at (N, 2), looked for from `uv` (N, 2) on.
 
     `warps` (N, 2, 2): reference pixels per image pixel around each point, with `bends` (N, 2) those of a plane in
-    perspective: d pixels of the image beside it are warps d / (1 + bends d) pixels of the reference. Also gives the
-    correlation (N,) of patch and image there, -1..1; -1 where a patch reaches out of an image or has no texture.
+    perspective: d pixels of the image beside it are warps d / (1 + bends d) pixels of the reference. Pixels count as a
+    normal distribution of deviation `taper_px` around the middle: all the same with inf. Also gives the correlation
+    (N,) of patch and image there, -1..1; -1 where a patch reaches out of an image or has no texture.
     """
     return _align(
         read_only(reference),
@@ -48,6 +50,7 @@ def align(
         read_only(warps),
         read_only(np.zeros((len(warps), 2)) if bends is None else bends),
         iterations,
+        float(taper_px),
     )
 
 
@@ -140,8 +143,20 @@ def _copy(pixels, columns, x, y, out):
             out[i * ROW + j] = pixels[at + np.uintp(j)]
 
 
+@part
+def _taper(deviation, counts):
+    """Fills how much each pixel counts; their sum."""
+    area = NONE
+    for i in range(SIDE):
+        for j in range(SIDE):
+            across, down = j - RADIUS_PX, i - RADIUS_PX
+            counts[i * ROW + j] = np.float32(np.exp(-0.5 * (across * across + down * down) / (deviation * deviation)))
+            area += counts[i * ROW + j]
+    return area
+
+
 @kernel(fastmath={"contract", "reassoc"})
-def _align(reference, reference_uv, image, uv, warps, bends, iterations):
+def _align(reference, reference_uv, image, uv, warps, bends, iterations, taper):
     n, last = len(uv), RADIUS_PX + 1
     score = np.full(n, -1.0)
     places, room, wide, now = (
@@ -153,8 +168,7 @@ def _align(reference, reference_uv, image, uv, warps, bends, iterations):
     for i in range(WIDE * WIDE):
         room[0, i], room[1, i] = i % WIDE - last, i // WIDE - last
     patch, gx, gy, counts = np.zeros((4, SIDE * ROW), np.float32)
-    counts[:] = np.float32(1)
-    counts[SIDE::ROW] = np.float32(0)
+    area = _taper(taper, counts)
     origin, pixels = reference.reshape(reference.size), image.reshape(image.size)
     for k in range(n):
         if _reaches_out(k, reference_uv, warps, bends, reference.shape):
@@ -163,50 +177,48 @@ def _align(reference, reference_uv, image, uv, warps, bends, iterations):
         _derive(wide, patch, gx, gy)
         mean, mx, my = NONE, NONE, NONE
         for i in range(len(patch)):
-            mean += patch[i]
-            mx += gx[i]
-            my += gy[i]
-        mean, mx, my = mean / AREA, mx / AREA, my / AREA
-        # Without its mean everything is free of the brightness offset.
-        for i in range(len(patch)):
-            patch[i] -= mean * counts[i]
-            gx[i] -= mx * counts[i]
-            gy[i] -= my * counts[i]
+            mean += counts[i] * patch[i]
+            mx += counts[i] * gx[i]
+            my += counts[i] * gy[i]
+        mean, mx, my = mean / area, mx / area, my / area
         hxx, hxy, hyy, power, px, py = NONE, NONE, NONE, NONE, NONE, NONE
         for i in range(len(patch)):
-            hxx += gx[i] * gx[i]
-            hxy += gx[i] * gy[i]
-            hyy += gy[i] * gy[i]
-            power += patch[i] * patch[i]
-            px += gx[i] * patch[i]
-            py += gy[i] * patch[i]
+            # Without its mean everything is free of the brightness offset.
+            value, x, y = patch[i] - mean, gx[i] - mx, gy[i] - my
+            patch[i], gx[i], gy[i] = counts[i] * value, counts[i] * x, counts[i] * y
+            hxx += gx[i] * x
+            hxy += gx[i] * y
+            hyy += gy[i] * y
+            power += patch[i] * value
+            px += gx[i] * value
+            py += gy[i] * value
         det = hxx * hyy - hxy * hxy
-        if det < 1e-3 * (hxx + hyy) * (hxx + hyy) or power < AREA:
+        if det < 1e-3 * (hxx + hyy) * (hxx + hyy) or power < area:
             continue
         u, v = uv[k, 0], uv[k, 1]
         for _ in range(iterations + 1):
             if not (RADIUS_PX <= u < image.shape[1] - last and RADIUS_PX <= v < image.shape[0] - last):
                 score[k] = -1.0
                 break
-            x, y = int(u), int(v)
-            a, b = u - x, v - y
+            left, top = int(u), int(v)
+            a, b = u - left, v - top
             w00, w01, w10, w11 = (
                 np.float32((1 - a) * (1 - b)),
                 np.float32(a * (1 - b)),
                 np.float32((1 - a) * b),
                 np.float32(a * b),
             )
-            _copy(pixels, image.shape[1], x - RADIUS_PX, y - RADIUS_PX, now)
+            _copy(pixels, image.shape[1], left - RADIUS_PX, top - RADIUS_PX, now)
             bx, by, total, squares, product = -px, -py, NONE, NONE, NONE
             for i in range(len(patch)):
                 value = w00 * now[i] + w01 * now[i + 1] + w10 * now[i + ROW] + w11 * now[i + ROW + 1]
-                value = (value - mean) * counts[i]
-                total += value
-                squares += value * value
+                value -= mean
+                total += counts[i] * value
+                squares += counts[i] * value * value
                 product += value * patch[i]
                 bx += gx[i] * value
                 by += gy[i] * value
-            variance = squares - total * total / AREA
+            variance = squares - total * total / area
             score[k] = product / np.sqrt(power * variance) if variance > 1e-6 else -1.0
             du, dv = (hyy * bx - hxy * by) / det, (hxx * by - hxy * bx) / det
             if du * du + dv * dv < 1e-6:

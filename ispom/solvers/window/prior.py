@@ -84,6 +84,11 @@ class Sandwich:
         lasting = None if self.lasting is None else self.lasting.without(gain, gone)
         return Sandwich(_without(self.curvature, gain, gone), _without(self.scatter, gain, gone), lasting)
 
+    def times(self, factor: float) -> Sandwich:
+        """In a unit of the cost in which there is so many times as much of it."""
+        lasting = None if self.lasting is None else replace(self.lasting, slopes=factor * self.lasting.slopes)
+        return Sandwich(factor * self.curvature, factor**2 * self.scatter, lasting)
+
     def with_evidence(self, evidence: Evidence) -> Sandwich:
         """The loss's second derivatives by what a row is off by are its weight times 1 - 2 left^2."""
         design, left, size = evidence.design, evidence.left, len(self.curvature)
@@ -119,6 +124,17 @@ class Prior:
         turn = rotations[:p] @ np.swapaxes(self.rotations, 1, 2)
         rho = translations[:p] - (turn @ self.translations[:, :, None])[..., 0]
         return np.concatenate([np.hstack([rho, logs(turn)]).ravel(), extra - self.extra])
+
+    def times(self, factor: float) -> Prior:
+        """The same in another unit of the cost: so many times all of it, and the same covariance."""
+        sandwich = self.sandwich or Sandwich(self.hessian, self.hessian)
+        return replace(
+            self,
+            hessian=factor * self.hessian,
+            gradient=factor * self.gradient,
+            constant=factor * self.constant,
+            sandwich=sandwich.times(factor),
+        )
 
     def with_evidence(self, evidence: Evidence) -> Prior:
         """With what else the corrections show in."""

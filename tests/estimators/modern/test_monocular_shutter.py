@@ -93,7 +93,7 @@ def window(last: int) -> Map:
         RelativeFrame(k * STEP_NS, 4 * STEP_NS, of_key[4].inverse() @ shaken(k * STEP_NS) @ off.get(k, Pose()))
         for k in range(5, last - 1)
     )
-    return Map(keys, ScenePoints(IDS, points()), None, others)
+    return Map(keys, ScenePoints(IDS, points()), None, setup().sigma, others)
 
 
 def setup(camera: Camera = CAMERA) -> Setup:
@@ -197,6 +197,6 @@ def test_frames_at_any_rate_are_put_right_where_three_are_near_enough(rate_hz: i
     step_ns = round(1e9 / rate_hz)
     times = [k * step_ns for k in range(1, 8)]
     keys = tuple(TrackedFrame(t, IDS, CAMERA.normalise(seen(t)), shaken(t)) for t in times)
-    world = Map(keys, ScenePoints(IDS, points()), None)
+    world = Map(keys, ScenePoints(IDS, points()), None, setup().sigma)
     after = with_motions(setup(), world, tuple(Sight(t, IDS, seen(t)) for t in times))
     assert all((a.x != b.x).any() == (rate_hz > 4) for a, b in zip(after.keys, keys, strict=True))

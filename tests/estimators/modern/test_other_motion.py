@@ -36,7 +36,7 @@ def seen(noise: float, astray: int = 0) -> tuple[Map, TrackedFrame]:
     x2[SCENE + MOVED - astray :] += rng.uniform(-0.05, 0.05, (astray, 2))
     ids = np.arange(SCENE + MOVED)
     key = TrackedFrame(0, ids, x1, Pose())
-    return Map((key,), ScenePoints(), None), TrackedFrame(1, ids[SCENE:], x2[SCENE:], CAMERA)
+    return Map((key,), ScenePoints(), None, SIGMA), TrackedFrame(1, ids[SCENE:], x2[SCENE:], CAMERA)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.3 * SIGMA])
@@ -69,7 +69,7 @@ def test_what_stands_still_after_all_is_not_even_asked_about() -> None:
     key = TrackedFrame(0, frame.ids, still[:, :2] / still[:, 2:], Pose())
     now = CAMERA.inverse().apply(still)
     frame = TrackedFrame(1, frame.ids, now[:, :2] / now[:, 2:], CAMERA)
-    assert other_motion(Map((key,), ScenePoints(), None), frame, SCENE, SIGMA)[0] is None
+    assert other_motion(Map((key,), ScenePoints(), None, SIGMA), frame, SCENE, SIGMA)[0] is None
     few = frame.without(frame.ids[15:])
     assert other_motion(world, few, SCENE, SIGMA)[0] is None, "too few"
 

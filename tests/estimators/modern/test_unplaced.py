@@ -65,7 +65,7 @@ def located(
         at.append(uv + error_px * np.concatenate(noise))
     frame = TrackedFrame(0, ids, CAMERA.normalise(at[0]), key)
     between = RelativeFrame(10**8, 0, key.inverse() @ LAST)
-    world = Map((frame,), ScenePoints(ids[:POINTS], points), None, (between,))
+    world = Map((frame,), ScenePoints(ids[:POINTS], points), None, 1e-3, (between,))
     live = LiveTracks(ids=ids, uv=at[1].astype(np.float32), speed=np.zeros((len(ids), 2), np.float32), time_ns=10**8)
     followed = Followed(
         at[2].astype(np.float32), np.full(len(ids), ALIVE, np.uint8), np.zeros((len(ids), 2), np.float32)

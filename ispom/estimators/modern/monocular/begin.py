@@ -54,9 +54,9 @@ def begin(setup: Setup, state: ModernMonocularState, new: NewImage) -> Outcome:
     last = Sight(new.time_ns, state.live.ids[alive], new.followed.uv[alive])
     world = begun_by_motions(setup, found.map, (*start.sights, last))
     problem = bundle_problem(world)
-    noise = world.noise.after(adjust(problem.window, setup.sigma, iterations=0), setup.sigma)
+    noise = world.noise.after(adjust(problem.window, world.loss, iterations=0), world.loss)
     times_ns = tuple(k.time_ns for k in world.keys)
-    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, setup.sigma, noise.shared)
+    uncertainty = MapUncertainty.of(problem.window, times_ns, problem.ids, world.loss, noise.shared)
     return replace(
         outcome,
         status=Status.TRACKING,

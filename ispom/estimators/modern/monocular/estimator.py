@@ -52,8 +52,8 @@ class ModernMonocularConfig:
     point_parallax_deg: Annotated[float, Range(0.05, 20)] = 0.4
     """Points seen under a smaller angle get no place in the map yet."""
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
-    """Deviation of a tracked place after some key frames, by which the loss is set, and what is far off dropped;
-    covariances take it for that until residuals say more (`noise`)."""
+    """Deviation of a tracked place after some key frames, by which what is far off is dropped, and the loss is set
+    until residuals say that it can be narrower; covariances take it for that until residuals say more (`noise`)."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
     """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
     relocalise: bool = True

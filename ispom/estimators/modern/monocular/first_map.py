@@ -180,7 +180,7 @@ def _trial(
     unit = 1.0 if start.speed is None else start.speed * seconds
     end = start.base @ second_from_first.inverse().scaled(unit)
     pair = (replace(reference, world_from_camera=start.base), replace(last, world_from_camera=end))
-    state = Map(pair, ScenePoints(), None, extra_sigma=start.extra_sigma, noise=start.noise)
+    state = Map(pair, ScenePoints(), None, sigma, extra_sigma=start.extra_sigma, noise=start.noise)
     state, enough = _with_points(state, ids, sigma), max(MIN_POINTS, MIN_SHARE * len(ids))
     if len(state.points.ids) < enough:
         return None

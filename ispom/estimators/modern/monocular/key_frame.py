@@ -88,30 +88,32 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     """New points where the parallax suffices, and windowed bundle adjustment."""
     known, sigma, f = world.points.ids, setup.sigma, setup.camera.fx
     grown = with_key_frame(setup, world, frame)
-    world, bundle, before = adjusted(grown.map, sigma, ITERATIONS)
-    world = replace(world, noise=world.noise.after(bundle, sigma))
+    world, bundle, before = adjusted(grown.map.with_loss(sigma), sigma, ITERATIONS)
+    world = replace(world, noise=world.noise.after(bundle, world.loss))
     outliers = before.ids[places(world.points.ids, before.ids) < 0]
     dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
+    (told,) = world.noise.told(f)
+    off = f * world.noise.sigma(setup.noise)
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     went = (
         cost,
         *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
         checks.OUTLIERS.of(len(outliers), len(before.ids)),
-        checks.NOISE.of(f * world.noise.sigma(setup.noise), setup.noise_px, *world.noise.told(f)),
+        checks.NOISE.of(off, setup.noise_px, f"{told}, loss {f * world.loss:.2f} px wide"),
     )
     times_ns = tuple(k.time_ns for k in world.keys)
-    uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, sigma, world.noise.shared)
+    uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, world.loss, world.noise.shared)
     scale, drift = _scale(world, known, sigma, uncertainty)
-    return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(world)))
+    return Extended(world, dropped, uncertainty, scale, (*went, *drift, *_correction(setup, world)))
 
 
-def _correction(world: Map) -> tuple[Decision, ...]:
+def _correction(setup: Setup, world: Map) -> tuple[Decision, ...]:
     """The correction of the camera's calibration that its images suggest."""
     if not world.extra_sigma.any():
         return ()
     focal, radial = 100 * float(world.extra[0]), float(world.extra[1])
-    limit = 300 * float(world.extra_sigma[0]) / LOSS
+    limit = 300 * float(setup.extra_sigma[0]) / LOSS
     because = f"focal length {focal:+.2f} %, radial distortion {radial:+.4f}"
     return (checks.FOCAL_LENGTH.of(abs(focal), limit, because),)
 

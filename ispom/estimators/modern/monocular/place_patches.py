@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
+from ispom.estimators.modern.monocular.realign import TAPER_PX
 from ispom.estimators.modern.monocular.surfaces import slopes
 from ispom.estimators.modern.places import Place
 from ispom.frontends.patches import align, warps_of
@@ -34,6 +35,6 @@ def patches_found(
     warps, bends = warps_of(lens.camera, turn, way, near, slopes(near))
     warps, bends = place.reduction / reduction * warps, bends / reduction
     start = (expected + 0.5) * reduction - 0.5
-    found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends)
+    found, score = align(place.images[0], place.reduced(seen), image, start, warps, bends=bends, taper_px=TAPER_PX)
     found = (found + 0.5) / reduction - 0.5
     return found, (score > MIN_CORRELATION) & (np.linalg.norm(found - expected, axis=1) < MAX_SHIFT_PX)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.first_map import anchored_prior
 from ispom.estimators.modern.monocular.localise import SURE, Localisation, located_by, set_right
 from ispom.estimators.modern.monocular.map import Map
@@ -81,7 +80,7 @@ def joined(
     place, _ = found.views[-1]
     if not {p.time_ns for p, _ in found.views} & {k.time_ns for k in world.keys}:
         state = replace(state, settled=state.settled.extended(world.trajectory()))
-        world = _from_places(world, found)
+        world = _from_places(setup, world, found)
     seen = {p.time_ns: at_middle(setup, p, uv) for p, uv in found.views}
     keys = tuple(_seeing(setup, k, ids, seen[k.time_ns]) if k.time_ns in seen else k for k in world.keys)
     world = replace(world, keys=keys, points=world.points.merged(ScenePoints(ids, found.xyz)))
@@ -106,12 +105,12 @@ def _seeing(setup: Setup, key: TrackedFrame, ids: NDArray[np.int64], uv: Array) 
     return key.with_new(ids[has], setup.camera.normalise(uv[has]))
 
 
-def _from_places(world: Map, found: Recognised) -> Map:
+def _from_places(setup: Setup, world: Map, found: Recognised) -> Map:
     """A window of the key frames found, without any points yet."""
     none = np.zeros(0, np.int64), np.zeros((0, 2))
     places = sorted((p for p, _ in found.views), key=lambda p: p.time_ns)
     poses = tuple(p.camera_from_world.inverse() for p in places)
     keys = tuple(TrackedFrame(p.time_ns, *none, pose) for p, pose in zip(places, poses, strict=True))
     known = np.zeros((6, 6)) if places[0].covariance is None else places[0].covariance
-    prior = anchored_prior(poses, world.extra_sigma, LOSS**2 * known, 0.0)
-    return Map(keys, ScenePoints(), prior, extra=world.extra, extra_sigma=world.extra_sigma, noise=world.noise)
+    prior = anchored_prior(poses, world.extra_sigma, (world.loss / setup.noise) ** 2 * known, 0.0)
+    return replace(world, keys=keys, points=ScenePoints(), prior=prior, relative_frames=())
