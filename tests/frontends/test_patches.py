@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from ispom.frontends.buckets import detect_spread
 from ispom.frontends.patches import align, warps_of
@@ -17,7 +18,8 @@ def texture() -> np.ndarray:
     return np.clip(128 + 6 * (smooth - smooth.mean()), 0, 255).astype(np.uint8)
 
 
-def test_a_turned_and_grown_patch_is_found() -> None:
+@pytest.mark.parametrize("taper_px", [np.inf, 3.0])
+def test_a_turned_and_grown_patch_is_found(taper_px: float) -> None:
     image = texture()
     uv = detect_spread(image, 150, np.zeros((0, 2), np.float32), 10.0, 30)
     motion = cv2.getRotationMatrix2D((160, 120), 4.0, 1.12)
@@ -25,7 +27,7 @@ def test_a_turned_and_grown_patch_is_found() -> None:
     moved = np.asarray(cv2.warpAffine(image, motion, (320, 240), flags=cv2.INTER_CUBIC), np.uint8)
     true = uv @ motion[:, :2].T + motion[:, 2]
     warps = np.repeat(np.linalg.inv(motion[:, :2])[None], len(uv), axis=0)
-    found, score = align(image, uv, moved, true + 1.0, warps)
+    found, score = align(image, uv, moved, true + 1.0, warps, taper_px=taper_px)
     good = score > 0.9
     assert good.mean() > 0.7
     assert np.median(np.linalg.norm(found - true, axis=1)[good]) < 0.05
@@ -49,11 +51,29 @@ def test_a_patch_in_perspective_is_found_where_it_is() -> None:
         assert least <= abs((found - true)[good, 1].mean()) < most
 
 
-def test_a_brighter_image_makes_no_difference() -> None:
+def test_what_moves_otherwise_at_its_border_leads_a_patch_less_astray_the_less_it_counts() -> None:
+    """Something before the points, from 4 px beside them on, moves 0.6 px to the side; they do not."""
+    image = texture()
+    uv = np.array([(20.0 + 24 * i, 20.0 + 24 * j) for i in range(12) for j in range(9)])
+    aside = np.float32([[1, 0, 0.6], [0, 1, 0]])
+    before = np.asarray(cv2.warpAffine(image, aside, (320, 240), flags=cv2.INTER_CUBIC), np.uint8)
+    moved, same = image.copy(), np.repeat(np.eye(2)[None], len(uv), axis=0)
+    for u, v in uv.astype(int):
+        moved[v - 8 : v + 9, u + 4 : u + 9] = before[v - 8 : v + 9, u + 4 : u + 9]
+    wrong = []
+    for taper_px in (np.inf, 4.0, 3.0):
+        found, score = align(image, uv, moved, uv, same, taper_px=taper_px)
+        assert (score > 0.8).mean() > 0.9
+        wrong.append(np.median(found[:, 0] - uv[:, 0]))
+    assert wrong[0] > 0.1 and wrong[1] < 0.8 * wrong[0] and wrong[2] < 0.65 * wrong[0], wrong
+
+
+@pytest.mark.parametrize("taper_px", [np.inf, 3.0])
+def test_a_brighter_image_makes_no_difference(taper_px: float) -> None:
     image = texture()
     uv = detect_spread(image, 100, np.zeros((0, 2), np.float32), 10.0, 30)
     same = np.repeat(np.eye(2)[None], len(uv), axis=0)
-    found, score = align(image // 2, uv, image // 2 + 60, uv + 0.5, same)
+    found, score = align(image // 2, uv, image // 2 + 60, uv + 0.5, same, taper_px=taper_px)
     assert score.min() > 0.99 and np.abs(found - uv).max() < 0.02
 
 

@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from ispom.geometry import Array
 from ispom.solvers.window.prior import POSE, Evidence, Lasting, Prior, Sandwich, anchored
@@ -48,6 +49,26 @@ def test_what_is_never_seen_keeps_its_deviation_however_long() -> None:
 def test_in_no_time_nothing_changes() -> None:
     assert prior().aged(1.0, SIGMA).hessian is not None
     np.testing.assert_array_equal(prior().aged(1.0, SIGMA).hessian, prior().hessian)
+
+
+def test_in_another_unit_of_the_cost_it_says_the_same() -> None:
+    """With a sandwich of its own, with what lasting tracks said, and with none, where its Hessian stands for both."""
+    rng, before, shift = np.random.default_rng(4), prior(), np.linspace(-1, 1, POSE + 3)
+    root, slopes = rng.normal(size=(POSE + 3, 20)), rng.normal(size=(4, POSE + 3))
+    own = Sandwich(before.hessian, root @ root.T, Lasting(np.arange(4), slopes))
+    for kept in (None, own):
+        one = replace(before, sandwich=kept, constant=2.0)
+        other = one.times(9.0)
+        assert other.cost(shift) == pytest.approx(9 * one.cost(shift))
+        np.testing.assert_allclose(mean(other), mean(one))
+        np.testing.assert_allclose(covered(other), covered(one))
+
+
+def covered(of: Prior) -> Array:
+    """(D, D) covariance by its sandwich."""
+    kept = of.sandwich or Sandwich(of.hessian, of.hessian)
+    said = np.zeros_like(of.hessian) if kept.lasting is None else kept.lasting.slopes.T @ kept.lasting.slopes
+    return np.linalg.inv(kept.curvature) @ (kept.scatter + said) @ np.linalg.inv(kept.curvature)
 
 
 def test_evidence_is_a_least_squares_problem_more() -> None:
