@@ -6,6 +6,8 @@ warped beforehand as the scene's geometry says, as in Forster et al. 2014, secti
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ispom.geometry import Array
@@ -50,8 +52,17 @@ def align(
         read_only(warps),
         read_only(np.zeros((len(warps), 2)) if bends is None else bends),
         iterations,
-        float(taper_px),
+        *_counts(float(taper_px)),
     )
+
+
+@cache
+def _counts(taper_px: float) -> tuple[Array, np.float32]:
+    """(SIDE ROW,) how much each pixel of a patch counts, row by row, in the last column nothing; and their sum."""
+    along = np.arange(-RADIUS_PX, RADIUS_PX + 1)
+    counts = np.zeros((SIDE, ROW), np.float32)
+    counts[:, :SIDE] = np.exp(-0.5 * (along[:, None] ** 2 + along**2) / taper_px**2)
+    return read_only(counts.ravel()), np.float32(counts.sum())
 
 
 def warps_of(
@@ -143,20 +154,8 @@ def _copy(pixels, columns, x, y, out):
             out[i * ROW + j] = pixels[at + np.uintp(j)]
 
 
-@part
-def _taper(deviation, counts):
-    """Fills how much each pixel counts; their sum."""
-    area = NONE
-    for i in range(SIDE):
-        for j in range(SIDE):
-            across, down = j - RADIUS_PX, i - RADIUS_PX
-            counts[i * ROW + j] = np.float32(np.exp(-0.5 * (across * across + down * down) / (deviation * deviation)))
-            area += counts[i * ROW + j]
-    return area
-
-
 @kernel(fastmath={"contract", "reassoc"})
-def _align(reference, reference_uv, image, uv, warps, bends, iterations, taper):
+def _align(reference, reference_uv, image, uv, warps, bends, iterations, counts, area):
     n, last = len(uv), RADIUS_PX + 1
     score = np.full(n, -1.0)
     places, room, wide, now = (
@@ -167,8 +166,7 @@ def _align(reference, reference_uv, image, uv, warps, bends, iterations, taper):
     )
     for i in range(WIDE * WIDE):
         room[0, i], room[1, i] = i % WIDE - last, i // WIDE - last
-    patch, gx, gy, counts = np.zeros((4, SIDE * ROW), np.float32)
-    area = _taper(taper, counts)
+    patch, gx, gy = np.zeros((3, SIDE * ROW), np.float32)
     origin, pixels = reference.reshape(reference.size), image.reshape(image.size)
     for k in range(n):
         if _reaches_out(k, reference_uv, warps, bends, reference.shape):

@@ -140,13 +140,13 @@ class TrackNoise:
         overlap share their noise, and what is wrong with a camera's calibration is alike nearby."""
         return max(1.0, float(self.cells[0] / self.cells[1])) if self.cells[1] > 0 else 1.0
 
-    def told(self, focal_px: float) -> tuple[str]:
+    def told(self, focal_px: float) -> str:
         """In words, in pixels."""
         new, step, disparity = focal_px * np.sqrt(self.variances)
         found = (
             f"{new:.2f} px anew in each key frame, {step:.2f} px from one to the next, {self.views:.1f} views a track"
         )
-        return (found + (f", disparity {disparity:.2f} px" if disparity > 0 else ""),)
+        return found + (f", disparity {disparity:.2f} px" if disparity > 0 else "")
 
 
 NOISE = Check(

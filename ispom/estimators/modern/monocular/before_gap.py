@@ -33,7 +33,7 @@ def remembered(setup: Setup, state: ModernMonocularState, time_ns: int) -> Moder
     frame = TrackedFrame(last_ns, live.ids, setup.camera.normalise(unrolled(setup.camera, live)), last)
     others = tuple(b for b in world.relative_frames if b.time_ns != last_ns)
     world = with_key_frame(setup, replace(world, relative_frames=others), frame).map
-    world, settled = shortened(world, live.ids, setup.key_frames, world.loss)
+    world, settled = shortened(world, live.ids, setup.key_frames)
     moved = moving(setup.camera, live.uv, live.speed)
     place = Place.of(last_ns, last.inverse(), (live.grey,), state.covariance, moving=moved)
     return replace(state, map=world, settled=state.settled.extended(settled), places=state.places.with_place(place))

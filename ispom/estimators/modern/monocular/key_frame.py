@@ -93,14 +93,13 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     outliers = before.ids[places(world.points.ids, before.ids) < 0]
     dropped = np.concatenate([grown.moving, outliers])
     size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
-    (told,) = world.noise.told(f)
-    off = f * world.noise.sigma(setup.noise)
+    off, why = f * world.noise.sigma(setup.noise), f"{world.noise.told(f)}, loss {f * world.loss:.2f} px wide"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     went = (
         cost,
         *optimised(bundle.cost_before, bundle.cost_after, bundle.iterations, ITERATIONS),
         checks.OUTLIERS.of(len(outliers), len(before.ids)),
-        checks.NOISE.of(off, setup.noise_px, f"{told}, loss {f * world.loss:.2f} px wide"),
+        checks.NOISE.of(off, setup.noise_px, why),
     )
     times_ns = tuple(k.time_ns for k in world.keys)
     uncertainty = MapUncertainty.of(bundle.window, times_ns, before.ids, world.loss, world.noise.shared)

@@ -24,7 +24,7 @@ NEWEST = 3
 """The last key frames that always stay: they carry the motion, and the youngest points."""
 
 
-def shortened(state: Map, alive: NDArray[np.int64], count: int, sigma: float) -> tuple[Map, list[tuple[int, Pose]]]:
+def shortened(state: Map, alive: NDArray[np.int64], count: int) -> tuple[Map, list[tuple[int, Pose]]]:
     """At most `count` key frames: the map and the poses that nothing will revise any more.
 
     The oldest goes, into the prior, when hardly any of its points is still tracked; otherwise the one that says
@@ -35,7 +35,7 @@ def shortened(state: Map, alive: NDArray[np.int64], count: int, sigma: float) ->
         share = np.isin(state.keys[0].ids, alive, assume_unique=True).mean() if len(state.keys[0].ids) else 0.0
         j = 0 if share < DYING_SHARE else _redundant(state)
         if j == 0:
-            prior, used = _oldest_into_prior(state, alive, sigma)
+            prior, used = _oldest_into_prior(state, alive)
             state = replace(state.without(used), prior=prior)
         else:
             state = replace(state, prior=_prior_without(state, j))
@@ -69,7 +69,7 @@ def _redundant(state: Map) -> int:
     return 1 + int(np.argmax(score))
 
 
-def _oldest_into_prior(state: Map, alive: NDArray[np.int64], sigma: float) -> tuple[Prior, NDArray[np.int64]]:
+def _oldest_into_prior(state: Map, alive: NDArray[np.int64]) -> tuple[Prior, NDArray[np.int64]]:
     """With the points that it sees and that are tracked no more; their ids: all that they say is now in the prior."""
     found = bundle_problem(state)
     by_oldest = np.zeros(len(found.ids), bool)
@@ -77,9 +77,9 @@ def _oldest_into_prior(state: Map, alive: NDArray[np.int64], sigma: float) -> tu
     dead = by_oldest & ~np.isin(found.ids, alive)
 
     def of_part(part: Window) -> Sandwich:
-        return Curvature.of(part, sigma).sandwich(state.noise.shared)
+        return Curvature.of(part, state.loss).sandwich(state.noise.shared)
 
-    prior = marginalise(found.window, dead, sigma, of_part)
+    prior = marginalise(found.window, dead, state.loss, of_part)
     return prior, found.ids[dead]
 
 

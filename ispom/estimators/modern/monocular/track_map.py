@@ -111,7 +111,7 @@ def _key_frame(setup: Setup, outcome: Outcome, world: Map, frame: TrackedFrame, 
     done = extended(setup, world, frame)
     status[np.isin(all_ids, done.dropped) & (status == TrackStatus.ALIVE)] = TrackStatus.REPROJECTION
     alive = all_ids[status == TrackStatus.ALIVE]
-    world, settled = shortened(done.map, alive, setup.key_frames, done.map.loss)
+    world, settled = shortened(done.map, alive, setup.key_frames)
     return replace(
         outcome,
         pose=world.poses[-1],
