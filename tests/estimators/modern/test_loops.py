@@ -120,14 +120,17 @@ def test_a_view_that_is_surer_than_right_is_no_view_of_the_same_loop() -> None:
     at = {n.time_ns: n for n in nodes}
     sure = np.diag([0.02**2] * 3 + [0.002**2] * 3 + [0.01**2])
 
-    def seen(a: int, b: int, off: float) -> Loop:
+    def seen(a: int, b: int, off: float, times_as_sure: float = 1.0) -> Loop:
         way = at[a].odometry.inverse() @ at[b].odometry @ Pose(translation=np.array([off, 0.0, 0.0]))
-        return Loop(a, b, Similarity(1.0, way), sure)
+        return Loop(a, b, Similarity(1.0, way), sure / times_as_sure**2)
 
     good, bad = (seen(1, 36, 0.0), seen(2, 37, 0.01), seen(3, 39, -0.01)), seen(2, 38, 0.5)
     every = (*good[:2], bad, good[2])
     assert agreeing(nodes, every, good[2], SINGLE_DRIFT_SHARE) == good
     assert agreeing(nodes, every, bad, SINGLE_DRIFT_SHARE) == (bad,)
+    vague = seen(4, 39, 0.2, 0.05)
+    assert agreeing(nodes, (bad, vague), vague, SINGLE_DRIFT_SHARE) == (bad, vague), "which contradicts neither"
+    assert agreeing(nodes, (*every, vague), vague, SINGLE_DRIFT_SHARE) == (*good, vague), "and vouches for none"
 
 
 @pytest.mark.parametrize("seed", range(2))
