@@ -66,7 +66,8 @@ class Clock:
         if self.rate_hz is None and otherwise_ns is not None:
             return self._moved(otherwise_ns, what), ""
         rate_hz = self.rate_hz or otherwise_hz or NOMINAL_HZ
-        note = "" if self.rate_hz or otherwise_hz else f"{what} has no times: {NOMINAL_HZ:g} images per second assumed"
+        assumed = f"{what} has no times: {NOMINAL_HZ:g} images per second assumed (rate_hz sets it)"
+        note = "" if self.rate_hz or otherwise_hz else assumed
         ticks = np.arange(count) if ticks is None else ticks
         return self._moved(np.rint(ticks * 1e9 / rate_hz).astype(np.int64), what), note
 
