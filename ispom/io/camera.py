@@ -18,6 +18,7 @@ from ispom.types.camera import Lens
 SIZES, INTRINSICS = ("width", "height"), ("fx", "fy", "cx", "cy")
 LINE_DELAY = "line_delay_s"
 MODELS = ("opencv", "pinhole", "fisheye")
+CAMERA_KEYS = ("model", *SIZES, *INTRINSICS, "distortion", LINE_DELAY)
 MAX_READOUT_S = 1.0
 """From the first row of a rolling shutter to its last."""
 MAX_SIDE_PX = 32_766

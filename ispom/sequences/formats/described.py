@@ -35,13 +35,13 @@ from ispom.sequences.formats.video import looks_like_video
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
-from ispom.sequences.stream import Stream, clock_of, named_file, size_of
+from ispom.sequences.stream import CLOCK_KEYS, Stream, clock_of, named_file, size_of
 from ispom.types import Exposure, Kind, Rig, Sequence, StereoPair, Trajectory, VideoFrame
 
 FILE = "sequence.yaml"
 ENTRIES = ("name", "rig", "video", "left", "right", "truth")
 STREAMS = ("video", "left", "right")
-STREAM_ENTRIES = ("source", "rate_hz", "times", "offset_s")
+STREAM_ENTRIES = ("source", *CLOCK_KEYS)
 
 
 def looks_described(path: Path) -> bool:

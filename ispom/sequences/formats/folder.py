@@ -9,20 +9,20 @@ in the names, of which some may be missing; without a rate, names that are times
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import any_camera
+from ispom.io.camera import CAMERA_KEYS, SIZES
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
 from ispom.sequences.guess import guess_of_photo
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.recording import Recording
-from ispom.sequences.stream import Clock, Stream, clock_of, size_of
+from ispom.sequences.stream import CLOCK_KEYS, Clock, Stream, clock_of, size_of
 from ispom.types import Camera, Image
 
 CAMERA, TIMES, INNER = "camera.yaml", "times.txt", "images"
@@ -47,22 +47,27 @@ def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     guess, images = None, named_images(folder)
     if path is None:
         guess, camera = guess_of_photo(folder / images.names[0])
-        clock = Clock()
+        clock, notes = Clock(), ()
     else:
-        camera, content = read_settings(path)
-        clock = clock_of(path, content)
+        camera, clock, notes = read_settings(path)
     beside = path.parent if path is not None and calibration is None else folder.resolve().parent
     times = next((place / TIMES for place in (folder, beside) if exists(place / TIMES)), None)
     if times is not None and clock.times is None:
         clock = Clock(times, None, clock.offset_s)
     stream = folder_stream(folder, size_of(camera), clock, images)
     name = f"images {given.resolve().name}"
-    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, stream.notes, guess=guess)
+    notes = (*notes, *stream.notes)
+    return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, notes, guess=guess)
 
 
-def read_settings(path: Path) -> tuple[Camera, dict[Any, Any]]:
-    """The camera of a camera.yaml or of another program's file, and all that the file says."""
-    return any_camera(path), read_mapping(path) if path.suffix.lower() != ".txt" else {}
+def read_settings(path: Path) -> tuple[Camera, Clock, tuple[str, ...]]:
+    """The camera of a camera.yaml or of another program's file, the clock of its images, and a note about entries of a
+    camera.yaml that are not known, as a misspelt one would go unnoticed."""
+    camera, content = any_camera(path), read_mapping(path) if path.suffix.lower() != ".txt" else {}
+    known = (*CAMERA_KEYS, *CLOCK_KEYS)
+    others = [str(key) for key in content if key not in known] if set(SIZES) <= set(content) else []
+    note = f"{path}: {', '.join(others)} skipped, as the entries of a camera are {', '.join(known)}"
+    return camera, clock_of(path, content), (note,) if others else ()
 
 
 def named_images(folder: Path) -> Named:

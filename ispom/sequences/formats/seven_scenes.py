@@ -18,7 +18,7 @@ from ispom.io.rows import matrix
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.recording import Recording
-from ispom.sequences.stream import Clock, clock_of, size_of
+from ispom.sequences.stream import Clock, size_of
 from ispom.types import Camera, Trajectory
 
 COLOUR, POSE = ".color", ".pose.txt"
@@ -39,8 +39,7 @@ def open_seven_scenes(folder: Path, calibration: Path | None = None) -> Recordin
     path = calibration or next((place for place in places if exists(place)), None)
     camera, clock, notes = PUBLISHED, Clock(), (_NOTE,)
     if path is not None:
-        camera, content = read_settings(path)
-        clock, notes = clock_of(path, content), ()
+        camera, clock, notes = read_settings(path)
     numbers = sorted(images)
     times_ns, note = clock.times_ns(folder, numbers[-1] + 1)
     times_ns = times_ns[numbers]  # a number that is missing is a gap in time

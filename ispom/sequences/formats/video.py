@@ -19,7 +19,7 @@ from ispom.sequences.decoder_output import silenced
 from ispom.sequences.formats.folder import CAMERA, read_settings
 from ispom.sequences.guess import guess_of_film
 from ispom.sequences.recording import Recording
-from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, clock_of, size_of
+from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
 from ispom.types import Image
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
@@ -42,17 +42,17 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
     places = [path.with_suffix(".yaml"), path.parent / CAMERA]
     settings = calibration or next((place for place in places if exists(place)), None)
-    guess = None
+    guess, notes = None, ()
     if settings is None:
         film = _Film(path)
         guess = guess_of_film(path, film.size)
         camera, stream = guess.camera(film.size), _stream(film, path, Clock())
     else:
-        camera, content = read_settings(settings)
-        stream = video_stream(path, size_of(camera), clock_of(settings, content))
-    read = stream.read
+        camera, clock, notes = read_settings(settings)
+        stream = video_stream(path, size_of(camera), clock)
+    read, notes = stream.read, (*notes, *stream.notes)
     return Recording(
-        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, stream.notes, guess=guess
+        f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, notes, guess=guess
     )
 
 

@@ -127,6 +127,15 @@ def test_without_times_a_rate_is_assumed_and_told(tmp_path: Path) -> None:
     assert "30 images per second assumed" in sequence.notes[0] and sequence.times_ns[3] == 100_000_000
 
 
+@pytest.mark.parametrize("make", [make_images, make_video])
+def test_entries_of_a_camera_that_are_not_known_are_told(make: Callable[[Path], Path], tmp_path: Path) -> None:
+    path = make(tmp_path)
+    camera = path / "camera.yaml" if path.is_dir() else path.with_suffix(".yaml")
+    assert not any("skipped" in note for note in open_sequence(str(path)).notes)
+    camera.write_text(camera.read_text().replace("distortion", "distorsion") + "fps: 20\n")
+    assert open_sequence(str(path)).notes[0].startswith(f"{camera}: distorsion, fps skipped")
+
+
 @pytest.mark.parametrize(("name", "codec"), [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "mp4v")])
 def test_a_jump_in_a_video_gives_the_image_that_reading_on_gives(name: str, codec: str, tmp_path: Path) -> None:
     sequence = open_sequence(str(make_video(tmp_path, 90, name, codec)))
