@@ -94,3 +94,26 @@ def test_a_start_that_shares_nothing_with_the_frames_before_is_a_segment_of_its_
     assert found.start.joined is joined and found.held is not None
     dark = advance(advance(Start(), nothing, SIGMA, np.radians(1.0)).start, nothing, SIGMA, np.radians(1.0))
     assert dark.start.joined, "no pose was told before"
+
+
+@pytest.mark.parametrize(("shared", "known"), [(35, True), (10, False)])
+def test_frames_before_a_start_begins_again_are_placed_by_its_map(shared: int, known: bool) -> None:
+    """Too few points reach the second frame to begin a map with the first one; they still tell where that was."""
+    rng = np.random.default_rng(3)
+    xyz, exact = rng.uniform((-2, -1.5, 3), (2, 1.5, 7), (500, 3)), NOISE / 10
+    centres = [np.array([x, 0.0, 0.0]) for x in (0.0, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)]
+    found, settled = Progress(Start(), (), None), list[tuple[int, Pose]]()
+    for i, centre in enumerate(centres):
+        ids = np.arange(200) if i == 0 else np.arange(200 - shared, 500)
+        x = _seen(xyz[ids] - centre) + rng.normal(0, exact, (len(ids), 2))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), SIGMA, np.radians(1.0))
+        settled += found.settled
+        if found.map is not None:
+            break
+    assert found.map is not None
+    poses = dict([*settled, *found.map.trajectory()])
+    assert sorted(poses) == [k * 100_000_000 for k in range(i + 1)], "of each frame one pose"
+    own = np.stack([poses[k * 100_000_000].translation for k in range(i + 1)])
+    unit = (centres[i] - centres[1])[0] / np.linalg.norm(own[i] - own[1])
+    back, way = unit * (own[0] - own[1]), (own[i] - own[1]) / np.linalg.norm(own[i] - own[1])
+    assert back == pytest.approx((-0.3 if known else 0.0) * way, abs=0.01)

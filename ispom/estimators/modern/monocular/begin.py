@@ -8,12 +8,12 @@ import numpy as np
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
-from ispom.estimators.modern.monocular.first_map import first_map
+from ispom.estimators.modern.monocular.first_map import first_map, left_held
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MOVING, TURN_LOSS, Setup
 from ispom.estimators.modern.monocular.shutter import begun_by_motions
-from ispom.estimators.modern.monocular.start import MIN_POINTS, Start, poses_held
+from ispom.estimators.modern.monocular.start import MIN_POINTS, Start
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage, Outcome
 from ispom.estimators.modern.monocular.tracks import tracked_frame
 from ispom.estimators.modern.rolling import Sight
@@ -111,6 +111,8 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
         return _restarted(start, frame, sigma, enough, (*tests, *decisions))
+    if found is not None:
+        settled = (*settled, *left_held(found, waiting))
     return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 
@@ -135,6 +137,6 @@ def _restarted(
     start: Start, frame: TrackedFrame, sigma: float, few: Decision, others: tuple[Decision, ...] = ()
 ) -> Progress:
     """Too few of the reference's points are left: this frame becomes the reference."""
-    new, base = start.restarted(frame, sigma)
+    new, gone = start.restarted(frame, sigma)
     few = replace(few, consequence="begins again from here")
-    return Progress(new, (*others, few), base, settled=poses_held(start.frames))
+    return Progress(new, (*others, few), new.base, settled=gone)

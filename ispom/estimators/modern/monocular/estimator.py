@@ -17,7 +17,6 @@ from ispom.estimators.modern.monocular.loop import corrected, with_loops
 from ispom.estimators.modern.monocular.motion_model import coasted
 from ispom.estimators.modern.monocular.other_motion import with_other_motion
 from ispom.estimators.modern.monocular.setup import Setup
-from ispom.estimators.modern.monocular.start import poses_held
 from ispom.estimators.modern.monocular.state import ModernMonocularState, NewImage
 from ispom.estimators.modern.monocular.track_map import track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
@@ -94,7 +93,7 @@ class ModernMonocular:
 
     def finish(self, state: ModernMonocularState) -> Trajectory:
         current = state.map.trajectory() if state.map is not None else []
-        held = poses_held(state.start.frames) if state.start is not None else ()
+        held = state.start.held if state.start is not None else ()
         return corrected(state.loops, Trajectory.of([*state.settled, *held, *current], "video"))
 
     def step(self, state: ModernMonocularState, exposure: Exposure) -> tuple[ModernMonocularState, Step]:

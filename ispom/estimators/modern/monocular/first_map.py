@@ -11,10 +11,11 @@ from ispom.estimators.modern.lens import corrected
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.key_frame import MAX_DRIFT
+from ispom.estimators.modern.monocular.localise import MIN_LOCATED
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MIN_INLIER_SHARE, MISTRACKED
-from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start
+from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start, poses_held
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
@@ -238,16 +239,18 @@ def _cost(distances: Array, sigma: float) -> Array:
     return 0.5 * np.log1p((distances / sigma) ** 2)
 
 
-def _resected(state: Map, frame: TrackedFrame, guess: Pose, threshold: float) -> Pose | None:
+def _resected(state: Map, frame: TrackedFrame, guess: Pose, threshold: float, least: int = 0) -> Pose | None:
     place = state.points.places(frame.ids)
     known = place >= 0
     x = corrected(frame.x[known], state.extra)
     found = motion_only.fit_pose(state.points.xyz[place[known]], x, guess.inverse(), threshold / 2, threshold)
-    return None if found is None or found.inliers.mean() < MIN_INLIER_SHARE else found.camera_from_world.inverse()
+    if found is None or found.inliers.mean() < MIN_INLIER_SHARE or found.inliers.sum() < least:
+        return None
+    return found.camera_from_world.inverse()
 
 
 def _filled(state: Map, start: Start, sigma: float) -> Map:
-    """With all other frames since the reference, by resection from the map."""
+    """With all other frames since the reference, and those before it that see enough, by resection from the map."""
     keys = {k.time_ns: k for k in state.keys}
     current, guess, others = state.keys[0], start.base, []
     for frame in start.frames:
@@ -259,7 +262,29 @@ def _filled(state: Map, start: Start, sigma: float) -> Map:
         if pose is not None and current.world_from_camera is not None:
             guess = pose
             others.append(RelativeFrame(frame.time_ns, current.time_ns, current.world_from_camera.inverse() @ pose))
-    return replace(state, relative_frames=tuple(others))
+    return replace(state, relative_frames=(*_before(state, start, sigma), *others))
+
+
+def _before(state: Map, start: Start, sigma: float) -> tuple[RelativeFrame, ...]:
+    """The frames before the reference, back to the first one that sees too few points of the map for that."""
+    first, guess, found = state.keys[0], start.base, list[RelativeFrame]()
+    assert first.world_from_camera is not None
+    for frame in reversed(start.earlier):
+        turned = guess if frame.world_from_camera is None else frame.world_from_camera
+        pose = _resected(state, frame, Pose(turned.rotation, guess.translation), MISTRACKED * sigma, MIN_LOCATED)
+        if pose is None:
+            break
+        guess = pose
+        found.append(RelativeFrame(frame.time_ns, first.time_ns, first.world_from_camera.inverse() @ pose))
+    return tuple(reversed(found))
+
+
+def left_held(world: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
+    """The poses of the earlier frames that the first map does not place: turned as they were held, where the first one
+    that has a place was."""
+    first_ns, first = min(world.trajectory(), key=lambda item: item[0])
+    held = poses_held(tuple(f for f in start.earlier if f.time_ns < first_ns))
+    return tuple((time_ns, Pose(pose.rotation, first.translation)) for time_ns, pose in held)
 
 
 def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, unit_sigma: float) -> Prior:

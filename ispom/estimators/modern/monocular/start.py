@@ -48,6 +48,9 @@ class Start:
     """Of the tracks before a loss."""
     sights: tuple[Sight, ...] = ()
     """What the frames but the last one showed; none unless the shutter rolls."""
+    earlier: tuple[TrackedFrame, ...] = ()
+    """Those before the reference, of starts that began again: too few of their points went on to make a map with them,
+    but the map may tell where they were."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks first seen in the reference, while that is the only frame."""
@@ -60,29 +63,42 @@ class Start:
 
     def placed_anew(self, time_ns: int, ids: NDArray[np.int64], x: Array) -> Start:
         """With tracks (M,) at other coordinates (M, 2) in the frame of that time, if there is one."""
-        return replace(self, frames=tuple(f.placed_anew(ids, x) if f.time_ns == time_ns else f for f in self.frames))
+
+        def placed(frames: tuple[TrackedFrame, ...]) -> tuple[TrackedFrame, ...]:
+            return tuple(f.placed_anew(ids, x) if f.time_ns == time_ns else f for f in frames)
+
+        return replace(self, earlier=placed(self.earlier), frames=placed(self.frames))
+
+    @property
+    def held(self) -> tuple[tuple[int, Pose], ...]:
+        """The poses held for all of its frames."""
+        return poses_held((*self.earlier, *self.frames))
 
     def limited(self) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
-        """Without the oldest frames after the reference, where there are too many; and the poses held for those."""
-        extra = len(self.frames) - BUFFER
-        if extra <= 0:
-            return self, ()
-        gone, kept = self.frames[1 : 1 + extra], self.frames[1 + extra :]
-        return replace(self, frames=(self.frames[0], *kept)), poses_held(gone)
+        """Without the oldest frames but the reference, where there are too many; and the poses held for those."""
+        others = (*self.earlier, *self.frames[1:])
+        extra = max(len(others) + 1 - BUFFER, 0)
+        later = max(extra - len(self.earlier), 0)
+        kept = replace(self, earlier=self.earlier[extra:], frames=(self.frames[0], *self.frames[1 + later :]))
+        return kept, poses_held(others[:extra])
 
-    def restarted(self, frame: TrackedFrame, sigma: float) -> tuple[Start, Pose]:
-        """With this frame as the reference, the rotation so far kept; and its pose."""
+    def restarted(self, frame: TrackedFrame, sigma: float) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
+        """With this frame as the reference, the rotation so far kept; and the poses held for those that are gone."""
         last = self.frames[-1]
         ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
         base = last.world_from_camera or self.base
         # Of frames in which nothing was seen no pose is told: there is nothing to be joined to.
-        joined = self.joined and (len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED)
+        shared = len(ids) >= MIN_SHARED or len(last.ids) < MIN_SHARED
         if len(ids) >= MIN_SHARED:
             turn = dominant_rotation(last.at(ids), frame.at(ids), TURN_LOSS * sigma)
             base = Pose(base.rotation @ turn.T, base.translation)
         elif self.coasting is not None and len(self.frames) == 1:
             base = self.coasting(frame.time_ns)
-        return replace(self, frames=(replace(frame, world_from_camera=base),), base=base, joined=joined), base
+        frames = (replace(frame, world_from_camera=base),)
+        new = replace(self, frames=frames, base=base, joined=self.joined and shared)
+        if not shared:
+            return replace(new, earlier=()), self.held
+        return replace(new, earlier=(*self.earlier, *self.frames)).limited()
 
 
 def poses_held(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]:
