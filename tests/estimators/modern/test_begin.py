@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispom.estimators.modern.monocular.begin import Progress, advance
-from ispom.estimators.modern.monocular.start import Start
+from ispom.estimators.modern.monocular.start import BUFFER, Start
 from ispom.estimators.tracked_frame import TrackedFrame
 from ispom.geometry import Array, Pose, so3_exp
 from ispom.types import Decision
@@ -117,3 +117,26 @@ def test_frames_before_a_start_begins_again_are_placed_by_its_map(shared: int, k
     unit = (centres[i] - centres[1])[0] / np.linalg.norm(own[i] - own[1])
     back, way = unit * (own[0] - own[1]), (own[i] - own[1]) / np.linalg.norm(own[i] - own[1])
     assert back == pytest.approx((-0.3 if known else 0.0) * way, abs=0.01)
+
+
+def test_a_long_wait_for_parallax_leaves_no_frame_behind() -> None:
+    """Frames are thinned out while it lasts: those that are not remembered lie between those that are."""
+    count, deg_a_frame = 300, 0.004
+    centres = [np.array([1.0 * (i / count) ** 2, 0.02 * np.sin(i / 40), 0.0]) for i in range(count)]
+    rng = np.random.default_rng(4)
+    xyz = rng.uniform((-2, -1.5, 3), (2, 1.5, 7), (200, 3))
+    found, settled, ids = Progress(Start(), (), None), list[tuple[int, Pose]](), np.arange(200)
+    for i, centre in enumerate(centres):
+        pose = Pose(so3_exp(np.array([0.0, np.radians(deg_a_frame) * i, 0.0])), np.zeros(3)) @ Pose(np.eye(3), -centre)
+        x = _seen(pose.apply(xyz)) + rng.normal(0, NOISE / 10, (200, 2))
+        found = advance(found.start, TrackedFrame(i * 100_000_000, ids, x), SIGMA, np.radians(1.5))
+        settled += found.settled
+        assert len(found.start.frames) <= BUFFER
+        if found.map is not None:
+            break
+    assert found.map is not None and i > BUFFER + 50
+    poses = dict([*settled, *found.map.trajectory()])
+    assert sorted(poses) == [k * 100_000_000 for k in range(i + 1)], "of each frame one pose"
+    own, true = (np.stack(some) for some in ([poses[k].translation for k in sorted(poses)], centres[: i + 1]))
+    unit = np.linalg.norm(true[-1] - true[0]) / np.linalg.norm(own[-1] - own[0])
+    assert np.linalg.norm(unit * own - true, axis=1).max() < 0.01

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.estimators.modern.monocular import checks
 from ispom.estimators.modern.monocular.covariance import MapUncertainty
-from ispom.estimators.modern.monocular.first_map import first_map, left_held
+from ispom.estimators.modern.monocular.first_map import beside, first_map
 from ispom.estimators.modern.monocular.map import Map, bundle_problem
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MOVING, TURN_LOSS, Setup
@@ -98,7 +98,7 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     moved = checks.START_PARALLAX.of(np.degrees(parallax), np.degrees(needed), passed=parallax >= needed)
     held = Pose(start.base.rotation @ rotation.T, start.base.translation)
     frame = replace(frame, world_from_camera=held)
-    waiting, settled = replace(start, frames=(*start.frames, frame)).limited()
+    waiting = replace(start, frames=(*start.frames, frame)).limited()
     tests, waits = (moved,), not moved.passed
     if moved.passed:
         tests = (moved, *_travelled(x1, x2, sigma, min_parallax_rad))
@@ -107,12 +107,11 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
         if not enough.passed:
             return _restarted(start, frame, sigma, enough, tests)
         tests = (replace(tests[0], consequence="place held, waiting for parallax"), *tests[1:])
-        return Progress(waiting, tests, held, settled=settled)
+        return Progress(waiting, tests, held)
     found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
         return _restarted(start, frame, sigma, enough, (*tests, *decisions))
-    if found is not None:
-        settled = (*settled, *left_held(found, waiting))
+    settled = () if found is None else beside(found, waiting)
     return Progress(waiting, (*tests, *decisions), None, found, settled)
 
 

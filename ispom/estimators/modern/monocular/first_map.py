@@ -15,15 +15,16 @@ from ispom.estimators.modern.monocular.localise import MIN_LOCATED
 from ispom.estimators.modern.monocular.map import BundleProblem, Map, RelativeFrame, adjusted, intersected, views
 from ispom.estimators.modern.monocular.second_motion import second_motion
 from ispom.estimators.modern.monocular.setup import MIN_INLIER_SHARE, MISTRACKED
-from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, Start, poses_held
+from ispom.estimators.modern.monocular.start import MIN_POINTS, MIN_SHARED, NEWEST, Start, poses_held
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
 from ispom.solvers import motion_only
 from ispom.solvers.multiview.rotation import rotate
 from ispom.solvers.multiview.two_view import hypotheses
+from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.solvers.window.adjustment import Adjusted
 from ispom.solvers.window.prior import LENS, POSE, Prior, Sandwich
-from ispom.types import Decision
+from ispom.types import Decision, Trajectory
 
 MIN_SHARE = 0.3
 """Of the points in two views, those of the still scene: fewer make no map."""
@@ -186,7 +187,7 @@ def _trial(
     if len(state.points.ids) < enough:
         return None
     keys = [pair[0]]
-    for frame in _spaced(start.frames[1:-1], BETWEEN):
+    for frame in _spaced(start.frames[1:-1][2 - NEWEST :], BETWEEN):
         pose = _resected(state, frame, keys[-1].world_from_camera or start.base, ROUGH * sigma)
         if pose is not None:
             keys.append(replace(frame, world_from_camera=pose))
@@ -279,12 +280,15 @@ def _before(state: Map, start: Start, sigma: float) -> tuple[RelativeFrame, ...]
     return tuple(reversed(found))
 
 
-def left_held(world: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
-    """The poses of the earlier frames that the first map does not place: turned as they were held, where the first one
-    that has a place was."""
-    first_ns, first = min(world.trajectory(), key=lambda item: item[0])
-    held = poses_held(tuple(f for f in start.earlier if f.time_ns < first_ns))
-    return tuple((time_ns, Pose(pose.rotation, first.translation)) for time_ns, pose in held)
+def beside(world: Map, start: Start) -> tuple[tuple[int, Pose], ...]:
+    """The poses of frames that the first map does not place: between others by these; before them all turned as they
+    were held, where the first one was."""
+    placed = Trajectory.of(world.trajectory())
+    first_ns, place = placed.times_ns[0], placed.translations[0]
+    held = dict([*poses_held(start.earlier), *start.passed])
+    before = [(t, Pose(pose.rotation, place)) for t, pose in held.items() if t < first_ns]
+    between = [t for t, _ in start.passed if t > first_ns]
+    return (*before, *interpolate(placed, np.array(between, np.int64), "linear").items())
 
 
 def anchored_prior(poses: tuple[Pose, ...], extra_sigma: Array, first: Array, unit_sigma: float) -> Prior:

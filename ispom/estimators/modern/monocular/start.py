@@ -13,11 +13,12 @@ from ispom.estimators.modern.noise import TrackNoise
 from ispom.estimators.modern.rolling import Sight
 from ispom.estimators.tracked_frame import ScenePoints, TrackedFrame
 from ispom.geometry import Array, Pose
+from ispom.persistent_list import PersistentList
 from ispom.solvers.multiview.rotation import dominant_rotation
 from ispom.solvers.window.prior import LENS
 
-BUFFER = 40
-"""Frames remembered while waiting; older ones keep the pose held until then."""
+NEWEST, BUFFER = 40, 120
+"""Frames remembered while waiting: the newest ones all, older ones the fewer the longer it takes."""
 MIN_POINTS = 40
 """Fewer points make no map: it has to last until the next key frame with a third of them lost."""
 MIN_SHARED = 8
@@ -51,6 +52,8 @@ class Start:
     earlier: tuple[TrackedFrame, ...] = ()
     """Those before the reference, of starts that began again: too few of their points went on to make a map with them,
     but the map may tell where they were."""
+    passed: PersistentList[tuple[int, Pose]] = PersistentList()
+    """The poses held for frames that are not remembered; what the map tells of those before and after places them."""
 
     def with_new_tracks(self, ids: NDArray[np.int64], x: Array) -> Start:
         """Adds tracks first seen in the reference, while that is the only frame."""
@@ -71,19 +74,25 @@ class Start:
 
     @property
     def held(self) -> tuple[tuple[int, Pose], ...]:
-        """The poses held for all of its frames."""
-        return poses_held((*self.earlier, *self.frames))
+        """The poses held for all of its frames, in no order."""
+        return (*self.passed, *poses_held((*self.earlier, *self.frames)))
 
-    def limited(self) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
-        """Without the oldest frames but the reference, where there are too many; and the poses held for those."""
-        others = (*self.earlier, *self.frames[1:])
-        extra = max(len(others) + 1 - BUFFER, 0)
-        later = max(extra - len(self.earlier), 0)
-        kept = replace(self, earlier=self.earlier[extra:], frames=(self.frames[0], *self.frames[1 + later :]))
-        return kept, poses_held(others[:extra])
+    def limited(self) -> Start:
+        """Without one of the frames, where there are too many: of the older ones, that with the nearest neighbours."""
+        frames, reference = (*self.earlier, *self.frames), len(self.earlier)
+        if len(frames) <= BUFFER:
+            return self
+        times_ns = np.array([f.time_ns for f in frames])
+        apart_ns = times_ns[2 : 1 - NEWEST] - times_ns[: -1 - NEWEST]
+        inner = np.arange(1, len(apart_ns) + 1)
+        gone = int(inner[np.argmin(np.where(inner == reference, np.iinfo(np.int64).max, apart_ns))])
+        passed = self.passed.extended(poses_held((frames[gone],)))
+        kept, first = (*frames[:gone], *frames[gone + 1 :]), reference - (gone < reference)
+        return replace(self, earlier=kept[:first], frames=kept[first:], passed=passed)
 
     def restarted(self, frame: TrackedFrame, sigma: float) -> tuple[Start, tuple[tuple[int, Pose], ...]]:
-        """With this frame as the reference, the rotation so far kept; and the poses held for those that are gone."""
+        """With this frame as the reference, the rotation so far kept; and the poses held for those before it, where no
+        observation joins it to them."""
         last = self.frames[-1]
         ids = np.intersect1d(last.ids, frame.ids, assume_unique=True)
         base = last.world_from_camera or self.base
@@ -97,8 +106,8 @@ class Start:
         frames = (replace(frame, world_from_camera=base),)
         new = replace(self, frames=frames, base=base, joined=self.joined and shared)
         if not shared:
-            return replace(new, earlier=()), self.held
-        return replace(new, earlier=(*self.earlier, *self.frames)).limited()
+            return replace(new, earlier=(), passed=PersistentList()), self.held
+        return replace(new, earlier=(*self.earlier, *self.frames)).limited(), ()
 
 
 def poses_held(frames: tuple[TrackedFrame, ...]) -> tuple[tuple[int, Pose], ...]:
