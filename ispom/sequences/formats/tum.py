@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.io.calibrations.recognised import any_camera
 from ispom.io.files import exists
 from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.io.tum import read_tum
+from ispom.sequences.formats.folder import read_settings
 from ispom.sequences.guess import guess_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at
@@ -36,7 +36,8 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     if calibration is None and not exists(path):
         guess, camera = guess_of_photo(paths[0])
     else:
-        camera = any_camera(path)
+        camera, _, others = read_settings(path)
+        notes += others
     size = (camera.width, camera.height)
     require_size(paths[0], size)
 

@@ -83,7 +83,8 @@ class ModernMonocularConfig:
 
 @dataclass(frozen=True, eq=False)
 class ModernMonocular:
-    """Every frame, no metric scale. World: the video camera at the first frame; unit: the first baseline of the map."""
+    """Every frame, no metric scale. World: the video camera at the first frame; where the start began again, at the
+    first one of the map, but turned as at the first frame of all. Unit: the first baseline of the map."""
 
     rig: Rig
     config: ModernMonocularConfig

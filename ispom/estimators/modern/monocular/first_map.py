@@ -48,7 +48,7 @@ ROUGH = 8.0
 MIN_SIGNIFICANCE = 2.0
 """Inverse depth over its deviation from which a point is placed: what two views leave unsure the adjustment settles."""
 BETWEEN = 4
-"""Frames between the two views that are adjusted with them."""
+"""Frames between the two views that are adjusted with them, of the newest ones: older ones of a long wait show less."""
 FIRST_PASS, SECOND_PASS = (12, 1e-3), (40, 1e-5)
 """Most iterations, and the relative decrease of the cost that ends them, before and after points are chosen anew."""
 SAME_SHARE, SAME_RAD = 0.1, 0.02

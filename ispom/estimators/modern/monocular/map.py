@@ -26,7 +26,8 @@ NARROWEST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class RelativeFrame:
-    """A frame that is no key frame: its pose is held relative to the key frame before it, and moves along with that."""
+    """A frame that is no key frame: its pose is held relative to the key frame before it, or to the first one, and
+    moves along with that."""
 
     time_ns: int
     key_ns: int
@@ -35,7 +36,7 @@ class RelativeFrame:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """World: the first video frame; unit: own."""
+    """World: the first video frame, or the place of the first of the map (see ModernMonocular); unit: own."""
 
     keys: tuple[TrackedFrame, ...]
     """In order of time, each with its pose and all its tracks, those without a point included."""
