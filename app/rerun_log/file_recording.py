@@ -127,6 +127,7 @@ class FileRecording:
     def _flush(self, stream: rr.RecordingStream) -> None:
         self._since_flush, self._flushed_s = 0, time.monotonic()
         stream.flush(timeout_sec=WAIT_S)
+        self._file.flush(max(0.0, self._flushed_s + WAIT_S - time.monotonic()))
         if shutil.disk_usage(self._part.parent).free < RESERVE_BYTES:
             self._fail(_FULL)
 

@@ -7,11 +7,12 @@ emptied refuses nothing; what the disk does not take is dropped here, and `failu
 from __future__ import annotations
 
 import os
+import select
 import time
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
-from threading import Thread
+from threading import Condition, Thread
 
 from .rrd import whole_bytes
 
@@ -31,19 +32,30 @@ class PipedFile:
         self.progress_s = time.monotonic()
         """When the disk last took something."""
         self._thread: Thread | None = None
+        self._changed = Condition()
+        """Guards the two below, and is notified of each change."""
+        self._source: int | None = None
+        """The pipe's end that is read; None without a pipe, and once the writer has closed it."""
+        self._storing = False
         self.target = str(path)
         """What the writer opens for writing."""
         if PIPES:
             file = FileIO(path, "wb")
-            source, self._sink = os.pipe()
+            self._source, self._sink = os.pipe()
             self.target = f"/dev/fd/{self._sink}"
-            self._thread = Thread(target=self._copy, args=(source, file), name="recording file", daemon=True)
+            self._thread = Thread(target=self._copy, args=(self._source, file), name="recording file", daemon=True)
             self._thread.start()
 
     def opened(self) -> None:
         """The writer has opened its place, or never will: the file ends when the writer closes it."""
         if self._thread is not None:
             os.close(self._sink)
+
+    def flush(self, timeout_s: float) -> None:
+        """Waits until the disk took what the writer has written so far. TimeoutError where it does not answer."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: not self._storing and not _is_readable(self._source), timeout_s):
+                raise TimeoutError("the disk does not answer")
 
     def ended(self, timeout_s: float) -> bool:
         """Waits for the file's end, once the writer has closed it; whether it came."""
@@ -55,9 +67,22 @@ class PipedFile:
 
     def _copy(self, source: int, file: FileIO) -> None:
         with os.fdopen(source, "rb", buffering=0) as pipe, file:
-            while piece := pipe.read(_PIECE_BYTES):
+            while piece := self._next(pipe):
                 if self.failure is None:
                     self._store(file, memoryview(piece))
+            self._change(None, storing=False)
+
+    def _next(self, pipe: FileIO) -> bytes:
+        """What comes through the pipe. It counts as being stored before it leaves the pipe: `flush` misses nothing."""
+        self._change(pipe.fileno(), storing=False)
+        _is_readable(pipe.fileno(), timeout_ms=None)
+        self._change(pipe.fileno(), storing=True)
+        return pipe.read(_PIECE_BYTES)
+
+    def _change(self, source: int | None, storing: bool) -> None:
+        with self._changed:
+            self._source, self._storing = source, storing
+            self._changed.notify_all()
 
     def _store(self, file: FileIO, piece: memoryview) -> None:
         try:
@@ -72,3 +97,12 @@ class PipedFile:
         """Readers refuse a file that ends within a message."""
         with suppress(OSError):
             os.truncate(self.path, whole_bytes(self.path))
+
+
+def _is_readable(pipe: int | None, timeout_ms: int | None = 0) -> bool:
+    """Whether a pipe holds something, or was closed by its writer; waits for it, for ever with None."""
+    if pipe is None:
+        return False
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+    return bool(poll.poll(timeout_ms))

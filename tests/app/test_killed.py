@@ -14,17 +14,15 @@ from ispom_app.rerun_log.file_recording import FLUSH_EVERY
 from ispom_app.rerun_log.rrd import is_finished
 from ispom_app.run.folder.run_folder import MARKER, is_incomplete
 from ispom_app.run.folder.table import read_table
-from rerun.chunk import RrdReader
 
 from ispom.io.tum import read_tum
 from ispom.io.whole import PART, part_of
 from tests.app import helpers
+from tests.app.recorded import exposures_in
 from tests.sequences.kitti_folder import make_drive
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no SIGKILL")
 PAIRS = 60
-ON_THE_WAY_BYTES = 2 << 16
-"""What is in a pipe, and what was just read from it."""
 
 
 def _rows(folder: Path) -> int:
@@ -51,12 +49,10 @@ MOMENTS: dict[str, Callable[[Path], bool]] = {
 
 
 def _run(drive: str, out: str) -> None:
+    from ispom_app.rerun_log import file_recording
+
+    file_recording.WAIT_S = 60.0
     main(["run", drive, "--out", out], helpers.build)
-
-
-def exposures(recording: Path) -> set[int]:
-    batches = [chunk.to_record_batch() for chunk in RrdReader(recording).stream().to_chunks()]
-    return {i for batch in batches if "exposure" in batch.schema.names for i in batch.column("exposure").to_pylist()}
 
 
 @pytest.fixture(scope="module")
@@ -80,11 +76,10 @@ def test_a_run_that_is_killed_is_repaired_up_to_there(moment: str, drive: str, t
     assert main(["repair", str(out)]) == 0
     assert is_incomplete(out) != complete and not [path for path in out.iterdir() if path.name.startswith(PART)]
     if rows:
-        recording = out / "run.rrd"
-        found = exposures(recording)
-        behind = FLUSH_EVERY + 1 + ON_THE_WAY_BYTES * run / recording.stat().st_size
-        assert is_finished(recording) and found <= set(range(2 * PAIRS))
-        assert found >= set(range(int(np.ceil(run - behind)))), "of the last flush, some entities' rows may be there"
+        found = exposures_in(out / "run.rrd")
+        assert is_finished(out / "run.rrd") and found <= set(range(2 * PAIRS))
+        behind = FLUSH_EVERY + 1
+        assert found >= set(range(run - behind)), "of the last flush, some entities' rows may be there"
         poses = {method: sum(row["method"] == method for row in rows) for method in ("monocular", "stereo")}
         for method, count in poses.items():
             assert count - 1 <= len(read_tum(out / f"{method}.tum")) <= count + 1 if count else True

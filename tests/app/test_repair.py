@@ -12,13 +12,13 @@ import pytest
 from ispom_app.cli import main
 from ispom_app.rerun_log.rrd import is_finished
 from ispom_app.run.folder.run_folder import MARKER
-from rerun.chunk import RrdReader
 
 from ispom.ensemble import Ensemble
 from ispom.io.tum import read_tum
 from ispom.io.whole import part_of
 from tests import doubles
 from tests.app import helpers
+from tests.app.recorded import exposures_in
 from tests.sequences.kitti_folder import make_drive
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no SIGKILL")
@@ -38,7 +38,7 @@ def _build_killed(config, methods, rig) -> Ensemble:
 def _run(drive: str, out: str) -> None:
     from ispom_app.rerun_log import file_recording
 
-    file_recording.FLUSH_EVERY = 1
+    file_recording.FLUSH_EVERY, file_recording.WAIT_S = 1, 60.0
     main(["run", drive, "--out", out], _build_killed)
 
 
@@ -53,11 +53,6 @@ def killed(tmp_path: Path) -> Path:
     return Path(arguments[1])
 
 
-def exposures(recording: Path) -> set[int]:
-    batches = [chunk.to_record_batch() for chunk in RrdReader(recording).stream().to_chunks()]
-    return {i for batch in batches if "exposure" in batch.schema.names for i in batch.column("exposure").to_pylist()}
-
-
 @pytest.mark.parametrize("place", [".", ".."])
 def test_a_killed_run_keeps_its_recording_trajectories_and_metrics(
     place: str, killed: Path, capsys: pytest.CaptureFixture[str]
@@ -65,7 +60,7 @@ def test_a_killed_run_keeps_its_recording_trajectories_and_metrics(
     assert part_of(killed / "run.rrd").exists() and not (killed / "stereo.tum").exists()
     assert main(["repair", str(killed / place)]) == 0
     said = capsys.readouterr().out
-    assert is_finished(killed / "run.rrd") and exposures(killed / "run.rrd") == set(range(8))
+    assert is_finished(killed / "run.rrd") and exposures_in(killed / "run.rrd") == set(range(8))
     for method in ("monocular", "stereo"):
         trajectory = read_tum(killed / f"{method}.tum")
         assert len(trajectory) == 4 and f"{method}.tum: 4 poses" in said
@@ -80,7 +75,7 @@ def test_a_recording_cut_within_a_message_is_finished(killed: Path) -> None:
     part = part_of(killed / "run.rrd")
     os.truncate(part, part.stat().st_size - 7)
     assert main(["repair", str(killed)]) == 0
-    assert is_finished(killed / "run.rrd") and exposures(killed / "run.rrd") >= set(range(7))
+    assert is_finished(killed / "run.rrd") and exposures_in(killed / "run.rrd") >= set(range(7))
 
 
 def test_a_complete_run_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,13 +19,13 @@ from ispom_app.rerun_log.piped_file import PipedFile
 from ispom_app.rerun_log.rrd import is_finished, whole_bytes
 from ispom_app.run.events import without_images
 from ispom_app.run.playback import Playback
-from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
 from ispom.io.whole import part_of
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.recorded import entities_in, exposures_in
 
 rr.set_strict_mode(True)
 
@@ -33,11 +33,6 @@ rr.set_strict_mode(True)
 @pytest.fixture
 def run() -> Playback:
     return Playback(doubles.sequence(), METHODS, builder=helpers.build)
-
-
-def entities(path: Path) -> set[str]:
-    batches = (chunk.to_record_batch() for chunk in RrdReader(path).stream().to_chunks())
-    return {batch.schema.metadata[b"rerun:entity_path"].decode() for batch in batches}
 
 
 def rerun(*arguments: str) -> subprocess.CompletedProcess:
@@ -82,9 +77,24 @@ def test_every_exposure_is_readable_while_the_file_grows(run, tmp_path, monkeypa
     copy = tmp_path / "copy.rrd"
     copy.write_bytes(part.read_bytes())
     assert part == part_of(file.path) and not is_finished(part) and whole_bytes(part) == file.size_bytes
-    assert "/video/image" in entities(copy) and "/world/truth/path" in entities(copy)
+    assert "/video/image" in entities_in(copy) and "/world/truth/path" in entities_in(copy)
     file.close()
     assert is_finished(file.path) and [path.name for path in sorted(tmp_path.iterdir())] == ["copy.rrd", "run.rrd"]
+
+
+def test_a_flush_waits_for_a_slow_disk(run, tmp_path, monkeypatch):
+    class Slow(FileIO):
+        def write(self, piece) -> int:
+            Event().wait(0.05)
+            return super().write(piece)
+
+    monkeypatch.setattr(piped_file, "FileIO", Slow)
+    monkeypatch.setattr(file_recording, "FLUSH_EVERY", 1)
+    monkeypatch.setattr(file_recording, "WAIT_S", 60.0)
+    with file_recording.FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        for exposure in range(3):
+            file.write(run.step())
+            assert exposures_in(part_of(file.path)) == set(range(exposure + 1))
 
 
 def test_without_pipes_as_on_windows_the_file_is_whole_and_has_its_name(run, tmp_path, monkeypatch):
@@ -94,7 +104,7 @@ def test_without_pipes_as_on_windows_the_file_is_whole_and_has_its_name(run, tmp
         while not run.done:
             file.write(run.step())
     assert file.failure is None and is_finished(file.path) and file.size_bytes == file.path.stat().st_size
-    assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"] and "/video/image" in entities(file.path)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"] and "/video/image" in entities_in(file.path)
 
 
 def test_two_writers_never_share_a_recording(run, tmp_path):
@@ -139,7 +149,7 @@ def test_a_disk_that_fills_up_ends_the_recording_and_not_the_run(run, tmp_path, 
     file.close()
     assert file.failure == f"{file.path} ends early because the disk is full: free some space and record again"
     assert whole_bytes(file.path) == file.size_bytes <= kilobytes * 1000
-    assert "/video" in entities(file.path)
+    assert "/video" in entities_in(file.path)
 
 
 def test_a_disk_that_does_not_answer_is_waited_for_no_longer_than_asked(run, tmp_path, monkeypatch):
@@ -171,12 +181,12 @@ def test_a_recording_leaves_room_for_the_results(run, tmp_path, monkeypatch):
     assert file.failure is not None and "run.rrd" in file.failure and "the disk is full" in file.failure
     file.write(run.step())
     file.close()
-    assert is_finished(file.path) and "/video/image" in entities(file.path)
+    assert is_finished(file.path) and "/video/image" in entities_in(file.path)
 
 
 def test_events_without_pictures_are_recorded_too(run, tmp_path):
     with file_recording.FileRecording(tmp_path / "run.rrd", run.opened) as file:
         while not run.done:
             file.write(without_images(run.step()))
-    found = entities(tmp_path / "run.rrd")
+    found = entities_in(tmp_path / "run.rrd")
     assert "/video/image" not in found and {"/world/stereo/path/0", "/decisions"} <= found

@@ -24,7 +24,7 @@ from ispom.types import Exposure, Sequence
 from tests import doubles
 from tests.alone import METHODS
 from tests.app.helpers import build, opener, started, wait_for
-from tests.app.session.recorded import entities_in, exposures_in
+from tests.app.recorded import entities_in, exposures_in
 
 
 class Gate:

@@ -17,7 +17,7 @@ from ispom.methods import Config
 from ispom.types import Sequence
 from tests import doubles
 from tests.app.helpers import opener, started, wait_for
-from tests.app.session.recorded import exposures_in
+from tests.app.recorded import exposures_in
 
 
 @pytest.fixture

@@ -8,12 +8,8 @@ from rerun.chunk import RrdReader
 
 
 def exposures_in(path: Path) -> set[int]:
-    found: set[int] = set()
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if "exposure" in batch.schema.names:
-            found |= set(batch.column("exposure").to_pylist())
-    return found
+    batches = (chunk.to_record_batch() for chunk in RrdReader(path).stream().to_chunks())
+    return {i for batch in batches if "exposure" in batch.schema.names for i in batch.column("exposure").to_pylist()}
 
 
 def entities_in(path: Path) -> set[str]:
