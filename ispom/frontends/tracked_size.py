@@ -1,4 +1,4 @@
-"""Tracking at a bounded width: large images are halved until they are small enough; Steps speak of the large ones."""
+"""Tracking at a bounded size: large images are halved until they are small enough; Steps speak of the large ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ispom.types import Camera, Exposure, Image, Step, Tracks, VideoFrame
 
 MAX_WIDTH_PX = 1400
-"""Wider images are halved: windows and distances in pixels are made for 600-1400 px, and more cost time and no more."""
+"""Of the longer side, however the camera is held. Larger images are halved: windows and distances in pixels are made
+for 600-1400 px, and more cost time and no more."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class TrackedSize:
     def of(camera: Camera, max_width_px: int = MAX_WIDTH_PX) -> TrackedSize:
         """For the images of a camera."""
         halvings = 0
-        while camera.width / 2**halvings > max_width_px:
+        while camera.longer_side_px / 2**halvings > max_width_px:
             halvings += 1
         return TrackedSize(camera, camera.scaled(0.5**halvings) if halvings else camera)
 

@@ -44,6 +44,11 @@ class Camera:
         """K (3, 3)."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
+    @property
+    def longer_side_px(self) -> int:
+        """How large its images are, whether the camera is held upright or lies."""
+        return max(self.width, self.height)
+
     def project(self, xyz_in_camera: Array) -> Array:
         """Pixels (N, 2) of points (N, 3); a point on or behind the image plane gives NaN."""
         xyz = np.asarray(xyz_in_camera, float).reshape(-1, 3)

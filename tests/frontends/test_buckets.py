@@ -55,8 +55,9 @@ def test_those_taken_count() -> None:
     assert apart.min() >= 6.0
 
 
-def test_an_image_that_stands_has_the_corners_of_one_that_lies() -> None:
-    lying = blocks(np.hstack([CORNER, 60 + 0 * CORNER]))
+@pytest.mark.parametrize("times", [1, 2])
+def test_an_image_that_stands_has_the_corners_of_one_that_lies(times: int) -> None:
+    lying = blocks(np.tile(np.hstack([CORNER, 60 + 0 * CORNER]), (times, times)))
     found = detect_spread(lying, COUNT, NONE, 6.0, crowd=2.0)
     upright = detect_spread(np.ascontiguousarray(lying.T), COUNT, NONE, 6.0, crowd=2.0)
     assert {(u, v) for u, v in found.tolist()} == {(u, v) for v, u in upright.tolist()}
@@ -68,3 +69,9 @@ def test_a_halved_image_that_is_there_is_used() -> None:
     assert not np.array_equal(
         detect_spread(wide, COUNT, NONE, 8.0), detect_spread(wide, COUNT, NONE, 8.0, half=np.ascontiguousarray(halves))
     )
+
+
+def test_what_is_faint_beside_the_strong_is_not_used() -> None:
+    share = np.array([[100.0, 12.0, 100.0, 4.0]])
+    left, faint, right, fainter = counts(detect_spread(blocks(share), 400, NONE, 6.0), share.shape)[0]
+    assert min(left, right) > 30 and faint > 15 and fainter <= 2

@@ -25,6 +25,11 @@ def test_large_ones_are_halved_until_they_are() -> None:
     assert isinstance(reduced, VideoFrame) and reduced.image.shape == (540, 960, 3) and reduced.time_ns == 7
 
 
+def test_an_upright_image_is_tracked_as_large_as_one_that_lies() -> None:
+    upright = Camera(2161, 3840, 2700.0, 2700.0, 1080.0, 1919.5)
+    assert (TrackedSize.of(upright).tracked.width, TrackedSize.of(upright).tracked.height) == (540, 960)
+
+
 def test_what_is_tracked_stands_where_the_camera_sees_it() -> None:
     size, xyz = TrackedSize.of(WIDE), np.array([[0.3, -0.2, 1.0], [-0.5, 0.3, 2.0]])
     uv = size.tracked.project(xyz).astype(np.float32)

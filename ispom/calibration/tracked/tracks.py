@@ -15,13 +15,13 @@ from ispom.frontends.klt import Klt
 from ispom.geometry import Array
 from ispom.types import Image, TrackStatus
 
-WIDTH_PX = 1280
-"""Wider images are halved until they are no wider."""
+SIDE_PX = 1280
+"""Images whose longer side is longer are halved until it is not."""
 CORNERS = 500
 DISTANCE_SHARE = 0.01
-"""From one corner to the next, of the image's width."""
+"""From one corner to the next, of the image's longer side."""
 MOVED_SHARE = 0.03
-"""Of the image's width, at the median of all tracks: from so much motion on an image becomes a key frame,"""
+"""Of the image's longer side, at the median of all tracks: from so much motion on an image becomes a key frame,"""
 LEFT_SHARE = 0.6
 """or where fewer of the last one's tracks are left."""
 CORNER_PX, CORNER_STEPS = 4, 30
@@ -88,7 +88,6 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
     rows: list[tuple[NDArray[np.int64], Array]] = []
     for i, image in enumerate(images):
         grey, factor = _reduced(image)
-        width = grey.shape[1]
         if last is not None:
             uv, status = klt.track(last, grey, uv)
             alive = status == TrackStatus.ALIVE
@@ -97,7 +96,7 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
         last = grey
         if at_key is not None:
             ways = np.linalg.norm(uv - at_key, axis=1)
-            moved = len(ids) > 0 and float(np.median(ways)) >= MOVED_SHARE * width
+            moved = len(ids) > 0 and float(np.median(ways)) >= MOVED_SHARE * max(grey.shape)
             if not moved and len(ids) >= LEFT_SHARE * begun:
                 continue
             if moved:
@@ -122,7 +121,7 @@ def key_tracks(images: Iterable[Image], most_views: int) -> Tracks:
 
 def _corners(grey: Image, taken: NDArray[np.float32]) -> NDArray[np.float32]:
     """(M, 2) new ones."""
-    found = detect_spread(grey, CORNERS, taken, DISTANCE_SHARE * grey.shape[1])
+    found = detect_spread(grey, CORNERS, taken, DISTANCE_SHARE * max(grey.shape))
     exact = at_subpixel(grey, found, CORNER_PX, CORNER_STEPS)
     return exact[np.linalg.norm(exact - found, axis=1) < SAME_PX]
 
@@ -131,7 +130,7 @@ def _reduced(image: Image) -> tuple[Image, float]:
     """Grey, and by which factor the size was reduced."""
     grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
     factor = 1
-    while grey.shape[1] > WIDTH_PX * factor:
+    while max(grey.shape) > SIDE_PX * factor:
         factor *= 2
     if factor == 1:
         return grey, 1.0

@@ -45,7 +45,7 @@ class Place:
     time_ns: int
     camera_from_world: Pose
     images: tuple[Image, ...]
-    """Grey, of the camera or of both cameras of a pair; at most sift.SEARCH_WIDTH_PX wide."""
+    """Grey, of the camera or of both cameras of a pair; of at most sift.SEARCH_SIDE_PX."""
     reduction: float
     """Their pixels per pixel of the camera's."""
     covariance: Array | None = None
@@ -68,7 +68,7 @@ class Place:
     ) -> Place:
         """With the images reduced where they are large."""
         height, width = images[0].shape
-        reduction = min(1.0, sift.SEARCH_WIDTH_PX / width)
+        reduction = min(1.0, sift.SEARCH_SIDE_PX / max(height, width))
         if reduction < 1:
             size = (round(width * reduction), round(height * reduction))
             # At every key frame, so it must be quick; by less than half, hence without much aliasing.

@@ -17,7 +17,8 @@ from ispom.geometry import Array
 from ispom.types import Image, Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame, colours_at
 
 CORNER_DISTANCE = 0.011
-"""Least distance of a new corner from other points, in image widths: 7 px at 640, half a tracking window."""
+"""Least distance of a new corner from other points, of the longer side of the image: 7 px at 640, half a tracking
+window."""
 
 
 def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float32]:
@@ -26,7 +27,7 @@ def corners_for(setup: Setup, outcome: Outcome, grey: Image) -> NDArray[np.float
     if not (outcome.key_frame or at_reference):
         return np.zeros((0, 2), np.float32)
     alive = outcome.followed.status == TrackStatus.ALIVE
-    distance_px = CORNER_DISTANCE * setup.camera.width
+    distance_px = CORNER_DISTANCE * setup.camera.longer_side_px
     return detect_spread(grey, setup.max_tracks, outcome.followed.uv[alive], distance_px)
 
 

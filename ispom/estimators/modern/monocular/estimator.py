@@ -54,7 +54,8 @@ class ModernMonocularConfig:
     """Deviation of a tracked place after some key frames, by which what is far off is dropped, and the loss is set
     until residuals say that it can be narrower; covariances take it for that until residuals say more (`noise`)."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
-    """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
+    """Wider images, or higher ones, are halved before anything is looked for in them; pixels of settings and checks are
+    those then."""
     relocalise: bool = True
     """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
     loops: bool = False

@@ -39,7 +39,8 @@ class ModernStereoConfig:
     window: Annotated[int, Range(3, 20)] = 8
     """Key frames adjusted together; older ones become a prior."""
     max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
-    """Wider images are halved before anything is looked for in them; pixels of settings and checks are those then."""
+    """Wider images, or higher ones, are halved before anything is looked for in them; pixels of settings and checks are
+    those then."""
     relocalise: bool = True
     """Look for a lost camera at all key frames by descriptors; off, only around the last place: plain odometry."""
     loops: bool = False

@@ -25,7 +25,7 @@ from ispom.geometry import Array
 from ispom.types import Step, Trajectory
 
 FEATURE_ERROR_PX = 1.0
-"""Deviation of a feature's place, at the width at which features are looked for."""
+"""Deviation of a feature's place, at the size at which features are looked for."""
 
 
 def with_loops(
@@ -107,5 +107,5 @@ def _at_middle(setup: Setup, uv: NDArray[np.float32], disparity_px: NDArray[np.f
 
 
 def eye_of(setup: Setup) -> Eye:
-    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.width / sift.SEARCH_WIDTH_PX)
+    error_px = FEATURE_ERROR_PX * max(1.0, setup.camera.longer_side_px / sift.SEARCH_SIDE_PX)
     return Eye.of(setup.camera, error_px / setup.camera.fx, setup.baseline_m)
