@@ -14,7 +14,7 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.camera import INTRINSICS, SIZES, camera_of, line_delay_entry
+from ispom.io.camera import CAMERA_KEYS, INTRINSICS, SIZES, camera_of, line_delay_entry
 from ispom.io.mapping import MAX_BYTES, finite_numbers, read_mapping
 from ispom.io.rows import read_text
 from ispom.types import Camera, LensSigma, PairSigma, Rig
@@ -82,7 +82,12 @@ def _camera(path: Path, name: str, entry: Any, placed: bool) -> tuple[Camera, Po
         raise InputError(f"{path}: {name} must hold the camera's values: correct it")
     camera = camera_of(path, entry, f"{name}.")
     nowhere = entry.get(f"rig_from_{name}") is None and not placed
-    return camera, Pose() if nowhere else _pose(path, name, entry)
+    pose = Pose() if nowhere else _pose(path, name, entry)
+    known = (*CAMERA_KEYS, f"rig_from_{name}")
+    others = [str(key) for key in entry if key not in known]
+    if others:
+        raise InputError(f"{path}: {name}.{others[0]} is not known, as a camera has {', '.join(known)}: correct it")
+    return camera, pose
 
 
 def _sigma(path: Path, name: str, entry: Any) -> LensSigma | PairSigma:

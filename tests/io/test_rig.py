@@ -62,6 +62,11 @@ def test_a_laser_is_read_back_and_mistakes_of_it_are_named(tmp_path: Path) -> No
         ("fx: 60.0", "fx: .nan", r"video\.fx needs 1 finite"),
         ("fx: 60.0", "fx: wide", r"video\.fx needs 1 finite"),
         ("rig_from_video:", "somewhere:", "rig_from_video is missing"),
+        (
+            "distortion:",
+            "distorsion:",
+            r"video\.distorsion is not known, as a camera has model, .*, rig_from_video: cor",
+        ),
         ("video:", "middle:", "video, left or right"),
         ("video:", "video: [", "line 3 is not valid YAML"),
         ("video:", "video: !!python/object/apply:os.getcwd", "not valid YAML"),
