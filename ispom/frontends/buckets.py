@@ -12,9 +12,8 @@ from ispom.frontends.texture import grey_noise, texture
 from ispom.kernels import kernel, read_only
 from ispom.types import Image
 
-QUALITY = 0.005
-"""Corners weaker than this share of a strong one in the image are not used: of less than a fourteenth of its contrast.
-With half of it a map of a board between highlights and blurred edges drifts in scale by a third."""
+QUALITY = 0.002
+"""Corners weaker than this share of a strong one in the image are not used."""
 NOISE = 5.0
 """Nor are those whose patch has less texture, as a multiple of what noise alone would show, where the image has far
 better: noise would put it off by 0.08 px, as much as tracks are off by; and on clouds and bare walls it slides to where

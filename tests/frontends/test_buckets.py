@@ -69,9 +69,3 @@ def test_a_halved_image_that_is_there_is_used() -> None:
     assert not np.array_equal(
         detect_spread(wide, COUNT, NONE, 8.0), detect_spread(wide, COUNT, NONE, 8.0, half=np.ascontiguousarray(halves))
     )
-
-
-def test_what_is_faint_beside_the_strong_is_not_used() -> None:
-    share = np.array([[100.0, 12.0, 100.0, 4.0]])
-    left, faint, right, fainter = counts(detect_spread(blocks(share), 400, NONE, 6.0), share.shape)[0]
-    assert min(left, right) > 30 and faint > 15 and fainter <= 2
