@@ -54,7 +54,7 @@ class PipedFile:
     def flush(self, timeout_s: float) -> None:
         """Waits until the disk took what the writer has written so far. TimeoutError where it does not answer."""
         with self._changed:
-            if not self._changed.wait_for(lambda: not self._storing and not _is_readable(self._source), timeout_s):
+            if not self._changed.wait_for(self._is_idle, timeout_s):
                 raise TimeoutError("the disk does not answer")
 
     def ended(self, timeout_s: float) -> bool:
@@ -75,9 +75,12 @@ class PipedFile:
     def _next(self, pipe: FileIO) -> bytes:
         """What comes through the pipe. It counts as being stored before it leaves the pipe: `flush` misses nothing."""
         self._change(pipe.fileno(), storing=False)
-        _is_readable(pipe.fileno(), timeout_ms=None)
+        _poll(pipe.fileno(), None)
         self._change(pipe.fileno(), storing=True)
         return pipe.read(_PIECE_BYTES)
+
+    def _is_idle(self) -> bool:
+        return not self._storing and (self._source is None or not _poll(self._source, 0))
 
     def _change(self, source: int | None, storing: bool) -> None:
         with self._changed:
@@ -99,10 +102,8 @@ class PipedFile:
             os.truncate(self.path, whole_bytes(self.path))
 
 
-def _is_readable(pipe: int | None, timeout_ms: int | None = 0) -> bool:
-    """Whether a pipe holds something, or was closed by its writer; waits for it, for ever with None."""
-    if pipe is None:
-        return False
+def _poll(pipe: int, timeout_ms: int | None) -> bool:
+    """Waits until a pipe holds something or its writer has closed it, for ever with None; whether that came."""
     poll = select.poll()
     poll.register(pipe, select.POLLIN)
     return bool(poll.poll(timeout_ms))

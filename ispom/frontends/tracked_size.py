@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ispom.types import Camera, Exposure, Image, Step, Tracks, VideoFrame
 
-MAX_WIDTH_PX = 1400
+MAX_SIDE_PX = 1400
 """Of the longer side, however the camera is held. Larger images are halved: windows and distances in pixels are made
 for 600-1400 px, and more cost time and no more."""
 
@@ -23,10 +23,10 @@ class TrackedSize:
     tracked: Camera
 
     @staticmethod
-    def of(camera: Camera, max_width_px: int = MAX_WIDTH_PX) -> TrackedSize:
+    def of(camera: Camera, max_side_px: int = MAX_SIDE_PX) -> TrackedSize:
         """For the images of a camera."""
         halvings = 0
-        while camera.longer_side_px / 2**halvings > max_width_px:
+        while camera.longer_side_px / 2**halvings > max_side_px:
             halvings += 1
         return TrackedSize(camera, camera.scaled(0.5**halvings) if halvings else camera)
 

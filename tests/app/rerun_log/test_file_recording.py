@@ -71,6 +71,7 @@ def test_a_closed_file_verifies(run, tmp_path):
 
 def test_every_exposure_is_readable_while_the_file_grows(run, tmp_path, monkeypatch):
     monkeypatch.setattr(file_recording, "FLUSH_EVERY", 1)
+    monkeypatch.setattr(file_recording, "WAIT_S", 60.0)
     file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
     file.write(run.step())
     (part,) = tmp_path.glob("*.rrd")

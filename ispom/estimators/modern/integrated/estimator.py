@@ -24,7 +24,7 @@ from ispom.estimators.modern.integrated.setup import Setup
 from ispom.estimators.modern.integrated.state import ModernIntegratedState
 from ispom.estimators.modern.integrated.stereo_world import stereo_from_window, video_poses
 from ispom.estimators.modern.integrated.view import Noise
-from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
+from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.numerics.places import places
 from ispom.settings import Range
@@ -64,7 +64,7 @@ class ModernIntegratedConfig:
     """Error of a point followed from pair to pair, in the same way."""
     disparity_sigma_px: Annotated[float, Range(0.02, 5)] = 0.26
     """Error of its match in the right image."""
-    max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
+    max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
     """As of the methods asked: the errors above are in pixels of the images that they track."""
     loss: Annotated[float, Range(0.5, 20)] = 1.0
     """Scale of the Cauchy loss, in these errors."""

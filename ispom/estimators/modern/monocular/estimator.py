@@ -22,7 +22,7 @@ from ispom.estimators.modern.monocular.track_map import track_map
 from ispom.estimators.modern.monocular.tracks import follow, projected, scene_points, seen_anew
 from ispom.estimators.modern.motions import Follow
 from ispom.estimators.modern.rolling import late_px
-from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
+from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array
 from ispom.settings import Range
 from ispom.solvers.window.prior import LEAST_SIGMA
@@ -53,7 +53,7 @@ class ModernMonocularConfig:
     noise_px: Annotated[float, Range(0.05, 5)] = 0.34
     """Deviation of a tracked place after some key frames, by which what is far off is dropped, and the loss is set
     until residuals say that it can be narrower; covariances take it for that until residuals say more (`noise`)."""
-    max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
+    max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
     """Wider images, or higher ones, are halved before anything is looked for in them; pixels of settings and checks are
     those then."""
     relocalise: bool = True

@@ -21,7 +21,7 @@ from ispom.estimators.modern.stereo.recover import recover
 from ispom.estimators.modern.stereo.setup import Setup
 from ispom.estimators.modern.stereo.state import ModernStereoState, Outcome
 from ispom.estimators.modern.stereo.track import sight
-from ispom.frontends.tracked_size import MAX_WIDTH_PX, TrackedSize
+from ispom.frontends.tracked_size import MAX_SIDE_PX, TrackedSize
 from ispom.geometry import Array, Pose
 from ispom.settings import Range
 from ispom.solvers.right_camera import PAIR
@@ -38,7 +38,7 @@ class ModernStereoConfig:
     """Points tracked at a time."""
     window: Annotated[int, Range(3, 20)] = 8
     """Key frames adjusted together; older ones become a prior."""
-    max_width_px: Annotated[int, Range(320, 8192)] = MAX_WIDTH_PX
+    max_width_px: Annotated[int, Range(320, 8192)] = MAX_SIDE_PX
     """Wider images, or higher ones, are halved before anything is looked for in them; pixels of settings and checks are
     those then."""
     relocalise: bool = True
