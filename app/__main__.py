@@ -7,11 +7,15 @@ import sys
 from io import TextIOWrapper
 
 from .lasting import lasting
+from .obeyed_files import refusal
 
 
 def main() -> int:
     """As `cli.main` of the words on the command line."""
     _complete_streams()
+    if sentence := refusal():
+        sys.stderr.write(f"ispom: {sentence}\n")
+        return 2
     words = sys.argv[1:]
     if words[:1] == ["demo"] or (words[:1] == ["app"] and any(word.startswith("sim:") for word in words)):
         from ispom.simulation.cache import anything_rendered

@@ -9,11 +9,14 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import BinaryIO
 
+PYTHON = (sys.executable, "-P")
+"""How each child is started. Without -P, `-m` and `-c` import from the working directory first: a stranger's folder."""
 KEPT_BYTES = 8192
 """Of what a child writes on standard error, the end."""
 

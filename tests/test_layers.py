@@ -35,6 +35,7 @@ APP_LAYERS = (
         "decisions",
         "external",
         "lasting",
+        "obeyed_files",
         "options",
         "outputs",
         "subscribers",

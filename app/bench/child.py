@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
+
+from ispom.child import PYTHON
 
 ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -20,7 +21,7 @@ ONE_THREAD = dict.fromkeys(
 
 def found(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:
     """What another process found out; {"error": ...} where it could not."""
-    command = [sys.executable, "-m", f"{__package__}.{module}", json.dumps(task)]
+    command = [*PYTHON, "-m", f"{__package__}.{module}", json.dumps(task)]
     environment = {**os.environ, **(ONE_THREAD if one_thread else {})}
     done = subprocess.run(
         command, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False

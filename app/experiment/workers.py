@@ -8,12 +8,12 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-from ispom.child import Child
+from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 
 from .worker import LOCAL, OUT_OF_MEMORY
 
-COMMAND = [sys.executable, "-m", __name__.rpartition(".")[0] + ".worker"]
+COMMAND = [*PYTHON, "-m", __name__.rpartition(".")[0] + ".worker"]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 ENVIRONMENT = {**dict.fromkeys(THREADS, "1"), "DASK_LOGGING__DISTRIBUTED": "critical"}
 
@@ -63,7 +63,7 @@ class Workers:
             "tls_worker_cert": self._security.tls_worker_cert,
         }
         task = {"address": self.cluster.scheduler_address, "name": f"worker-{n}-{child.pid}", "keys": keys}
-        task |= {"memory_gb": self._memory_gb, "path": sys.path}
+        task |= {"memory_gb": self._memory_gb, "path": [*filter(None, sys.path)]}
         with suppress(OSError):  # it has ended already: `keep` finds out, and says why
             child.requests.write(json.dumps(task).encode() + b"\n")
             child.requests.flush()

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ispom.child import Child
+from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 
 if TYPE_CHECKING:
     from ispom.types import Image, Kind
 
-_COMMAND = [sys.executable, "-m", "ispom.simulation.process"]
+_COMMAND = [*PYTHON, "-m", "ispom.simulation.process"]
 IDLE_S = 60.0
 """A process that is asked for nothing for so long ends, and is started anew where it is wanted again: a scene and its
 textures take 0.36 GB, and most runs find their images on the disk."""
