@@ -12,7 +12,7 @@ from rich.table import Table
 
 from ispom.errors import InputError, printable
 from ispom.io.open3d import open3d
-from ispom.io.whole import write_whole
+from ispom.io.whole import require_no_links, write_whole
 
 from ..outputs import claim_folder
 from ..run.console import progress
@@ -39,6 +39,8 @@ def make_map(options: Map) -> int:
     settings = _settings(options, ran) if options.dense else None
     laser = None if options.laser is None else measured(ran, options.laser, int(ran.file.options.get("seed") or 0))
     folder = options.out or options.run / MAP
+    if options.out is None:
+        require_no_links(options.run, folder / "any")
     claim_folder(folder, "map")
     found = None
     if settings is not None:
