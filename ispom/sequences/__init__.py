@@ -81,7 +81,8 @@ def open_sequence(
     if source.startswith("sim:"):
         from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
 
-        sequence = open_words(source.removeprefix("sim:"), seed)
+        with bounded(policy.places):  # its words may name files: a route, a mesh
+            sequence = open_words(source.removeprefix("sim:"), seed)
     elif looks_live(source):
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
