@@ -87,5 +87,5 @@ class People:
         try:
             kind = msgspec.msgpack.decode(viser_message)["type"]
         except (msgspec.DecodeError, KeyError, TypeError, UnicodeDecodeError):
-            return True  # viser closes the connection for it
-        return kind in LOOKING or self.drives(person)
+            return False
+        return (isinstance(kind, str) and kind in LOOKING) or self.drives(person)

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from ..session.session import Session
-from ..viser_ui.portless import PortlessViser
+from ..viser_ui.portless import PortlessViser, understood
 from .answers import Answers
 from .check_plot import plot_of
 from .lesson import LessonNews
@@ -112,7 +112,11 @@ async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser, passe
     closing = asyncio.create_task(_close_after(line.served, socket))
     try:
         async for message in socket:
-            if message.type is WSMsgType.BINARY and passes(message.data):
+            if message.type is not WSMsgType.BINARY:
+                continue
+            if not understood(message.data):
+                await socket.close(code=WSCloseCode.INVALID_TEXT, message=b"this is no message of viser's page")
+            elif passes(message.data):
                 await line.put(message.data)
     finally:
         line.hang_up()

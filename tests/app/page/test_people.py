@@ -69,7 +69,8 @@ def test_of_those_who_do_not_drive_viser_hears_only_where_they_look_from(people:
         msgspec.msgpack.encode(m) for m in ({"type": "ViewerCameraMessage"}, {"type": "GuiUpdateMessage"}, [1])
     )
     assert [people.passes(BEN, m) for m in (camera, control)] == [True, False]
-    assert people.passes(BEN, broken) and people.passes(BEN, b"\xc1")  # viser closes the connection for these
+    assert not people.passes(BEN, broken) and not people.passes(BEN, b"\xc1")
+    assert not people.passes(BEN, msgspec.msgpack.encode({"type": []}))
     assert people.passes(ANN, control)
 
 
