@@ -28,6 +28,7 @@ from .run import warmup
 from .run.console import progress, wait_for_compiler
 from .run.folder.run_file import read_run_file
 from .run.playback import Builder, Playback
+from .run.signals import terminable
 from .sensitivity.predictor import Prediction, Predictor
 from .sensitivity.ran import ran_in
 from .sensitivity.rerun import Compared, compared
@@ -47,7 +48,8 @@ def perturb(options: Perturb, builder: Builder = build) -> int:
         _print(_each(predictor))
         return 0
     predictions = predictor.predict(wrong)
-    again = _rerun(options, builder) if options.rerun else {}
+    with terminable():
+        again = _rerun(options, builder) if options.rerun else {}
     outcomes = {each.prediction.method: each for each in compared(predictor, predictions, again, wrong)}
     _print(_of(predictions, outcomes, wrong))
     if options.out is not None:

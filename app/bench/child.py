@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
 
-from ispom.child import PYTHON
+from ispom.child import PYTHON, Child
+from ispom.stop import wait_or_stop
 
 ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -19,17 +19,29 @@ ONE_THREAD = dict.fromkeys(
 """For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""
 
 
+END_S = 10.0
+"""For a process to end after its answer."""
+
+
 def found(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:
     """What another process found out; {"error": ...} where it could not."""
     command = [*PYTHON, "-m", f"{__package__}.{module}", json.dumps(task)]
-    environment = {**os.environ, **(ONE_THREAD if one_thread else {})}
-    done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
-    )
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or [f"it ended with code {done.returncode}"])[-1]
-        return {"error": f"failed, please report it: {last}"}
-    return json.loads(done.stdout.splitlines()[-1])
+    child = Child(command, ONE_THREAD if one_thread else {})
+    try:
+        with ThreadPoolExecutor(1) as pool:
+            answer = pool.submit(child.answers.read)
+            try:
+                wait_or_stop(lambda seconds: bool(wait([answer], seconds).done))
+            except BaseException:
+                child.stop()  # else the pool waits for its answer
+                raise
+        child.wait(END_S)
+        if not child.succeeded:
+            last = (child.last_words().splitlines() or [child.ending()])[-1]
+            return {"error": f"failed, please report it: {last}"}
+        return json.loads(answer.result().splitlines()[-1])
+    finally:
+        child.stop()
 
 
 def told(console: Console, what: str, module: str, task: dict[str, Any]) -> list[dict[str, Any]] | None:

@@ -16,6 +16,7 @@ from rich.console import Console
 from ispom.errors import InputError
 
 from ..outputs import require_own, write_file
+from ..run.signals import terminable
 from . import child
 from .options import Bench
 from .plan import CASES, Case, found_below
@@ -48,10 +49,11 @@ def bench(options: Bench) -> int:
     console = Console(highlight=False, markup=False, soft_wrap=True)
     chosen, report = _chosen(options), _about(options)
     study = next((name for name in STUDIES if getattr(options, name)), None)
-    if study is None:
-        _rows_and_blocks(console, chosen, options, report)
-    else:
-        report[study] = STUDIES[study](console, options)
+    with terminable():
+        if study is None:
+            _rows_and_blocks(console, chosen, options, report)
+        else:
+            report[study] = STUDIES[study](console, options)
     if options.json is not None:
         write_file(options.json, json.dumps(_plain(report), indent=2, allow_nan=False) + "\n", JSON_HEAD)
     return 0

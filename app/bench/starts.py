@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from rich.console import Console
 
+from ispom.child import end_with_parent
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import aligned, ate_m, rms
 from ispom.geometry import rotation_angle_rad
@@ -109,4 +110,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

@@ -17,6 +17,7 @@ from ispom.io.whole import require_no_links, write_whole
 from ..outputs import claim_folder
 from ..run.console import progress
 from ..run.folder.made_map import MAP
+from ..run.signals import terminable
 from .dense import Dense, dense
 from .inputs import Ran, read_ran
 from .laser import Placed, measured, placed
@@ -33,6 +34,11 @@ def make_map(options: Map) -> int:
     take."""
     if not options.dense and options.laser is None:
         raise InputError("--no-dense without --laser leaves nothing to do: give one of them")
+    with terminable():
+        return _make_map(options)
+
+
+def _make_map(options: Map) -> int:
     ran = read_ran(options.run, options.source)
     method = ran.method(options.method)
     open3d()  # before long work

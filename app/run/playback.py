@@ -66,7 +66,8 @@ class Playback:
     """Trajectories of other programs over the same sequence."""
 
     def __post_init__(self) -> None:
-        self._stages = (*self.earlier, Stage(sys.maxsize, self.methods, self.config))
+        begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first exposure shares none
+        self._stages = (*begun, Stage(sys.maxsize, self.methods, self.config))
         # The last one first: a mistake in what was asked is found before anything runs.
         self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
         self.ensemble: Ensemble = self._build(self._stages[0])

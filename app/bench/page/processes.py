@@ -73,7 +73,9 @@ def visitors(app: App, count: int, reads: bool) -> Iterator[subprocess.Popen[str
 
 @contextmanager
 def _ending(command: list[str], stderr: int | None = None) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=stderr, text=True)
+    # As `ispom.child.Child`, but of text: it ends with this process, and no Ctrl-C of the terminal comes to it.
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=stderr, text=True, process_group=0)
     try:
         yield process
     finally:
