@@ -11,6 +11,7 @@ from ispom.methods import Config
 
 from ..diff.compare import divergences
 from ..diff.order import record_rows
+from ..review.recorded_tracks import RecordedViews
 from ..review.stored import Stored
 from ..run.events import Finished, Opened, Stepped
 from ..run.folder.made_map import made_map
@@ -59,6 +60,8 @@ class CurrentRun:
                 self._learn(past[index])
         self.stored: Stored | None = None
         """What it was read from; None for one that is computed here."""
+        self.recorded: RecordedViews | None = None
+        """Images and tracks of the stored run that it is, or that it was forked from."""
 
     @staticmethod
     def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
@@ -70,6 +73,7 @@ class CurrentRun:
         methods = stored.playback.methods
         run = CurrentRun(stored.playback, memory_bytes, Past(history, len(history), methods), None, series)
         run.stored = stored
+        run.recorded = RecordedViews(stored.recording) if stored.recording is not None else None
         recording_id = stored.recording_id or run.opened.recording_id
         run.opened = replace(run.opened, recording_id=recording_id, map=made_map(stored.path))
         run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in methods})
@@ -83,7 +87,9 @@ class CurrentRun:
         nearest = checkpoints.nearest(at)
         playback = self.playback.forked(at, methods, config, nearest.snapshot if nearest is not None else None)
         past, series = Past(self.history, at, playback.methods), self.series.until(at, playback.methods)
-        return CurrentRun(playback, self._memory_bytes, past, checkpoints, series)
+        fork = CurrentRun(playback, self._memory_bytes, past, checkpoints, series)
+        fork.recorded = self.recorded
+        return fork
 
     def require_source(self) -> None:
         """InputError where nothing can be computed anew."""
