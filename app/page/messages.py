@@ -54,6 +54,11 @@ class Given:
 
 
 @dataclass(frozen=True)
+class FollowAgain:
+    """The page shows again what the session shows, and nothing of its own."""
+
+
+@dataclass(frozen=True)
 class Wheel:
     """Who drives from now on."""
 
@@ -108,6 +113,14 @@ def message_of(state: State) -> dict[str, Any]:
     }
 
 
+def own_view(local: State, state: State) -> dict[str, Any] | None:
+    """What a page that looks around by itself shows otherwise than the session; None where it follows."""
+    if local is state:
+        return None
+    shared = message_of(state)
+    return {name: value for name, value in message_of(local).items() if value != shared[name]}
+
+
 def _flicker(state: State) -> list[Any] | None:
     """Which side is drawn ("a" or "b"), its branch and its method."""
     if state.flicker is None:
@@ -151,7 +164,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
     }
 
 
-def command_of(text: str) -> do.Command | Pane | Wheel | Given | None:
+def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | None:
     """What a page's message says; None for anything that is not understood."""
     try:
         message = json.loads(text)
@@ -170,6 +183,8 @@ def command_of(text: str) -> do.Command | Pane | Wheel | Given | None:
                 return do.Hide(frozenset(map(str, message["names"])) & {*LAYERS, *names()})
             case "pane":
                 return Pane(bool(message["wide"]), str(message.get("tab", "")))
+            case "follow":
+                return FollowAgain()
             case "take_over":
                 return Wheel()
             case "hand_over":

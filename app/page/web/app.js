@@ -25,7 +25,7 @@ let state = null;
 let taught = null; // the lesson, as the server sent it last
 const pane = { wide: false, tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
-const people = makePeople(send, (text) => showNotice({ text, kind: "info" }), () => show(state));
+const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
 const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), showViewer);
 
 function paneBecame(change) {
@@ -53,7 +53,7 @@ function connect() {
 
 // The session's state, at the exposure that this page looks at.
 function show(state) {
-  const shown = people.shown(state, axis.data.times);
+  const shown = people.shown(state);
   window.ispom.shown = shown;
   showState(shown);
   axis.show(shown);
