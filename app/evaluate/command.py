@@ -6,7 +6,8 @@ from importlib.util import find_spec
 
 from ispom.errors import InputError
 from ispom.evaluation.association import associate
-from ispom.evaluation.comparison import MIN_POSES, Comparison, compare
+from ispom.evaluation.comparison import Comparison, compare
+from ispom.evaluation.trajectory_error import MIN_POSES
 from ispom.io.kitti import read_times
 from ispom.io.trajectories import TrajectoryFile, read_trajectory
 

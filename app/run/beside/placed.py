@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import Alignment, alignment, placed, rms
-from ispom.evaluation.comparison import MIN_POSES
+from ispom.evaluation.trajectory_error import MIN_POSES
 from ispom.geometry import Array, Pose
 from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Rig, Sequence, Trajectory

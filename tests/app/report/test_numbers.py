@@ -37,7 +37,7 @@ def test_a_moved_copy_of_the_truth_has_no_error() -> None:
     moved = truth.moved(left=Pose.from_rotvec(np.array([0.3, -1.0, 0.2]), np.array([4.0, 5.0, -6.0])))
     found = analysis.errors(run(moved), "stereo")
     assert found is not None and found.position_m.max() < 1e-9 and found.rotation_deg.max() < 1e-5
-    assert analysis.plotted(run(moved), "stereo")[1] == "se3 to truth, 100 poses"
+    assert analysis.plotted(run(moved), "stereo")[1] == "SE(3) to truth, 100 poses"
 
 
 def test_orientation_on_a_straight_path_is_that_of_the_poses() -> None:

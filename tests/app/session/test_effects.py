@@ -45,7 +45,7 @@ def test_the_rerun_is_a_branch_with_the_prediction_beside_it(session: Session) -
     effect = session.state.effect
     assert effect is not None and effect.computed == session.state.total
     (prediction,) = effect.predictions
-    assert prediction.linear and prediction.rmse_m is not None and prediction.predicted_rmse_m is not None
+    assert prediction.linear and prediction.ate_m is not None and prediction.predicted_ate_m is not None
     session.post(do.RunPerturbed())
     wait_for(lambda: session.state.branch == 1, "the branch")
     opened = session.opened
