@@ -199,12 +199,13 @@ class Playback:
         return placement.apply_pose(step.world_from_frame) @ self.sequence.rig.rig_from(step.frame).inverse()
 
     def _errors(self, steps: tuple[Step, ...]) -> dict[str, float]:
+        """The live errors, by method: see `Stepped.errors_m`."""
         errors = {}
         for step in steps:
             pose = self.placed(step)
             truth = self.truth.at(step.time_ns) if self.truth is not None else None
             metric = step.method not in self._placing
-            if pose is not None and truth is not None and metric:
+            if pose is not None and not step.provisional and truth is not None and metric:
                 errors[step.method] = float(np.linalg.norm(pose.translation - truth.translation))
         return errors
 

@@ -20,7 +20,7 @@ from ..ran import Ran
 
 
 def ate_m(ran: Ran, method: str, alignment: str) -> float:
-    """Absolute trajectory error [m]: root mean square distance of the positions from the true ones, after an alignment."""
+    """Absolute trajectory error: root mean square distance of the aligned positions from the true ones [m]."""
     return _error(ran, method, alignment).ate_m
 
 
