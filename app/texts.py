@@ -24,6 +24,8 @@ ALIGNED = {
     "sim3": "Sim(3)",
 }
 """The same in a column of a table."""
+PROVISIONAL = "provisional"
+"""Of a pose, or an error, before the first fit of an integration."""
 ROUNDING_M = 1e-9
 """A length below a nanometre is rounding,"""
 ROUNDING_DEG = 1e-9

@@ -20,7 +20,7 @@ from ..session.learning.learning import covered
 from ..session.sources.known import run_name
 from ..session.state import State
 from ..sweep.values import shown
-from ..texts import length, size
+from ..texts import ALIGNED, PROVISIONAL, length, size
 
 STATUS = {
     "waiting": "no exposure for this method yet",
@@ -147,13 +147,19 @@ def _sweep(state: State) -> dict[str, Any] | None:
 
 
 def _method(method: str, state: State) -> dict[str, Any]:
-    """Whether it tracks, and (another thing) how far from the truth it is, where there is a truth."""
+    """Whether it tracks, and (another thing) its error: the ATE of the table of branches, where there is a truth."""
     now, label = state.statuses.get(method), colours.label(method)
-    error = "" if now is None or now.error_m is None else length(now.error_m)
     status = str(now.status) if now else "waiting"
-    hint = [f"{label}: {STATUS[status]}."]
-    if error:
-        hint.append(f"Position error at this exposure: {error} from the ground truth.")
+    hint, error = [f"{label}: {STATUS[status]}."], ""
+    shown = next((b for b in state.branches if b.number == state.branch), None)
+    if shown is not None and (known := shown.measured.errors.get(method)) is not None:
+        error, how = length(known.ate_m), ALIGNED[known.alignment]
+        hint.append(f"ATE: {error} from the ground truth over {len(known.estimate)} poses, as known now, {how}.")
+    if now is not None and now.provisional:
+        error = error or PROVISIONAL
+        hint.append("Its pose at this exposure is provisional: the first fit replaces it.")
+    if now is not None and now.error_m is not None:
+        hint.append(f"Live error at this exposure: {length(now.error_m)}, by the pose as given then, not aligned.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
         "label": label,

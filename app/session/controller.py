@@ -13,6 +13,7 @@ from ..learn.library import Library
 from ..options import SourceOptions
 from . import break_points, flicker, integration, moves, selecting
 from . import commands as do
+from .accuracy import AccuracyDesk
 from .bookmarks.desk import BookmarkDesk
 from .branching.desk import BranchDesk
 from .compiling import Compiling
@@ -63,6 +64,7 @@ class Controller:
         self._shelf, self._known = Shelf(store, recordings), Known(recordings.folder)
         self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
         self._sweeps = SweepDesk(store, recordings.folder)
+        self._accuracy = AccuracyDesk(store, branches.run)
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay, self._usual = first, autoplay, store.state.source_options
         self._wanted, self._history_bytes = methods, history_bytes
@@ -192,6 +194,7 @@ class Controller:
         finally:
             self._branches.compare_on()
             self._effects.watch(self._store)
+            self._accuracy.watch()
             self._viewers.look_at(self._store.state.index)
             self._viewers.check()
             self._compiling.watch()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from threading import Thread
 
 from ispom.errors import InputError
-from ispom.evaluation.metrics import errors
 from ispom.methods import Config
+from ispom.types import Trajectory
 
 from ..diff.compare import divergences
 from ..diff.order import record_rows
@@ -157,7 +158,7 @@ class CurrentRun:
 
     def _learn(self, record: ExposureRecord) -> None:
         self._model = self._model.after(record.index, record.time_ns, record.steps)
-        self.tally = self.tally.after(record.steps, record.errors_m)
+        self.tally = self.tally.after(record.steps)
 
     def _checkpoint(self) -> Checkpoint:
         return Checkpoint(self.playback.snapshot, self._model, self.tally)
@@ -167,14 +168,12 @@ class CurrentRun:
         model, history = self._model, self.history
         return model if index + 1 >= len(history) else model.as_known_at(index, lambda i: history[i].steps)
 
-    def aligned_ate_m(self, method: str) -> float | None:
-        """ATE [m] of a method's trajectory as it is known now, after a similarity alignment: of one without a metric
-        unit. None without truth, or with too few poses."""
-        model, truth = self._model, self.opened.truth
-        if truth is None or method not in model.methods:
-            return None
-        found = errors(model.methods[method].poses.trajectory(model.times), truth, self.opened.sequence.rig, False)
-        return found["ate_m"]
+    def trajectories(self) -> Mapping[str, Trajectory]:
+        """Each method's trajectory as known now, in its own world: what `ispom run` would write if the run ended here.
+
+        Of a fork that has to run through known exposures first, as far as that came.
+        """
+        return self.stored.final if self.stored is not None else self.playback.finish().trajectories
 
     def rest(self) -> None:
         """Gives most of its memory back; older exposures are read from disk, and more of them are replayed."""

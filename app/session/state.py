@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
@@ -122,6 +123,8 @@ class State:
     """The number of the one that is shown."""
     beside: tuple[Beside, ...] = ()
     """Trajectories of other programs over the same source."""
+    beside_errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
+    """Their errors by name, over the exposures that are computed."""
     comparison: Comparison | None = None
     """Of two branches."""
     plotted: str = ""
@@ -261,7 +264,7 @@ Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
-_CHANGEABLE |= {"lesson", "progress"}
+_CHANGEABLE |= {"lesson", "progress", "beside_errors"}
 _CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect", "sweep"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 

@@ -18,7 +18,7 @@ from ...decisions import SIGNS, answers, margin, mark, number, sentence
 from ...run.history.quantities import DROPPED
 from ...run.history.record import ExposureRecord
 from ...run.model.drawn_size import unit_in_metres
-from ...texts import length
+from ...texts import PROVISIONAL, computing_time, length
 from ...uncertainty import describe
 
 TINTS = {
@@ -151,14 +151,16 @@ def _facts(step: Step, record: ExposureRecord) -> Iterator[Fact]:
     if text := describe(step, unit_m):
         yield Fact("pose", text, f"{name}.sigma_position")
     if (error := record.errors_m.get(name)) is not None:
-        yield Fact("error", f"{length(error)} from the ground truth", f"{name}.error_m")
+        yield Fact("live error", f"{length(error)} from the ground truth, not aligned", f"{name}.error_m")
+    if step.provisional:
+        yield Fact("pose", f"{PROVISIONAL}: it waits for the first fit", f"{name}.provisional")
     if step.scale is not None:
         yield Fact("scale", f"{step.scale:.4g} {registered(name).scale}", f"{name}.scale")
     if step.scale_sigma is not None:
         text = f"± {100 * step.scale_sigma:.2g} % since the start (1 sigma)"
         yield Fact("scale drift", text, f"{name}.scale_sigma")
     if step.seconds:
-        yield Fact("time", f"{1000 * sum(step.seconds.values()):.1f} ms", f"{name}.seconds")
+        yield Fact("time", computing_time(sum(step.seconds.values())), f"{name}.seconds")
 
 
 def _tracks(method: str, camera: str, tracks: Tracks) -> Iterator[Fact]:

@@ -110,7 +110,7 @@ def test_a_pose_and_its_error_are_two_things(page: Page):
     for width in (1280, 1600):
         page.tab.set_viewport_size({"width": width, "height": 720})
         text = stereo.locator(".error").evaluate(label)
-        assert "err" in text and "none" not in text.split()[-1]
+        assert "ATE" in text and "none" not in text.split()[-1]
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
