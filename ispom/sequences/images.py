@@ -20,6 +20,26 @@ from ispom.sequences.image_header import MAX_BYTES, header_size, is_whole
 from ispom.types import Image
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
+UNREAD_SUFFIXES = frozenset(
+    {
+        ".heic",
+        ".heif",
+        ".avif",
+        ".jxl",
+        ".jp2",
+        ".gif",
+        ".exr",
+        ".dng",
+        ".cr2",
+        ".cr3",
+        ".nef",
+        ".arw",
+        ".raf",
+        ".orf",
+        ".rw2",
+    }
+)
+"""Of images in formats that are not read."""
 SAMPLES = 8
 """Images of a folder that tell the range of all."""
 DEFECTIVE = 0.1
