@@ -17,6 +17,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity
 from ispom.methods import STEREO, Config
 from ispom.methods import method as registered
+from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .beside.placed import Beside
@@ -25,8 +26,6 @@ from .model.placing import Placing
 
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of the asked methods; InputError as `ispom.ensemble.build`."""
-UNREADABLE_SHARE = 0.01
-"""A run goes on without this share of its exposures; more that are unreadable end it."""
 
 
 @dataclass(frozen=True, eq=False)
