@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -23,10 +24,14 @@ END_S = 10.0
 """For a process to end after its answer."""
 
 
-def found(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:
-    """What another process found out; {"error": ...} where it could not."""
-    command = [*PYTHON, "-m", f"{__package__}.{module}", json.dumps(task)]
-    child = Child(command, ONE_THREAD if one_thread else {})
+def found(module: str, task: dict[str, Any], one_thread: bool = True, path: Path | None = None) -> Any:
+    """What `python -m MODULE TASK` prints, from JSON; {"error": ...} if it fails.
+
+    `module` is a module's full name, and `path` a folder to import it from if it is not installed.
+    """
+    command = [*PYTHON, "-m", module, json.dumps(task)]
+    environment = {"PYTHONPATH": str(path)} if path is not None else {}
+    child = Child(command, environment | (ONE_THREAD if one_thread else {}))
     try:
         with ThreadPoolExecutor(1) as pool:
             answer = pool.submit(child.answers.read)
@@ -42,16 +47,6 @@ def found(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:
         return json.loads(answer.result().splitlines()[-1])
     finally:
         child.stop()
-
-
-def told(console: Console, what: str, module: str, task: dict[str, Any]) -> list[dict[str, Any]] | None:
-    """The rows that another process found; None, and said so, where it could not."""
-    with progress(what):
-        rows = found(module, task)
-    if isinstance(rows, dict):
-        console.print(f"{what}: {rows['error']}")
-        return None
-    return rows
 
 
 @contextmanager

@@ -1,6 +1,6 @@
-"""`ispom bench --consistency`: the covariances of the poses against simulated truth, over seeds.
+"""`python -m tests.accuracy consistency`: the covariances of the poses against simulated truth, over seeds.
 
-`python -m ispom_app.bench.consistency '{...}'` prints what was found as one line of JSON.
+`python -m tests.accuracy.consistency '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations

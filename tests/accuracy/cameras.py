@@ -1,7 +1,7 @@
-"""`ispom bench --cameras`: the same flight as cameras of other kinds film it, beside what the plain ones lead to.
+"""`python -m tests.accuracy cameras`: the same flight filmed by cameras of other kinds.
 
 4K, 12 bits in 16-bit files, a variable rate, portrait, fisheye lenses, and rolling shutters whose line delay is known,
-or not. `python -m ispom_app.bench.cameras '{...}'` prints what was found as one line of JSON.
+or not. `python -m tests.accuracy.cameras '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
