@@ -19,12 +19,17 @@ import psutil
 
 from ispom.child import end_with_parent
 
-LOCAL = "127.0.0.1:0"
-"""For the HTTP server that Dask always starts: any free port, of this machine alone."""
 OUT_OF_MEMORY = 77
 """Exit code."""
 LOOK_S = 0.3
 """Between two looks at the memory."""
+
+
+def without_pages() -> None:
+    """Has the nodes of Dask in this process start no HTTP server: every user of the machine could read its pages."""
+    from distributed.node import ServerNode
+
+    ServerNode.start_http_server = lambda *_, **__: None  # type: ignore[method-assign]
 
 
 async def serve(address: str, name: str, keys: dict[str, str], scratch: str) -> None:
@@ -32,6 +37,7 @@ async def serve(address: str, name: str, keys: dict[str, str], scratch: str) -> 
     from distributed import Worker
     from distributed.security import Security
 
+    without_pages()
     security = Security(require_encryption=True, **keys)
     worker = Worker(
         address,
@@ -42,7 +48,6 @@ async def serve(address: str, name: str, keys: dict[str, str], scratch: str) -> 
         local_directory=scratch,
         host="127.0.0.1",
         dashboard=False,
-        dashboard_address=LOCAL,
     )
     async with worker:
         await worker.finished()

@@ -18,7 +18,7 @@ import psutil
 from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 
-from .worker import LOCAL, OUT_OF_MEMORY
+from .worker import OUT_OF_MEMORY, without_pages
 
 COMMAND = [*PYTHON, "-m", __name__.rpartition(".")[0] + ".worker"]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -37,6 +37,7 @@ class Workers:
 
         remove_abandoned()
         self._scratch = TemporaryDirectory(prefix=f"{SCRATCH}{os.getpid()}-", ignore_cleanup_errors=True)
+        without_pages()
         self._security, self._memory_gb, self._left = Security.temporary(), memory_gb, most_deaths
         self.cluster: Any = LocalCluster(
             n_workers=0,
@@ -44,7 +45,7 @@ class Workers:
             protocol="tls://",
             security=self._security,
             dashboard_address=None,  # type: ignore[arg-type]
-            scheduler_kwargs={"dashboard_address": LOCAL},
+            scheduler_kwargs={"dashboard": False},
             silence_logs=logging.CRITICAL,
         )
         self._children = [self._started(n) for n in range(count)]
