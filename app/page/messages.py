@@ -109,6 +109,9 @@ def message_of(state: State) -> dict[str, Any]:
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
         else None,
+        "question": None
+        if state.question is None
+        else {"number": state.question.number, "text": state.question.text, "yes": state.question.yes},
         "notices": [{"number": n.number, "text": n.text, "kind": n.kind} for n in state.notices],
     }
 
@@ -181,6 +184,8 @@ def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | N
                 return do.Plot(str(message["name"]))
             case "record":
                 return do.Record("")
+            case "confirm":
+                return do.Confirm(int(message["number"]), message["yes"] is True)
             case "open_named":
                 return do.OpenNamed(str(message["run"]))
             case "show_branch":

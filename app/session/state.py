@@ -41,6 +41,17 @@ class Notice:
 
 
 @dataclass(frozen=True)
+class Question:
+    """Whether a command that closes the run, and loses something with it, shall be carried out."""
+
+    number: int
+    """An answer names it: one that comes late answers no other question."""
+    text: str
+    yes: str
+    """What the button says that carries it out."""
+
+
+@dataclass(frozen=True)
 class Recording:
     """The recording that is being written."""
 
@@ -141,6 +152,8 @@ class State:
     """The lesson that is on, and where it is."""
     progress: Mapping[str, int] = field(default_factory=dict)
     """By lesson: the steps whose answer was revealed."""
+    question: Question | None = None
+    """What is to be answered before the run is closed for another one."""
     loop: Loop | None = None
     until: Expression | None = None
     """The condition that a run goes on towards."""
@@ -264,7 +277,7 @@ Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
-_CHANGEABLE |= {"lesson", "progress", "beside_errors"}
+_CHANGEABLE |= {"lesson", "progress", "beside_errors", "question"}
 _CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect", "sweep"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
@@ -295,6 +308,7 @@ def reduce(state: State, event: Event) -> State:
                 flicker=None,
                 integration=None,
                 effect=None,
+                question=None,
                 loop=None,
                 marked=None,
                 selected="",

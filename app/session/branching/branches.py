@@ -58,6 +58,8 @@ class Branch:
     held: Held = Held()
     hidden: bool = False
     """Whether it is not drawn while another is shown."""
+    reproducible: bool = False
+    """Whether nothing is lost with it: a lesson makes it again, or its run is in a folder."""
 
     @property
     def colour(self) -> Rgb:

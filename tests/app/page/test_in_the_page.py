@@ -113,6 +113,40 @@ def test_a_pose_and_its_error_are_two_things(page: Page):
         assert "ATE" in text and "none" not in text.split()[-1]
 
 
+def test_branches_are_not_lost_without_a_question(page: Page):
+    """Opening a source discarded them silently."""
+    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.send("{do: 'seek', index: 10}")
+    page.until("state.index === 10", "the seek")
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.controls.get_by_role("button", name="Fork at exposure 11").click()
+    page.until("state.branches.length === 2 && state.ended && !state.playing", "the branch")
+    dialog, run = page.tab.locator("#question"), page.state["run"]
+
+    def ask() -> None:
+        page.controls.get_by_role("button", name="Apply and restart").click()
+        dialog.wait_for()
+        assert "the branch branch 1" in dialog.inner_text()
+
+    ask()
+    page.tab.keyboard.press("Escape")
+    dialog.wait_for(state="hidden")
+    ask()
+    page.tab.reload()  # it is still to be answered
+    page.until("state.total > 0", "the state")
+    dialog.wait_for()
+    dialog.get_by_role("button", name="Stay here").click()
+    dialog.wait_for(state="hidden")
+    page.until(f"state.question === null && state.run === {run} && state.branches.length === 2", "all as it was")
+    page.tab.evaluate("location.hash = '#run=double:40'")  # the run that is shown: nothing to ask
+    page.controls.get_by_role("tab", name="Methods").click()
+    ask()
+    page.tab.keyboard.press("Tab")
+    page.tab.keyboard.press("Space")
+    dialog.wait_for(state="hidden")
+    page.until(f"state.run > {run} && state.branches.length === 1 && state.ended", "the restart")
+
+
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
     """Contrast of at least 4.5, where a text is no sign for something that is switched off."""
