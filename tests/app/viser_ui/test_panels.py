@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 import viser
-from ispom_app.run.history.record import ExposureRecord
 from ispom_app.options import SourceOptions
+from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import Kept, Recording, State
