@@ -47,6 +47,8 @@ class World:
         """Poses that the key frames were drawn from."""
         self._map_drawn: dict[str, int] = {}
         """Exposure at which key frames and points were drawn last."""
+        self._provisional: set[str] = set()
+        """Methods whose pose now is drawn as one that waits for a first fit."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
         self._beside = BesideLog(opened)
@@ -142,7 +144,9 @@ class World:
         method, frame = step.method, self.model.methods[step.method].poses.frame
         if step.world_from_frame is not None:
             yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
-            if resized or self._drawn_frames.get(method) != frame:
+            marked = step.provisional != (method in self._provisional)
+            (self._provisional.add if step.provisional else self._provisional.discard)(method)
+            if resized or marked or self._drawn_frames.get(method) != frame:
                 self._drawn_frames[method] = frame
                 yield self._camera(method)
         elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
@@ -157,7 +161,8 @@ class World:
         (self._ellipsoids.discard if found is None else self._ellipsoids.add)(step.method)
 
     def _camera(self, method: str) -> Entry:
-        frame, colour = self.model.methods[method].poses.frame, colours.of(method)
+        frame = self.model.methods[method].poses.frame
+        colour = colours.PROVISIONAL if method in self._provisional else colours.of(method)
         main = "video" in registered(method).needs
         return Entry(f"world/{method}/camera", self._frusta(frame, self._size(method).camera, colour, main))
 

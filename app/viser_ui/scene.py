@@ -70,6 +70,8 @@ class Scene:
         for name, method in self._methods.items():
             placement = record.placements.get(name, Similarity())
             method.show(model.times, model.methods[name], placement, record.index, hidden)
+            status = record.statuses.get(name)
+            method.mark(provisional=status is not None and status.provisional)
         if self._beside is not None:
             self._beside.show(model, record, hidden)
         self._map.show(hidden)

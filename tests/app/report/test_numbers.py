@@ -72,8 +72,8 @@ def test_the_worst_moments_are_the_worst() -> None:
     columns["seconds"] = np.where(TIMES[40] == TIMES, 2.0, 1.0)
     steps = Steps(np.arange(100), TIMES, status, np.zeros(100, bool), columns, {})
     found = {moment.exposure: moment.why for moment in moments.worst(run(straight(), steps={"stereo": steps}))}
-    assert found[40] == ("stereo: lost", "stereo: slowest, 2000 ms") and 41 not in found
-    assert found[70] == ("stereo: largest live error, 5 m",)
+    assert found[40] == ("stereo: lost", "stereo: slowest, 2.00 s") and 41 not in found
+    assert found[70] == ("stereo: largest live error, 5.00 m",)
 
 
 def test_a_long_line_keeps_its_peaks() -> None:
