@@ -19,6 +19,8 @@ import psutil
 
 from ispom.child import end_with_parent
 
+LOCAL = "127.0.0.1:0"
+"""Any free port of this machine alone: Dask always listens for pages, also where there are none."""
 OUT_OF_MEMORY = 77
 """Exit code."""
 LOOK_S = 0.3
@@ -26,10 +28,10 @@ LOOK_S = 0.3
 
 
 def without_pages() -> None:
-    """Has the nodes of Dask in this process start no HTTP server: every user of the machine could read its pages."""
-    from distributed.node import ServerNode
+    """Has the nodes of Dask in this process offer no HTTP pages: every user of the machine could read them."""
+    import dask
 
-    ServerNode.start_http_server = lambda *_, **__: None  # type: ignore[method-assign]
+    dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
 
 
 async def serve(address: str, name: str, keys: dict[str, str], scratch: str) -> None:
@@ -48,6 +50,7 @@ async def serve(address: str, name: str, keys: dict[str, str], scratch: str) -> 
         local_directory=scratch,
         host="127.0.0.1",
         dashboard=False,
+        dashboard_address=LOCAL,
     )
     async with worker:
         await worker.finished()

@@ -18,7 +18,7 @@ import psutil
 from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 
-from .worker import OUT_OF_MEMORY, without_pages
+from .worker import LOCAL, OUT_OF_MEMORY, without_pages
 
 COMMAND = [*PYTHON, "-m", __name__.rpartition(".")[0] + ".worker"]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -45,7 +45,7 @@ class Workers:
             protocol="tls://",
             security=self._security,
             dashboard_address=None,  # type: ignore[arg-type]
-            scheduler_kwargs={"dashboard": False},
+            scheduler_kwargs={"dashboard": False, "dashboard_address": LOCAL},
             silence_logs=logging.CRITICAL,
         )
         self._children = [self._started(n) for n in range(count)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from pathlib import Path
+from urllib.request import urlopen
 
 import psutil
 from ispom_app.experiment.plan import Line, Plan, Run
@@ -34,11 +35,26 @@ def listening(_: Plan, run: Run, out: Path, __: bool) -> Row:
     return Row(run, None, {name: float(_open_to_all(process)) for name, process in opened.items() if process})
 
 
-def ports(_: Plan, run: Run, out: Path, __: bool) -> Row:
-    """How many ports the scheduler's process, and the worker's, have."""
+PAGES = ("/", "/status", "/health", "/metrics", "/sitemap.json", "/info/main/workers.html", "/json/counts.json")
+
+
+def pages(_: Plan, run: Run, out: Path, __: bool) -> Row:
+    """How many of Dask's pages the ports of the scheduler's process, and of the worker's, answer."""
     own = psutil.Process()
     found = {"of_scheduler": own.parent(), "of_worker": own}
-    return Row(run, None, {name: float(len(_listening(process))) for name, process in found.items() if process})
+    return Row(run, None, {name: float(_answered(process)) for name, process in found.items() if process})
+
+
+def _answered(process: psutil.Process) -> int:
+    return sum(_is_page(port, page) for port in _listening(process) for page in PAGES)
+
+
+def _is_page(port: int, page: str) -> bool:
+    try:
+        with urlopen(f"http://127.0.0.1:{port}{page}", timeout=5):
+            return True
+    except OSError:  # refused with 404, or a port that does not speak HTTP
+        return False
 
 
 def _listening(process: psutil.Process) -> set[int]:
