@@ -108,6 +108,8 @@ def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, r
     branch = replace(state.branches[0], computed=22)
     drawn.panel.show(replace(state, ended=True, branches=(branch,)))
     assert drawn.points == 22, "the end is drawn at once"
+    plot = drawn.panel._plots[1].plot
+    assert plot is not None and plot.scales is not None and plot.scales["x"]["range"] == (0.0, 21.0), "all exposures"
 
 
 def test_a_long_run_has_no_more_points_than_the_plot_has_room_for(server, state, run, monkeypatch) -> None:

@@ -119,7 +119,7 @@ class _Plot:
         columns = (np.arange(0, count, width), *(thinned(curve.values, count, width) / unit.size for curve in curves))
         data = tuple(column.astype(np.float64) for column in columns)
         names = tuple((curve.label, colours.css(curve.colour)) for curve in curves)
-        scales = _scales(largest_m / unit.size)
+        scales = _scales(count, largest_m / unit.size)
         if self.plot is not None and names == self._names:
             self.plot.data, self.plot.scales = data, scales
             return
@@ -208,9 +208,11 @@ KINDS = (
 )
 
 
-def _scales(largest: float) -> dict[str, uplot.Scale]:
-    """From 0 to the largest error: uPlot finds no range itself where a curve begins with what is unknown."""
-    return {"x": {"time": False}, "y": {"range": (0.0, 1.05 * largest or 1.0)}}
+def _scales(count: int, largest: float) -> dict[str, uplot.Scale]:
+    """All exposures, and from 0 to the largest error. uPlot finds no range itself where a curve begins with what is
+    unknown, and keeps that of the first exposures where more come."""
+    last = float(max(count - 1, 1))
+    return {"x": {"time": False, "range": (0.0, last)}, "y": {"range": (0.0, 1.05 * largest or 1.0)}}
 
 
 def thinned(values: Array, count: int, width: int) -> Array:
