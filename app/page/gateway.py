@@ -216,11 +216,12 @@ class Gateway:
         return await self._until_closed(socket, talk.serve(socket))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
-        run, item = request.query.get("run", ""), request.query.get("next", "0")
-        if not item.isascii() or not item.isdigit() or len(item) > 9:
-            raise web.HTTPBadRequest(text="next is the number of an item.")
+        run = request.query.get("run", "")
+        item, serial = (request.query.get(name, "0") for name in ("next", "serial"))
+        if not all(number.isascii() and number.isdigit() and len(number) <= 9 for number in (item, serial)):
+            raise web.HTTPBadRequest(text="next and serial are numbers.")
         socket = await opened(request, COMMAND_BYTES)
-        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(item))
+        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(item), int(serial))
         return await self._until_closed(socket, reader.serve(socket))
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:

@@ -13,17 +13,21 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import rerun as rr
 
-from ..run.events import Event, Finished, Opened, Stepped
+from ispom.types import Kind
+
+from ..run.events import Event, Finished, Opened, Pictured, Stepped
 from ..run.history.feed import Feed
 from ..run.history.history import History
 from ..subscribers import Subscribers
 from . import blueprint
 from .batch import Batch, Columns, Entry
+from .parts import columns_of, is_part
 from .recorder import Recorder
 from .rrd import messages
 from .stored_tape import AnyTape, StoredTape
@@ -31,8 +35,8 @@ from .streams import APPLICATION, send
 from .tape import Tape
 
 log = logging.getLogger(__name__)
-SHARED_S = 0.1
-"""Longest time whose exposures go to the tape together."""
+SHARED_S = 0.5
+"""Time whose curves and texts go to the tape together: each piece costs the viewers time, however small."""
 SETTLE_S = 0.3
 """Before what is known already is drawn again: the page's own panels come first, and a branch that is shown but for a
 moment costs nothing."""
@@ -63,14 +67,20 @@ class LiveStream:
         """
         self.close()
         self._failure = None
-        tape, feed = self.tape, self._feed = Tape(), Feed(opened, history, rereads=False)
+        feed = self._feed = Feed(opened, history, rereads=False)
+        tape = self.tape = Tape(
+            recording_id=opened.recording_id,
+            kinds=lambda: opened.sequence.kinds,
+            expected=lambda: len(history),
+            request=feed.request,
+        )
         arguments = (Recorder(opened), feed, tape)
         threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
         self.grown.notify()
 
-    def replay(self, *recordings: Path) -> None:
+    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
         """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
-        tape = StoredTape(*recordings)
+        tape = StoredTape(*recordings, kinds=kinds)
         self.close()
         self._failure = None
         self.tape = tape
@@ -117,47 +127,68 @@ class LiveStream:
                 self._append(tape, encoder)
                 if len(feed.history):
                     feed.pause(SETTLE_S)
-                due_s = 0.0
-                while (event := feed.take()) is not None:
-                    encoder.send(recorder.batch(event))
-                    if feed.empty or time.monotonic() > due_s:  # in haste, several exposures share their chunks
+                due_s = time.monotonic() + SHARED_S
+                while True:
+                    if encoder.unread and not feed.waits(max(0.0, due_s - time.monotonic())):
                         self._append(tape, encoder)
+                    if (event := feed.take()) is None:
+                        break
+                    if not encoder.unread:
                         due_s = time.monotonic() + SHARED_S
+                    self._draw(tape, encoder, event)
+                    if time.monotonic() > due_s or isinstance(event, Finished):
+                        self._append(tape, encoder)
         except Exception as fault:
             if self.tape is tape:  # else the run is over, and its files are closed
                 log.exception("the live stream failed")
                 self._failure = f"{type(fault).__name__}: {fault}"
 
+    def _draw(self, tape: Tape, encoder: _Encoder, event: Event) -> None:
+        batch = encoder.recorder.batch(event)
+        encoder.send(batch)
+        for entry in batch.entries:
+            if isinstance(entry, Entry) and not _is_lasting(entry):
+                tape.put(batch.index, entry.path, columns_of(entry.path, entry.value))
+        if isinstance(event, Stepped | Pictured):
+            tape.came(event.index, bare=isinstance(event, Stepped) and not event.skipped and not _has_image(batch))
+        self.grown.notify()
+
     def _append(self, tape: Tape, encoder: _Encoder) -> None:
-        tape.append(*encoder.read())
+        tape.append(encoder.read())
         self.grown.notify()
 
 
 class _Encoder:
-    """Batches -> `.rrd` bytes, those of images apart."""
+    """What a viewer gets all of -> `.rrd` bytes."""
 
     def __init__(self, recorder: Recorder) -> None:
+        self.recorder = recorder
         self.lasting = rr.RecordingStream(APPLICATION, recording_id=recorder.recording_id)
-        self._images = rr.RecordingStream(APPLICATION, recording_id=recorder.recording_id, send_properties=False)
-        self._streams = {stream: rr.binary_stream(stream) for stream in (self.lasting, self._images)}
+        self._stream = rr.binary_stream(self.lasting)
+        self.unread = False
+        """Whether anything was sent since the last time."""
 
     def __enter__(self) -> _Encoder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for stream, unread in self._streams.items():
-            unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
-            stream.disconnect()
+        self._stream.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
+        self.lasting.disconnect()
 
     def send(self, batch: Batch) -> None:
-        send(self.lasting, replace(batch, entries=tuple(e for e in batch.entries if not _is_image(e))))
-        send(self._images, replace(batch, entries=tuple(e for e in batch.entries if _is_image(e))))
+        lasting = tuple(entry for entry in batch.entries if _is_lasting(entry))
+        send(self.lasting, replace(batch, entries=lasting))
+        self.unread = self.unread or bool(lasting)
 
-    def read(self) -> tuple[bytes, bytes]:
-        """What was sent since the last time: all but images, and images."""
-        lasting, images = (messages(stream.read(flush_timeout_sec=FLUSH_S)) for stream in self._streams.values())
-        return lasting, images
+    def read(self) -> bytes:
+        """What was sent since the last time."""
+        self.unread = False
+        return messages(self._stream.read(flush_timeout_sec=FLUSH_S))
 
 
-def _is_image(entry: Entry | Columns) -> bool:
-    return isinstance(entry, Entry) and isinstance(entry.value, rr.EncodedImage)
+def _is_lasting(entry: Entry | Columns) -> bool:
+    return isinstance(entry, Columns) or entry.static or not is_part(entry.path)
+
+
+def _has_image(batch: Batch) -> bool:
+    return any(isinstance(entry, Entry) and isinstance(entry.value, rr.EncodedImage) for entry in batch.entries)

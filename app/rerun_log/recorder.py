@@ -91,15 +91,14 @@ class Recorder:
         yield Entry("decisions", rr.TextDocument(self._summary(), media_type="text/markdown"))
 
     def _images(self, event: Stepped) -> Iterator[Entry]:
+        """Of an exposure without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
         name, image = _image(event.exposure)
+        if image.size:
+            yield Entry(f"{name}/image", entities.jpeg(image))
         seen = _seen(event, name)
-        if seen is not None:
-            self._coloured.learn(seen)
-        if not image.size:  # given up on the way here: see run/history/feed.py
-            return
-        yield Entry(f"{name}/image", entities.jpeg(image))
         if seen is None:
             return
+        self._coloured.learn(seen)
         camera = self.opened.sequence.rig.camera(name)
         recent = self._recent[name] = [*self._recent.get(name, []), seen.tracks][-entities.TRAIL_LENGTH - 1 :]
         shown = entities.thinned(seen.tracks, camera)
@@ -108,15 +107,9 @@ class Recorder:
         yield from self._tracks(seen, shown)
 
     def _pictured(self, event: Pictured) -> Iterator[Entry]:
-        """Its image with its tracks; not what led to them, which those of the exposures before would be needed for."""
         name, image = _image(event.exposure)
-        if not image.size:  # it cannot be read any more
-            return
-        yield Entry(f"{name}/image", entities.jpeg(image))
-        yield Entry(f"{name}/trails", rr.Clear(recursive=False))
-        seen = _seen(event, name)
-        if seen is not None:
-            yield from self._tracks(seen, entities.thinned(seen.tracks, self.opened.sequence.rig.camera(name)))
+        if image.size:  # else it cannot be read any more
+            yield Entry(f"{name}/image", entities.jpeg(image))
 
     def _tracks(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
         camera = self.opened.sequence.rig.camera(seen.camera)

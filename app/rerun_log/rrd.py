@@ -10,8 +10,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+import pyarrow as pa
 import rerun as rr
 
 from ispom.errors import InputError
@@ -106,6 +107,47 @@ def message_starts(file: BinaryIO) -> Iterator[tuple[int, int]]:
         yield at, kind
         at += _HEAD.size + content
     yield at, _END
+
+
+def chunk_at(file: BinaryIO, start: int) -> pa.RecordBatch:
+    """The chunk of data in the message that begins there."""
+    file.seek(start)
+    _, size = _HEAD.unpack(file.read(_HEAD.size))
+    fields = _fields(file.read(size))
+    content = fields[_PAYLOAD]
+    if fields.get(_COMPRESSION) == _LZ4:
+        content = pa.decompress(content, decompressed_size=fields[_WHOLE_BYTES], codec="lz4_raw")
+    return pa.ipc.open_stream(content).read_next_batch()
+
+
+_COMPRESSION, _WHOLE_BYTES, _PAYLOAD = 2, 3, 5
+"""Fields of `ArrowMsg`, as in log_msg.proto of Rerun 0.41."""
+_LZ4 = 2
+
+
+def _fields(message: bytes) -> dict[int, Any]:
+    """The values of a protobuf message by field number, as they are in it."""
+    found: dict[int, Any] = {}
+    at = 0
+
+    def number() -> int:
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = message[at]
+            at, value, shift = at + 1, value | (byte & 127) << shift, shift + 7
+            if byte < 128:
+                return value
+
+    while at < len(message):
+        key = number()
+        if key & 7 == 0:
+            found[key >> 3] = number()
+        else:
+            length = number() if key & 7 == 2 else 8 if key & 7 == 1 else 4
+            found[key >> 3] = message[at : at + length]
+            at += length
+    return found
 
 
 def count_messages(path: Path) -> int:

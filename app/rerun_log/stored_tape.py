@@ -4,43 +4,119 @@ from __future__ import annotations
 
 import threading
 from array import array
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
 
-from ispom.errors import InputError
+import numpy as np
+import pyarrow as pa
+from rerun.chunk import RrdReader
 
-from .rrd import message_starts, require_readable
+from ispom.errors import InputError
+from ispom.types import Kind
+
+from .parts import CLEAR, Part, Scene, camera_of, components_of, is_part, latest_of_each_camera
+from .rrd import chunk_at, message_starts, require_readable
 from .tape import Tape
+
+TIMELINE = "exposure"
+CACHE_BYTES = 64 << 20
+"""Of chunks that were decoded last; the parts of neighbouring frames lie in the same ones."""
+HEAD_BYTES = 16
+"""Of a message; the index of a file has the places behind it."""
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    file: BinaryIO
+    start: int
+    """Of its message."""
+
+
+@dataclass
+class _Values:
+    """Of one part, in the order of the file: its chunks and the first frame of each."""
+
+    chunks: list[_Chunk] = field(default_factory=list)
+    firsts: list[int] = field(default_factory=list)
 
 
 class StoredTape:
     """Reads as a Tape does; each item is a message of a file. Files of one recording follow each other."""
 
-    def __init__(self, *paths: Path) -> None:
-        """InputError where a file is no finished recording of this version."""
+    def __init__(self, *paths: Path, kinds: Sequence[Kind] = ()) -> None:
+        """`kinds` of the frames, where they are known. InputError where a file is no finished recording of this
+        version."""
         self.run = uuid4().hex
+        self.recording_id = ""
+        self._kinds = kinds
         self._lock = threading.Lock()
-        self._files = [_opened(path) for path in paths]
-        self._starts = [array("q", (at for at, _ in message_starts(file))) for file in self._files]
-        """Of each file: where each message begins, and where the last one ends."""
-        self._firsts = [sum(len(starts) - 1 for starts in self._starts[:n]) for n in range(len(paths))]
-        """The number of each file's first message."""
+        self._files: list[BinaryIO] = []
+        self._items: list[tuple[BinaryIO, int, int]] = []
+        """Messages that a viewer gets all of: file, begin and end."""
+        self._parts: dict[Part, _Values] = {}
+        self._clears: dict[str, list[int]] = {}
+        self._decoded: OrderedDict[_Chunk, pa.RecordBatch] = OrderedDict()
+        self._decoded_bytes = 0
+        self._last = len(kinds) - 1
+        for path in paths:
+            self._add(path)
+
+    @property
+    def end(self) -> int:
+        """Frames that can be shown."""
+        return max(self._last, 0) + 1
+
+    @property
+    def expected(self) -> int:
+        return self.end
 
     def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
         """Messages from `first` on, at least one where there is one, and the number of the next one."""
+        content, at = [], first
+        size = 0
         with self._lock:
-            number = bisect_right(self._firsts, first) - 1
-            file, starts, before = self._files[number], self._starts[number], self._firsts[number]
-            at, last = first - before, len(starts) - 1
-            if file.closed or at >= last:
-                return b"", first
-            after = at + 1
-            while after < last and starts[after] - starts[at] < most_bytes:
-                after += 1
-            file.seek(starts[at])
-            return file.read(starts[after] - starts[at]), before + after
+            while at < len(self._items) and size < most_bytes and not self._items[at][0].closed:
+                file, begin, end = self._items[at]
+                file.seek(begin)
+                content.append(file.read(end - begin))
+                size, at = size + end - begin, at + 1
+        return b"".join(content), at
+
+    def scene(self, index: int) -> Scene:
+        """What is to be shown of a frame."""
+        with self._lock:
+            if any(file.closed for file in self._files):
+                return Scene(index, {})
+            cameras = latest_of_each_camera(self._kinds, index) if self._kinds else None
+            versions: dict[Part, tuple[_Chunk, int]] = {}
+            for part, values in self._parts.items():
+                if (found := self._latest(part, values, index)) is None:
+                    continue
+                frame, version = found
+                camera = camera_of(part[0])
+                current = cameras is None or camera is None or frame == cameras.get(camera)
+                clears = self._clears.get(part[0], [])
+                after = bisect_left(clears, frame)
+                if current and not (after < len(clears) and clears[after] <= index):
+                    versions[part] = version
+        return Scene(index, versions)
+
+    def request(self, index: int) -> None:
+        """Nothing is missing that could come."""
+
+    def value(self, part: Part, version: object) -> pa.RecordBatch | None:
+        """The part's columns, of one row."""
+        chunk, row = version  # type: ignore[misc]
+        with self._lock:
+            return None if chunk.file.closed else components_of(self._batch(chunk), part[1], row)
+
+    def any_of_each_part(self) -> dict[Part, tuple[_Chunk, int]]:
+        return {part: (values.chunks[-1], 0) for part, values in self._parts.items()}
 
     def close(self) -> None:
         """It reads as empty from now on."""
@@ -48,13 +124,93 @@ class StoredTape:
             for file in self._files:
                 file.close()
 
+    def _add(self, path: Path) -> None:
+        require_readable(path)
+        try:
+            file = path.open("rb")
+        except OSError as error:
+            raise InputError(f"{path} cannot be read ({error.strerror}): check its permissions") from None
+        self._files.append(file)
+        over_time = self._index(path, file)
+        starts = array("q", (at for at, _ in message_starts(file)))
+        for begin, end in zip(starts[:-1], starts[1:], strict=True):
+            if begin not in over_time:
+                self._items.append((file, begin, end))
 
-def _opened(path: Path) -> BinaryIO:
-    require_readable(path)
-    try:
-        return path.open("rb")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}): check its permissions") from None
+    def _index(self, path: Path, file: BinaryIO) -> set[int]:
+        """Notes what the recording's index says of the parts of frames; where their messages begin."""
+        recording = next(iter(RrdReader(path).recordings()), None)
+        if recording is None:
+            return set()
+        self.recording_id = self.recording_id or recording.recording_id
+        _, index = RrdReader(path).store()._internal._chunk_index()
+        names = set(index.schema.names)
+        if f"{TIMELINE}:start" not in names:
+            return set()
+        paths, offsets = index.column("chunk_entity_path").to_pylist(), index.column("chunk_byte_offset").to_pylist()
+        firsts, lasts = (index.column(f"{TIMELINE}:{end}").to_pylist() for end in ("start", "end"))
+        suffix = ":num_rows"
+        rows = {
+            name.removeprefix(f"{TIMELINE}:").partition(":")[0]: np.zeros(len(paths), np.int64)
+            for name in names
+            if name.startswith(f"{TIMELINE}:") and name.endswith(suffix)
+        }
+        for name in names:
+            if name.startswith(f"{TIMELINE}:") and name.endswith(suffix):
+                found = index.column(name).fill_null(0).to_numpy(zero_copy_only=False)
+                rows[name.removeprefix(f"{TIMELINE}:").partition(":")[0]] += found.astype(np.int64)
+        over_time = set[int]()
+        for i in sorted(range(len(paths)), key=lambda i: offsets[i]):
+            if firsts[i] is None:
+                continue
+            self._last = max(self._last, int(lasts[i])) if not self._kinds else self._last
+            if not is_part(paths[i]):
+                continue
+            chunk = _Chunk(file, offsets[i] - HEAD_BYTES)
+            over_time.add(chunk.start)
+            for archetype in (name for name, counts in rows.items() if counts[i]):
+                if archetype == CLEAR:
+                    frames = self._frames(chunk, CLEAR)
+                    self._clears.setdefault(paths[i], []).extend(int(f) for f in frames)
+                else:
+                    values = self._parts.setdefault((paths[i], archetype), _Values())
+                    values.chunks.append(chunk)
+                    values.firsts.append(int(firsts[i]))
+        for clears in self._clears.values():
+            clears.sort()
+        return over_time
+
+    def _latest(self, part: Part, values: _Values, index: int) -> tuple[int, tuple[_Chunk, int]] | None:
+        """The last value up to a frame: from which frame it is, and where."""
+        for at in range(bisect_right(values.firsts, index) - 1, -1, -1):
+            chunk = values.chunks[at]
+            frames = self._frames(chunk, part[1])
+            rows = np.flatnonzero((frames >= 0) & (frames <= index))
+            if len(rows):
+                row = int(rows[np.lexsort([rows, frames[rows]])[-1]])
+                return int(frames[row]), (chunk, row)
+        return None
+
+    def _frames(self, chunk: _Chunk, archetype: str) -> np.ndarray:
+        """Of each row its frame; -1 where it has nothing of the archetype."""
+        batch = self._batch(chunk)
+        frames = batch.column(TIMELINE).to_numpy().astype(np.int64)
+        filled = np.zeros(len(frames), bool)
+        for name in batch.schema.names:
+            if name.partition(":")[0] == archetype:
+                filled |= batch.column(name).is_valid().to_numpy(zero_copy_only=False)
+        return np.where(filled, frames, -1)
+
+    def _batch(self, chunk: _Chunk) -> pa.RecordBatch:
+        if (found := self._decoded.get(chunk)) is not None:
+            self._decoded.move_to_end(chunk)
+            return found
+        found = self._decoded[chunk] = chunk_at(chunk.file, chunk.start)
+        self._decoded_bytes += found.nbytes
+        while self._decoded_bytes > CACHE_BYTES and len(self._decoded) > 1:
+            _, gone = self._decoded.popitem(last=False)
+            self._decoded_bytes -= gone.nbytes
+        return found
 
 
 AnyTape = Tape | StoredTape

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import tempfile
 import threading
+from bisect import bisect_left, bisect_right
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
 
+import pyarrow as pa
 from platformdirs import user_cache_path
 
-IMAGE_BYTES = 512 << 20
-"""Images that are kept for browsers that come late; the oldest go first, all else stays."""
+from ispom.types import Kind
+
+from .parts import CLEAR, IMAGE, Part, Scene, camera_of, components_of, latest_of_each_camera
+
+IMAGE_BYTES = 2 << 30
+"""Images that are kept; the oldest go first, and are read from the sequence again. All else stays."""
 
 
 @dataclass(frozen=True)
@@ -25,28 +32,95 @@ class _Piece:
     size: int
 
 
-class Tape:
-    """Append-only. Its files have no name: they are gone when the process is, however it ends."""
+@dataclass
+class _Values:
+    """Of one part: its values by the frames from which on they hold."""
 
-    def __init__(self, folder: Path | None = None, image_bytes: int = IMAGE_BYTES) -> None:
-        """OSError where `folder` (by default the user's cache) cannot be written."""
-        self.run = uuid4().hex
+    frames: list[int] = field(default_factory=list)
+    pieces: list[_Piece] = field(default_factory=list)
+
+    def put(self, frame: int, piece: _Piece) -> None:
+        at = bisect_left(self.frames, frame)
+        if at < len(self.frames) and self.frames[at] == frame:
+            self.pieces[at] = piece
+        else:
+            self.frames.insert(at, frame)
+            self.pieces.insert(at, piece)
+
+
+class Tape:
+    """Append-only. Its files have no name: they are gone when the process is, however it ends.
+
+    It has two kinds of content: items, which a viewer gets all of, one after the other, and the parts of frames, of
+    which it gets those of the frame that it shows.
+    """
+
+    def __init__(
+        self,
+        folder: Path | None = None,
+        image_bytes: int = IMAGE_BYTES,
+        *,
+        recording_id: str = "",
+        kinds: Callable[[], Sequence[Kind]] = tuple,
+        expected: Callable[[], int] = lambda: 0,
+        request: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        """`kinds` are those of the frames, `expected` so many are known already, and `request` asks for the images of
+        one. OSError where `folder` (by default the user's cache) cannot be written."""
+        self.run, self.recording_id = uuid4().hex, recording_id
+        self._kinds, self._expected, self._request = kinds, expected, request
         self._folder = folder or user_cache_path("ispom")
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
         self._lasting = self._file()
         self._halves: deque[BinaryIO] = deque([self._file()], maxlen=2)
         self._half_bytes = image_bytes // 2
-        self._items: list[tuple[_Piece, _Piece]] = []
+        self._items: list[_Piece] = []
+        self._parts: dict[Part, _Values] = {}
+        self._clears: dict[str, list[int]] = {}
+        """By path, the frames from which on it has no values."""
+        self._bare = set[int]()
+        """Frames that came without the images that they have."""
+        self._end = 0
 
-    def append(self, lasting: bytes, images: bytes) -> None:
-        """Adds an item: `.rrd` messages each. OSError where the disk is full."""
+    def append(self, lasting: bytes) -> None:
+        """Adds an item: `.rrd` messages. OSError where the disk is full."""
         with self._lock:
-            if self._halves[-1].seek(0, 2) + len(images) > self._half_bytes:
-                if len(self._halves) == 2:
-                    self._halves[0].close()
-                self._halves.append(self._file())
-            self._items.append((_write(self._lasting, lasting), _write(self._halves[-1], images)))
+            self._items.append(_write(self._lasting, lasting))
+
+    def put(self, frame: int, path: str, columns: pa.RecordBatch) -> None:
+        """Adds values of a part of a frame, in place of any that it has. OSError where the disk is full."""
+        archetype = next(f.name.partition(":")[0] for f in columns.schema if ":" in f.name)
+        with self._lock:
+            if archetype == CLEAR:
+                self._clears.setdefault(path, []).append(frame)
+                return
+            content = _packed(components_of(columns, archetype))
+            if archetype != IMAGE:
+                piece = _write(self._lasting, content)
+            else:
+                if self._halves[-1].seek(0, 2) + len(content) > self._half_bytes:
+                    if len(self._halves) == 2:
+                        self._halves[0].close()
+                    self._halves.append(self._file())
+                piece = _write(self._halves[-1], content)
+            self._parts.setdefault((path, archetype), _Values()).put(frame, piece)
+
+    def came(self, frame: int, *, bare: bool = False) -> None:
+        """All parts of a frame were put, and those of all before; `bare`: its image is still to come."""
+        with self._lock:
+            (self._bare.add if bare else self._bare.discard)(frame)
+            self._end = max(self._end, frame + 1)
+
+    @property
+    def end(self) -> int:
+        """Frames that can be shown so far."""
+        return self._end
+
+    @property
+    def expected(self) -> int:
+        """Frames that will be there in a moment."""
+        return max(self._expected(), self._end)
 
     def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
         """Items from `first` on, at least one where there is one, and the number of the next one."""
@@ -54,19 +128,64 @@ class Tape:
         size, at = 0, first
         with self._lock:
             while at < len(self._items) and size < most_bytes:
-                found += [_read(piece) for piece in self._items[at]]
-                size, at = size + len(found[-2]) + len(found[-1]), at + 1
+                found.append(_read(self._items[at]))
+                size, at = size + len(found[-1]), at + 1
         return b"".join(found), at
+
+    def scene(self, index: int) -> Scene:
+        """What is to be shown of a frame."""
+        cameras = latest_of_each_camera(self._kinds(), index)
+        with self._lock:
+            versions: dict[Part, _Piece] = {}
+            for part, values in self._parts.items():
+                at = bisect_right(values.frames, index) - 1
+                if at >= 0 and self._holds(part, values.frames[at], index, cameras):
+                    versions[part] = values.pieces[at]
+            lost = [part for part, piece in versions.items() if piece.file.closed]
+            missing = any(frame in self._bare for frame in cameras.values())
+        return Scene(index, {p: v for p, v in versions.items() if p not in lost}, missing or bool(lost))
+
+    def _holds(self, part: Part, frame: int, index: int, cameras: Mapping[str, int]) -> bool:
+        """Whether the value of a frame is to be shown at a later one."""
+        path, _ = part
+        if (camera := camera_of(path)) is not None and frame != cameras.get(camera):
+            return False
+        clears = self._clears.get(path, [])
+        return not any(frame <= cleared <= index for cleared in clears[bisect_left(clears, frame) :][:1])
+
+    def request(self, index: int) -> None:
+        """Asks for the images that a frame misses."""
+        for frame in latest_of_each_camera(self._kinds(), index).values():
+            self._request(frame)
+
+    def value(self, part: Part, version: object) -> pa.RecordBatch | None:
+        """The part's columns, of one row; None where they are lost."""
+        assert isinstance(version, _Piece)
+        with self._lock:
+            content = _read(version)
+        return pa.ipc.open_stream(content).read_next_batch() if content else None
+
+    def any_of_each_part(self) -> dict[Part, _Piece]:
+        with self._lock:
+            return {part: values.pieces[-1] for part, values in self._parts.items()}
 
     def close(self) -> None:
         """Gives its space on the disk back; it reads as empty from now on."""
         with self._lock:
             self._items.clear()
+            self._parts.clear()
             for file in (self._lasting, *self._halves):
                 file.close()
 
     def _file(self) -> BinaryIO:
         return tempfile.TemporaryFile(dir=self._folder, prefix="live-")  # type: ignore[return-value]
+
+
+def _packed(columns: pa.RecordBatch) -> bytes:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, columns.schema) as stream:
+        stream.write_batch(columns)
+    return sink.getvalue().to_pybytes()
 
 
 def _write(file: BinaryIO, content: bytes) -> _Piece:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
+
+from ispom.types import Kind
 
 from ..run.events import Event, Opened
 from ..run.history.history import History
@@ -22,8 +24,9 @@ class EventSink(Protocol):
         """Begins another run. What `history` of it holds is drawn first, without images."""
         ...
 
-    def replay(self, *recordings: Path) -> None:
-        """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
+    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
+        """Shows a finished recording, in one file or several, in place of a run; `kinds` are those of its exposures.
+        InputError where it cannot be read."""
         ...
 
     def write(self, event: Event) -> None: ...
@@ -51,8 +54,9 @@ class Viewers:
     def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
         """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
         self._sink, self._restarts, self._looked_at = self._wanted, RESTARTS, -1
+        kinds = () if recording is None else tuple(record.kind for record in history)
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
-        self._begin = lambda sink: sink.replay(*files) if files else sink.open(opened, history)
+        self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history)
         self._guarded(self._begin)
 
     def write(self, event: Event) -> None:

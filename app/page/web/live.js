@@ -1,47 +1,90 @@
-// The run's stream: `.rrd` bytes from the server, as fast as the viewer takes them in. The server names the run first, in a
-// text; then it sends as many binary messages as were asked for, each with the number of the next item at its head. Another
-// run is another channel.
-import { fed } from "./render_throttle.js";
+// The run's stream: `.rrd` bytes from the server, as fast as the viewer takes them in. The viewer holds one frame, the one
+// that is shown: images, tracks and maps of another replace them. Curves and texts come piece by piece, in their order.
+// Each message ends with a serial number that the viewer's state tells when it has taken the message in: so the page
+// always knows which frame the views show, and leaves out frames where the viewer is slow. Another run is another channel.
+import { expectData } from "./render_throttle.js";
 
-const AHEAD = 3; // messages asked for beyond the one that the viewer is taking in
 const RETRY_MS = 1000;
-const FULL_BYTES = 250e6; // of memory, beyond which the viewer is given time to give up its oldest exposures:
-const FRAMES_TO_FORGET = 8; // so many frames for each in which it takes in something. It forgets for 3.5 ms a frame
-const HEAD_BYTES = 4;
+const HEAD_BYTES = 16;
 
-// `heap` gives the bytes of memory that the viewer has taken so far; it never gives any back.
-export function feedLive(handle, heap) {
-  let run = "";
-  let next = 0;
+// `news` is called when the views may show something else.
+export function feedLive(handle, news) {
+  const stage = {
+    run: "",
+    recording: null, // id of the run's, in the viewer
+    shown: null, // { recording, index, complete } that the views show
+    wanted: null, // the frame that they are to show
+    unread: [], // messages that the viewer has not taken in yet
+    next: 0,
+    serial: 0,
+    socket: null,
+  };
+  stage.want = (index) => {
+    if (stage.wanted === index) return;
+    stage.wanted = index;
+    ask(stage);
+  };
+  stage.heard = (recordings) => heard(stage, recordings);
+  connect(stage, handle, news);
+  return stage;
+}
 
-  function connect() {
-    const url = new URL(`live?run=${run}&next=${next}`, document.baseURI);
-    const socket = new WebSocket(url.href.replace("http", "ws"));
-    const more = () => socket.readyState === WebSocket.OPEN && socket.send("more");
-    socket.binaryType = "arraybuffer";
-    socket.onopen = () => Array.from({ length: AHEAD }, more);
-    socket.onmessage = async ({ data }) => {
-      if (typeof data === "string") begin(data);
-      else {
-        next = new DataView(data).getUint32(0);
-        handle.send_rrd_to_channel(run, new Uint8Array(data, HEAD_BYTES));
-        await fed(data.byteLength, heap() > FULL_BYTES ? FRAMES_TO_FORGET : 1);
-        more();
-      }
-    };
-    socket.onclose = () => setTimeout(whenSeen, RETRY_MS);
+function connect(stage, handle, news) {
+  const { run, next, serial } = stage;
+  const url = new URL(`live?${new URLSearchParams({ run, next, serial })}`, document.baseURI);
+  const socket = (stage.socket = new WebSocket(url.href.replace("http", "ws")));
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => {
+    ask(stage);
+    tell(stage, "more");
+  };
+  socket.onmessage = ({ data }) => {
+    if (typeof data === "string") begin(stage, handle, JSON.parse(data));
+    else take(stage, handle, data);
+    news();
+  };
+  socket.onclose = () => setTimeout(() => whenSeen(() => connect(stage, handle, news)), RETRY_MS);
+}
+
+function begin(stage, handle, { run, recording }) {
+  if (stage.run) handle.close_channel(stage.run);
+  Object.assign(stage, { run, recording: `Recording:ispom:${recording}`, next: 0 });
+  handle.open_channel(run, "run");
+}
+
+function take(stage, handle, data) {
+  const head = new DataView(data);
+  stage.next = head.getUint32(0);
+  stage.serial = head.getUint32(4);
+  const [index, complete] = [head.getInt32(8), head.getUint8(12) !== 0];
+  stage.unread.push({ serial: stage.serial, recording: stage.recording, index, complete });
+  handle.send_rrd_to_channel(stage.run, new Uint8Array(data, HEAD_BYTES));
+  expectData(stage.unread.length);
+}
+
+// What the viewer says of its recordings: messages that it has taken in are drawn.
+function heard(stage, recordings) {
+  const serials = new Map(recordings.map(({ id, serial }) => [id, serial]));
+  const isRead = ({ serial, recording }) => serial <= (serials.get(recording) ?? (recording === stage.recording ? -1 : Infinity));
+  while (stage.unread.length && isRead(stage.unread[0])) {
+    const { recording, index, complete } = stage.unread.shift();
+    if (index < 0) tell(stage, "more");
+    else {
+      stage.shown = { recording, index, complete };
+      ask(stage);
+    }
   }
+  expectData(stage.unread.length);
+}
 
-  function begin(name) {
-    if (run) handle.close_channel(run);
-    run = name;
-    handle.open_channel(run, "run");
-  }
+// The frame that is wanted now; what the server sends next waits until the viewer has taken in the one before.
+function ask(stage) {
+  if (stage.wanted !== null && !stage.unread.some(({ index }) => index >= 0)) tell(stage, `show ${stage.wanted}`);
+}
 
-  function whenSeen() {
-    if (document.visibilityState === "visible") connect();
-    else document.addEventListener("visibilitychange", whenSeen, { once: true });
-  }
+const tell = ({ socket }, message) => socket?.readyState === WebSocket.OPEN && socket.send(message);
 
-  connect();
+function whenSeen(act) {
+  if (document.visibilityState === "visible") act();
+  else document.addEventListener("visibilitychange", act, { once: true });
 }

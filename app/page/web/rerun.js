@@ -1,22 +1,22 @@
 // The Rerun viewer in its canvas: it is started with the first exposure, kept to the run that is on the page, with the
-// layers and the exposure that the page shows, and watched: what it has drawn, and whether it still lives.
+// layers and the exposure that the page shows, and watched: which exposure its views show, and whether it still lives.
 import { feedLive } from "./live.js";
 import { makeCursor } from "./rerun_cursor.js";
-import { afterFrames, beBehind, wake } from "./render_throttle.js";
+import { afterData, afterFrames, hurry, wake } from "./render_throttle.js";
 import { closeRecordings, stateOf, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
 const APPLICATION = "ispom";
-const LATE = 20; // exposures behind, from which on a viewer that comes late first catches up ...
-const FAR = 100; // ... and one that fell behind
-const MEMORY = "250MB"; // beyond it, the viewer gives up what it has decoded, and then the oldest exposures
+// Beyond it, the viewer discards what is far from its time, and nothing sends that again. It holds one exposure and the
+// curves of the run (see live.js), and never comes near.
+const MEMORY = "1500MB";
 const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
-// `seek` is told where a hand went on Rerun's side, `drawn` how many of the exposures up to the one shown are not drawn yet.
+// `seek` is told where a hand went on Rerun's side, `drawn` what the views show: see status_bar.js.
 export function openViewer(dark, seek, drawn) {
   const canvas = at("canvas");
-  const viewer = { handle: null, state: null, shown: null, hidden: new Set(), drawn };
+  const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: new Set(), drawn };
   viewer.cursor = makeCursor(canvas, seek, (message) => control(viewer, message));
   // Not before there is something to show: starting takes seconds of processor time, which the first exposure needs.
   viewer.start = () => {
@@ -24,6 +24,8 @@ export function openViewer(dark, seek, drawn) {
     start(canvas, dark, (event) => viewer.cursor.heard(event)).then(
       (handle) => {
         viewer.handle = handle;
+        viewer.stage = feedLive(handle, () => watch(viewer));
+        afterData(() => watch(viewer));
         setInterval(() => watch(viewer), WATCH_MS);
       },
       (fault) => say(`The Rerun viewer did not start: ${fault.message ?? fault}. The controls on the left work without it.`, true),
@@ -44,7 +46,7 @@ export function openViewer(dark, seek, drawn) {
 
 async function start(canvas, dark, onEvent) {
   at("loaded").hidden = false;
-  const { memory } = await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
+  await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
   say("Starting the Rerun viewer …");
   const handle = new wasm_bindgen.WebHandle({
     hide_welcome_screen: true,
@@ -56,7 +58,6 @@ async function start(canvas, dark, onEvent) {
     on_viewer_event: (text) => onEvent(JSON.parse(text)),
   });
   await handle.start(canvas);
-  feedLive(handle, () => memory.buffer.byteLength);
   return handle;
 }
 
@@ -103,41 +104,33 @@ async function pictureOf({ handle, state, cursor }, canvas) {
 
 // Brings the viewer to what the page shows, wherever it is: its own shortcuts and menus may have moved it.
 function watch(viewer) {
-  const { handle, state } = viewer;
+  const { handle, state, stage } = viewer;
+  if (!stage || viewer.died) return;
   if (handle.has_panicked()) return died(viewer);
-  const found = stateOf(handle.viewer_state());
   const id = `Recording:${APPLICATION}:${state.recording_id}`;
+  const found = stateOf(handle.viewer_state());
+  stage.want(state.index);
+  stage.heard(found.recordings);
   const recording = found.recordings.find((each) => each.id === id);
+  const isShown = stage.shown?.recording === id;
+  if (isShown) Object.assign(viewer, { source: state.source });
+  hurry(!state.playing);
+  viewer.drawn({
+    playing: state.playing,
+    wanted: state.index,
+    shown: isShown && recording ? stage.shown : null,
+    other: stage.shown && !isShown ? (viewer.source === state.source ? "branch" : "source") : null,
+    curves: recording?.newest ?? -1,
+  });
+  if (!isShown || !recording) return;
+  at("cover").hidden = true;
   close(viewer, found.recordings.filter((each) => each !== recording));
-  const newest = recording?.newest ?? null;
-  const behind = newest === null ? state.computed : Math.max(0, state.index - newest);
-  beBehind(newest === null || newest < state.computed - 1);
-  viewer.drawn(behind);
-  if (newest === null) return;
-  if (viewer.shown === null) at("cover").hidden = true;
-  if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set(), caughtUp: false });
-  catchUp(viewer, state.computed - 1 - newest, state.computed);
+  if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
   viewer.cursor.show(recording, state.index);
   showLayers(viewer, id);
 }
 
-// The viewer takes in a little of the stream with each picture that it draws, and where graphics are software a picture
-// takes long: far behind, it draws a tiny one under a cover. That is fifteen times as fast.
-function catchUp(viewer, behind, all) {
-  const box = at("viewer");
-  if (behind > (viewer.caughtUp ? FAR : LATE)) box.className = "catching-up";
-  else if (behind <= 2) {
-    if (box.className) at("cover").hidden = true;
-    box.className = "";
-    viewer.caughtUp = true;
-  }
-  if (!box.className) return;
-  at("loaded").hidden = false;
-  at("loaded").value = 1 - behind / all;
-  say(`The Rerun viewer is catching up: ${all - behind} of ${all} exposures`);
-}
-
-// The page shows one run; what the viewer holds of earlier ones is memory for nothing.
+// The page shows one run; once its first frame is drawn, what the viewer holds of earlier ones is memory for nothing.
 const close = (viewer, recordings) => recordings.length && control(viewer, closeRecordings(recordings.map((each) => each.id)));
 
 // The layers whose visibility changed, in the layout as it is: views, camera and time stay.
@@ -162,7 +155,8 @@ async function control(viewer, message) {
 }
 
 function died(viewer) {
-  viewer.drawn(0);
+  viewer.died = true;
+  viewer.drawn(null);
   document.body.dataset.viewer = "died";
   say(`The Rerun viewer stopped working (${reason(viewer.handle)}). The run continues.`, true);
 }

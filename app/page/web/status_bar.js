@@ -1,6 +1,7 @@
 // The status bar: source, methods, what is going on, and where the run is.
 const at = (id) => document.getElementById(id);
 const SLOW_MS = 700;
+const CURVES_LATE = 30; // they come half a second later than the views
 let activity = { text: null, since: 0 };
 
 export function showState(state) {
@@ -22,10 +23,24 @@ export function showState(state) {
   showActivity();
 }
 
-// How many exposures the Rerun viewer is behind the one shown.
-export function showViewer(behind) {
-  const text = behind ? `viewer ${behind} exposure${behind === 1 ? "" : "s"} behind` : "";
+// What the Rerun views show, where that is not what the page shows: `shown` is their exposure, null before this run's first;
+// `other` says what they still show of another run; `curves` is the last exposure of their curves. Null where they are gone.
+export function showViewer(views) {
+  const late = views ? lateness(views) : "";
+  const behind = views?.shown ? Math.max(0, views.wanted - views.curves) : 0;
+  const text = late || (behind > CURVES_LATE ? `curves ${behind} exposures behind` : "");
   if (at("behind").textContent !== text) at("behind").textContent = text;
+  const label = late || (views?.playing && views.shown ? `exposure ${views.shown.index}` : "");
+  if (at("shown").textContent !== label) at("shown").textContent = label;
+  at("shown").hidden = !label;
+  at("viewer").dataset.views = views?.other === "source" ? "other" : late ? "late" : "current";
+}
+
+function lateness({ shown, wanted, other }) {
+  if (other) return `loading ${other === "branch" ? "the branch" : "the run"}: the views still show the one before`;
+  if (!shown) return "";
+  if (shown.index !== wanted) return `loading exposure ${wanted}: the views show ${shown.index}`;
+  return shown.complete ? "" : `loading the images of exposure ${wanted}`;
 }
 
 export function showOffline() {

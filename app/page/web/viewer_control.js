@@ -2,6 +2,7 @@
 // viewer_control.proto of Rerun 0.41 (rerun.viewer_control.v1alpha1).
 const CLOSE = 1, SET_TIME_CURSOR = 6, SET_BLUEPRINT = 14; // of ViewerControlRequest
 export const TIMELINE = "exposure"; // of the recordings: the exposure's index
+const STAGE = "stage"; // and the serial number of the message that was taken in last
 const PAUSED = 1;
 const PARTIAL = 2;
 
@@ -15,7 +16,8 @@ export const closeRecordings = (stores) => request(CLOSE, [bytes(3, stores.flatM
 export const updateBlueprint = (store, entities) =>
   request(SET_BLUEPRINT, [text(2, JSON.stringify(entities)), bytes(3, text(1, store)), number(5, PARTIAL)]);
 
-// GetStateResponse: the recording on the screen, and of each recording its cursor and the newest exposure.
+// GetStateResponse: the recording on the screen, and of each recording its cursor, the newest exposure (of its curves),
+// and the serial number of the message that it took in last.
 export function stateOf(message) {
   const state = fields(message);
   const recordings = (state[3] ?? []).map((recording) => recordingOf(fields(recording)));
@@ -24,14 +26,17 @@ export function stateOf(message) {
 
 function recordingOf(recording) {
   const cursor = nested(recording[3]);
-  const found = (recording[2] ?? []).map(fields).find((each) => string(nested(each[1])[1]) === TIMELINE);
-  const range = nested(found?.[3]);
+  const newest = (name) => {
+    const range = (recording[2] ?? []).map(fields).find((each) => string(nested(each[1])[1]) === name)?.[3];
+    return range ? integer(nested(range)[2]) : null;
+  };
   return {
     id: string(recording[1]),
     timeline: string(nested(cursor[1])[1]),
     time: cursor[3] ? integer(nested(cursor[3])[1]) : null,
     paused: integer(recording[5]) === PAUSED,
-    newest: found?.[3] ? integer(range[2]) : null,
+    newest: newest(TIMELINE),
+    serial: newest(STAGE) ?? 0,
   };
 }
 

@@ -14,6 +14,8 @@ from .history import History
 
 IMAGES_WAITING = 30
 """Exposures whose images wait in memory: a second of video."""
+PEOPLE = 8
+"""Viewers whose exposures get their images, where all look at others."""
 
 
 class Feed:
@@ -33,8 +35,8 @@ class Feed:
         """The final trajectories, while they wait."""
         self._bare: set[int] = set()
         """Exposures that came without their images, and have not got them since."""
-        self._looked_at: deque[int] = deque(maxlen=2)
-        """Exposures whose images are wanted: of each camera the newest."""
+        self._looked_at: deque[int] = deque(maxlen=PEOPLE * 2)
+        """Exposures whose images are wanted: for each viewer those of each camera."""
         self._end: int | None = None
         self._closed = False
         self._news = Condition()
@@ -52,6 +54,14 @@ class Feed:
         other = next((i for i in range(index - 1, -1, -1) if kinds[i] != kinds[index]), index)
         with self._news:
             self._looked_at.extend((other, index))
+            self._news.notify()
+
+    def request(self, index: int) -> None:
+        """The images of an exposure are needed again, whatever became of them."""
+        with self._news:
+            if index < self.position:
+                self._bare.add(index)
+                self._looked_at.append(index)
             self._news.notify()
 
     def finish(self, finished: Finished | None, *, ends: bool = False) -> None:
@@ -83,6 +93,11 @@ class Feed:
     def ending(self) -> bool:
         """Whether the last event is known."""
         return self._end is not None or self._closed
+
+    def waits(self, seconds: float) -> bool:
+        """Whether there is something to take, now or within this time."""
+        with self._news:
+            return self._news.wait_for(self._ready, seconds)
 
     def take(self) -> Event | None:
         """The next event, waiting for it; None when no more will come."""

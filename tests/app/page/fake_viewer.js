@@ -2,7 +2,8 @@
 window.fake = {
   asked: [], // messages to its control API
   time: 0,
-  newest: 10_000,
+  newest: 10_000, // exposure of its curves
+  serial: 1_000_000, // of the message that it took in last
   stores: [], // beside the run's own
   panicked: false,
   options: null, // that it was started with
@@ -18,6 +19,7 @@ window.fake = {
     bytes(3, [
       ...text(1, store),
       ...bytes(2, [...bytes(1, timeline), ...bytes(3, [...number(1, 0), ...number(2, window.fake.newest)])]),
+      ...bytes(2, [...bytes(1, text(1, "stage")), ...bytes(3, [...number(1, 0), ...number(2, window.fake.serial)])]),
       ...bytes(3, [...bytes(1, timeline), ...bytes(3, number(1, window.fake.time))]),
       ...number(5, 1),
     ]);

@@ -1,0 +1,195 @@
+"""What the views of one frame consist of, and its bytes for a viewer that holds the parts of one frame only.
+
+Rerun shows at each time the latest value up to there, whichever that is, and its viewer discards what is old when its
+memory is full: so an older frame's image came to lie under a frame's tracks. Therefore the viewer is never given the
+images, tracks and maps of a run along its timeline. It gets the parts of the frame that is shown as static data, of
+which it keeps one value each; those of another frame replace them.
+
+    video/*, left/*     the parts of exactly this frame, and of the other camera's latest one
+    world/*, decisions  the latest value of each up to this frame
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from rerun.chunk import Chunk
+
+from ispom.types import Kind
+
+from .rrd import messages
+from .streams import APPLICATION
+
+Part = tuple[str, str]
+"""Path of an entity, and the archetype of these of its components."""
+CAMERAS: dict[Kind, str] = {"video": "video", "stereo": "left"}
+"""The camera whose image is drawn, by the kind of an exposure."""
+IMAGE, CLEAR = "EncodedImage", "Clear"
+STAGE = "stage"
+"""Entity and timeline that tell which message the viewer took in last."""
+FLUSH_S = 5.0
+"""Longest wait for Rerun's own threads."""
+
+
+def is_part(path: str) -> bool:
+    """Whether what is logged here over time is a part of the views of a frame; the rest are curves and texts."""
+    path = path.removeprefix("/")
+    below = path.startswith(("video/", "left/", "world/")) and not re.fullmatch("world/[^/]+/final", path)
+    return below or path == "decisions"
+
+
+def camera_of(path: str) -> str | None:
+    """The camera in whose image the entity is drawn."""
+    first = path.removeprefix("/").partition("/")[0]
+    return first if first in CAMERAS.values() else None
+
+
+def latest_of_each_camera(kinds: Sequence[Kind], index: int) -> dict[str, int]:
+    """By camera, the last exposure up to this one."""
+    found: dict[str, int] = {}
+    for kind in set(kinds):
+        at = next((i for i in range(min(index, len(kinds) - 1), -1, -1) if kinds[i] == kind), None)
+        if at is not None:
+            found[CAMERAS[kind]] = at
+    return found
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is to be shown of a frame."""
+
+    index: int
+    versions: Mapping[Part, Hashable]
+    """By part, which of its values; a part that is not here is empty."""
+    missing: bool = False
+    """Whether an image of it is still to come."""
+
+
+class SceneSource(Protocol):
+    """The frames of one run, from which a viewer is fed."""
+
+    run: str
+    recording_id: str
+
+    @property
+    def end(self) -> int:
+        """Frames that can be shown so far."""
+        ...
+
+    @property
+    def expected(self) -> int:
+        """Frames that will be there in a moment."""
+        ...
+
+    def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
+        """Messages of curves, texts and the layout, and the number of the next one."""
+        ...
+
+    def scene(self, index: int) -> Scene: ...
+
+    def request(self, index: int) -> None:
+        """Asks for the images that a frame misses."""
+        ...
+
+    def value(self, part: Part, version: Hashable) -> pa.RecordBatch | None:
+        """The part's columns, of one row; None where they are lost."""
+        ...
+
+    def any_of_each_part(self) -> Mapping[Part, Hashable]:
+        """All parts of the run, with a version of each."""
+        ...
+
+
+def components_of(batch: pa.RecordBatch, archetype: str, row: int = 0) -> pa.RecordBatch:
+    """Of a chunk, one row of an archetype's columns, without times and ids."""
+    fields = [
+        (i, field)
+        for i, field in enumerate(batch.schema)
+        if (field.metadata or {}).get(b"rerun:kind") == b"data" and field.name.partition(":")[0] == archetype
+    ]
+    path = {b"rerun:entity_path": batch.schema.metadata[b"rerun:entity_path"]}
+    columns = [batch.column(i).slice(row, 1) for i, _ in fields]
+    return pa.record_batch(columns, pa.schema([field for _, field in fields], metadata=path))
+
+
+class SceneWriter:
+    """Messages for one viewer. It remembers which parts the viewer holds, and writes only those that differ."""
+
+    def __init__(self, source: SceneSource, *, fresh: bool = True) -> None:
+        """`fresh`: the viewer holds nothing yet; otherwise it is not known what."""
+        self.source = source
+        self._stream = rr.RecordingStream(APPLICATION, recording_id=source.recording_id, send_properties=False)
+        self._unread = rr.binary_stream(self._stream)
+        self._held: dict[Part, Hashable] = {}
+        self._schemas: dict[Part, pa.Schema] = {}
+        self._unknown = not fresh
+        """Whether the viewer may hold parts that are not in `_held`."""
+
+    def differs(self, scene: Scene) -> bool:
+        """Whether the viewer holds anything else."""
+        return self._unknown or self._held != scene.versions
+
+    def write(self, scene: Scene | None, serial: int) -> bytes:
+        """What turns the viewer's frame into this one, if any, and a row on `STAGE` that tells when this is done."""
+        if scene is not None:
+            if self._unknown:
+                self._hold(self.source.any_of_each_part())
+            for part in self._held.keys() - scene.versions.keys():
+                self._send(_emptied(self._schemas[part]))
+            for part, version in scene.versions.items():
+                if self._held.get(part) != version and (columns := self._shown(part, version)) is not None:
+                    self._schemas[part] = columns.schema
+                    self._send(columns)
+            self._held, self._unknown = dict(scene.versions), False
+        rows = rr.Scalars.columns(scalars=[float(serial)])
+        self._put(Chunk.from_columns(STAGE, [rr.TimeColumn(STAGE, sequence=[serial])], rows))
+        return messages(self._unread.read(flush_timeout_sec=FLUSH_S))
+
+    def close(self) -> None:
+        self._unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
+        self._stream.disconnect()
+
+    def _hold(self, versions: Mapping[Part, Hashable]) -> None:
+        """Takes it that the viewer has some value of each of these parts."""
+        for part, version in versions.items():
+            if (columns := self._shown(part, version)) is not None:
+                self._schemas[part], self._held[part] = columns.schema, None
+
+    def _shown(self, part: Part, version: Hashable) -> pa.RecordBatch | None:
+        columns = self.source.value(part, version)
+        return _decoded(columns) if columns is not None and part[1] == IMAGE else columns
+
+    def _send(self, columns: pa.RecordBatch) -> None:
+        for chunk in Chunk.from_record_batch(columns, index=None):  # with ids of its own: the newest static value counts
+            self._put(chunk)
+
+    def _put(self, chunk: Chunk) -> None:
+        rr.send_chunks(chunk, recording=self._stream)
+
+
+def columns_of(path: str, value: rr.AsComponents) -> pa.RecordBatch:
+    """A value as it is logged, as columns of one row."""
+    columns = [each.partition([len(each.as_arrow_array())]) for each in value.as_component_batches()]  # type: ignore[union-attr]
+    return Chunk.from_columns(path, [], columns).to_record_batch()
+
+
+def _emptied(schema: pa.Schema) -> pa.RecordBatch:
+    return pa.record_batch([pa.array([[]], type=field.type) for field in schema], schema)
+
+
+def _decoded(columns: pa.RecordBatch) -> pa.RecordBatch:
+    """The pixels of an encoded image: the viewer decodes images in the background, and draws an older one meanwhile."""
+    path = columns.schema.metadata[b"rerun:entity_path"].decode()
+    blob = columns.column(f"{IMAGE}:blob")[0].values[0].values
+    image = cv2.imdecode(np.asarray(blob, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    value = rr.Image(image, color_model="L" if image.ndim == 2 else "RGB")
+    return components_of(columns_of(path, value), "Image")
