@@ -167,7 +167,9 @@ class SceneWriter:
         return _decoded(columns) if columns is not None and part[1] == IMAGE else columns
 
     def _send(self, columns: pa.RecordBatch) -> None:
-        for chunk in Chunk.from_record_batch(columns, index=None):  # with ids of its own: the newest static value counts
+        for chunk in Chunk.from_record_batch(
+            columns, index=None
+        ):  # with ids of its own: the newest static value counts
             self._put(chunk)
 
     def _put(self, chunk: Chunk) -> None:

@@ -8,6 +8,7 @@ from bisect import bisect_left, bisect_right
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
@@ -133,7 +134,7 @@ class StoredTape:
         self._files.append(file)
         over_time = self._index(path, file)
         starts = array("q", (at for at, _ in message_starts(file)))
-        for begin, end in zip(starts[:-1], starts[1:], strict=True):
+        for begin, end in pairwise(starts):
             if begin not in over_time:
                 self._items.append((file, begin, end))
 

@@ -6,10 +6,15 @@ import gc
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import psutil
+import pyarrow as pa
 import pytest
 import rerun as rr
-from ispom_app.rerun_log import blueprint, live, rrd, tape
+from ispom_app.rerun_log import blueprint, entities, live, rrd, tape
+from ispom_app.rerun_log.file_recording import FileRecording
+from ispom_app.rerun_log.parts import STAGE, SceneSource, SceneWriter, columns_of, latest_of_each_camera
 from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.rerun_log.stored_tape import StoredTape
 from ispom_app.run.events import Stepped
@@ -19,6 +24,7 @@ from ispom_app.run.history.record import ExposureRecord
 from ispom_app.run.playback import Playback
 from rerun.chunk import RrdReader
 
+from ispom.types import Exposure, StereoPair
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
@@ -74,18 +80,50 @@ def shown(found: live.LiveStream, run: Playback) -> bytes:
     return content
 
 
-def test_a_reader_that_comes_late_gets_the_run_from_its_beginning(run, stream, history, tmp_path):
+def test_a_reader_that_comes_late_gets_the_curves_from_their_beginning_and_any_frame(run, stream, history, tmp_path):
     stream.open(run.opened, history)
-    steps = 0
     while not run.done:
         stream.write(stepped(run, history))
-        steps += 1
         helpers.wait_for(lambda: stream._feed.empty, "the thread to follow")
     stream.write(run.finish())
     counts = index_counts(shown(stream, run), tmp_path)
-    assert counts["/decisions"] == steps
-    assert counts["/video/image"] + counts["/left/image"] == steps
-    assert counts["/world/truth/path"] == 1
+    assert counts["/plots/inliers/stereo"] > run.opened.sequence.kinds.count("stereo"), "the name of the curve as well"
+    assert counts["/world/truth/path"] == 1 and not counts.keys() & {"/decisions", "/video/image", "/left/tracks"}
+    helpers.wait_for(lambda: stream.tape.end == len(run.sequence), "the last frame")
+    for index in (3, 17, 0, len(run.sequence) - 1):
+        assert_drawn(stream.tape, run, index, tmp_path)
+
+
+def drawn(source: SceneSource, index: int, folder: Path) -> dict[str, pa.RecordBatch]:
+    """What a viewer that held another frame before has of this one, by entity; of what it lost an empty value."""
+    writer = SceneWriter(source)
+    content = b"".join(writer.write(source.scene(each), serial) for serial, each in enumerate((source.end - 1, index)))
+    writer.close()
+    path = folder / "drawn.rrd"
+    path.write_bytes(rrd.HEADER + content)
+    found = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        assert chunk.is_static or chunk.entity_path == f"/{STAGE}"
+        found[chunk.entity_path] = chunk.to_record_batch()  # of several the last counts
+    return found
+
+
+def assert_drawn(source: SceneSource, run: Playback, index: int, folder: Path) -> None:
+    """The images are those of the frame, and of the other camera's latest one."""
+    found, sequence = drawn(source, index, folder), run.opened.sequence
+    for camera, frame in latest_of_each_camera(sequence.kinds, index).items():
+        exposure = sequence[frame]
+        pixels = np.array(found[f"/{camera}/image"].column("Image:buffer")[0].values[0].values, np.uint8)
+        others = [i for i, kind in enumerate(sequence.kinds) if kind == sequence.kinds[frame] and i != frame]
+        assert all(distance(pixels, sequence[i]) > 3 * distance(pixels, exposure) for i in others)
+        assert len(found[f"/{camera}/tracks"].column("Points2D:positions")[0]) > 0
+
+
+def distance(pixels: np.ndarray, exposure: Exposure) -> float:
+    """Mean difference of brightness: of colours that are noise, JPEG keeps little."""
+    image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
+    drawn, own = (cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(int) for each in (pixels.reshape(image.shape), image))
+    return float(np.abs(drawn - own).mean())
 
 
 def test_readers_are_told_of_more_and_of_another_run(run, stream, history):
@@ -140,21 +178,100 @@ def test_the_layout_can_be_made(run, hidden):
     assert blueprint.blueprint(run.opened, hidden) is not None
 
 
-def test_old_images_leave_the_disk_and_all_else_stays(tmp_path):
-    found = tape.Tape(tmp_path, image_bytes=1000)
+def image(value: int) -> pa.RecordBatch:
+    """The columns of an image that is this bright."""
+    return columns_of("video/image", entities.jpeg(np.full((8, 8), value, np.uint8)))
+
+
+def test_an_image_that_left_the_disk_is_missed_and_asked_for_and_all_else_stays(tmp_path):
+    asked: list[int] = []
+    found = tape.Tape(tmp_path, image_bytes=20_000, kinds=lambda: ("video",) * 100, request=asked.append)
     for i in range(100):
-        found.append(b"%02d" % i, b"i" * 100)
-    content, after = found.read(0, ALL)
-    assert after == 100 and content.replace(b"i", b"") == b"".join(b"%02d" % i for i in range(100))
-    assert 500 <= content.count(b"i") <= 1000
-    assert content.endswith(b"i" * 100)
+        found.append(b"%02d" % i)
+        found.put(i, "video/image", image(i))
+        found.put(i, "video/tracks", columns_of("video/tracks", rr.Points2D([[i, i]])))
+        found.came(i)
+    assert found.read(0, ALL) == (b"".join(b"%02d" % i for i in range(100)), 100)
+    scenes = [found.scene(i) for i in range(100)]
+    assert scenes[0].missing and not scenes[-1].missing and 5 < sum(not s.missing for s in scenes) < 20
+    assert scenes[0].versions.keys() == {("video/tracks", "Points2D")}, "no other frame's image"
+    found.request(0)
+    assert asked == [0]
+    found.put(0, "video/image", image(0))
+    assert not found.scene(0).missing
+    found.close()
+
+
+def test_a_frame_without_its_image_never_has_anothers(tmp_path):
+    found = tape.Tape(tmp_path, kinds=lambda: ("video", "stereo", "video", "video"))
+    for i, path in enumerate(("video/image", "left/image", "video/image", "")):
+        if path:
+            found.put(i, path, columns_of(path, entities.jpeg(np.full((8, 8), i, np.uint8))))
+        found.came(i, bare=not path)
+    assert {path for path, _ in found.scene(2).versions} == {"video/image", "left/image"}
+    scene = found.scene(3)
+    assert scene.missing and {path for path, _ in scene.versions} == {"left/image"}
+    found.came(3)
+    assert not found.scene(3).missing, "it cannot be read"
+    found.close()
+
+
+def test_what_was_cleared_is_not_shown_until_it_is_logged_again(tmp_path):
+    found, pose = tape.Tape(tmp_path, kinds=lambda: ("video",) * 6), rr.Transform3D(translation=[0, 0, 0])
+    for i, value in enumerate((pose, rr.Clear(recursive=False), None, pose, None, None)):
+        if value is not None:
+            found.put(i, "world/stereo/camera", columns_of("world/stereo/camera", value))
+        found.came(i)
+    assert [bool(found.scene(i).versions) for i in range(6)] == [True, False, False, True, True, True]
+    found.close()
+
+
+def test_a_viewer_gets_what_changed_and_loses_what_is_not_there_any_more(tmp_path):
+    found = tape.Tape(tmp_path, kinds=lambda: ("video",) * 3)
+    for i in range(3):
+        found.put(i, "decisions", columns_of("decisions", rr.TextDocument(str(i))))
+        if i != 1:
+            found.put(
+                i, "world/stereo/cloud/0", columns_of("world/stereo/cloud/0", rr.Points3D(np.full((i + 1, 3), i)))
+            )
+        if i == 2:
+            found.put(i, "world/stereo/cloud/1", columns_of("world/stereo/cloud/1", rr.Points3D([[0, 0, 0]])))
+        found.came(i)
+    writer = SceneWriter(found)
+    content, sent, before = b"", list[set[str]](), dict[str, int]()
+    for serial, index in enumerate((2, 2, 1, 0)):
+        content += writer.write(found.scene(index), serial)
+        counts = index_counts(content, tmp_path)
+        sent.append({path for path in counts if counts[path] > before.get(path, 0) and path != f"/{STAGE}"})
+        before = counts
+    both = {"/world/stereo/cloud/0", "/world/stereo/cloud/1"}
+    assert sent == [both | {"/decisions"}, set(), both | {"/decisions"}, {"/decisions"}]
+    assert not writer.differs(found.scene(0)) and writer.differs(found.scene(2))
+    writer.close()
+    back = drawn(found, 1, tmp_path)
+    assert len(back["/world/stereo/cloud/0"].column("Points3D:positions")[0]) == 1
+    assert len(back["/world/stereo/cloud/1"].column("Points3D:positions")[0]) == 0
+    assert back["/decisions"].column("TextDocument:text")[0].as_py() == ["1"]
+    found.close()
+
+
+def test_a_viewer_that_comes_back_loses_what_nobody_knows_that_it_has(tmp_path):
+    found = tape.Tape(tmp_path, kinds=lambda: ("video",) * 2)
+    for i in range(2):
+        found.put(i, f"world/stereo/cloud/{i}", columns_of(f"world/stereo/cloud/{i}", rr.Points3D([[i, i, i]])))
+        found.came(i)
+    writer = SceneWriter(found, fresh=False)
+    assert writer.differs(found.scene(0))
+    counts = index_counts(writer.write(found.scene(0), 7), tmp_path)
+    assert counts == {"/world/stereo/cloud/0": 1, "/world/stereo/cloud/1": 1, f"/{STAGE}": 1}
+    writer.close()
     found.close()
 
 
 def test_a_tape_is_read_in_pieces(tmp_path):
     found = tape.Tape(tmp_path)
     for i in range(10):
-        found.append(b"%d" % i, b"")
+        found.append(b"%d" % i)
     assert found.read(0, 3) == (b"012", 3)
     assert found.read(3, 100) == (b"3456789", 10)
     assert found.read(10, 100) == (b"", 10)
@@ -164,9 +281,29 @@ def test_a_tape_is_read_in_pieces(tmp_path):
 def test_the_files_of_a_tape_have_no_name(tmp_path):
     """Nothing is left of them, however the process ends."""
     found = tape.Tape(tmp_path)
-    found.append(b"x", b"y")
+    found.append(b"x")
+    found.put(0, "video/image", image(0))
     assert not list(tmp_path.iterdir())
     found.close()
+
+
+def test_any_frame_of_a_finished_recording_can_be_drawn(run, tmp_path):
+    opened = run.opened
+    with FileRecording(tmp_path / "run.rrd", opened) as file:
+        while not run.done:
+            file.write(run.step())
+        file.write(run.finish())
+    found = StoredTape(tmp_path / "run.rrd", kinds=run.opened.sequence.kinds)
+    assert found.end == len(run.sequence) and found.recording_id == opened.recording_id
+    for index in (3, 17, 0, found.end - 1):
+        assert_drawn(found, run, index, tmp_path)
+        assert not found.scene(index).missing
+    counts = index_counts(found.read(0, ALL)[0], tmp_path)
+    assert counts["/plots/inliers/stereo"] > run.opened.sequence.kinds.count("stereo")
+    assert not counts.keys() & {"/decisions", "/video/image", "/left/tracks", "/world/stereo/camera"}
+    assert counts.keys() >= {"/world/truth/path", "/video", "/world/stereo/final"}
+    found.close()
+    assert not found.scene(0).versions and found.read(0, ALL) == (b"", 0)
 
 
 def test_several_files_are_read_as_one_recording(tmp_path):
@@ -212,15 +349,13 @@ def test_a_run_that_is_left_half_way_says_nothing_on_the_terminal(run, capfd):
     assert not capfd.readouterr().err
 
 
-def test_of_a_run_that_is_shown_again_the_exposure_looked_at_has_its_picture(run, stream, history, tmp_path):
+def test_of_a_run_that_is_shown_again_the_frame_looked_at_has_its_image(run, stream, history, tmp_path):
     while not run.done:
         stepped(run, history)
     stream.open(run.opened, history)
-    stream.look_at(7)
-    camera = "left" if run.opened.sequence.kinds[7] == "stereo" else "video"
-    content, at, counts = b"", 0, dict[str, int]()
-    while f"/{camera}/image" not in counts:
-        more, at = stream.tape.read(at, ALL)
-        content += more
-        counts = index_counts(content, tmp_path) if b"/image" in content else {}
-    assert counts[f"/{camera}/image"] == 1 and counts[f"/{camera}/tracks"] == 1
+    helpers.wait_for(lambda: stream.tape.end == len(run.sequence), "all frames")
+    assert stream.tape.scene(7).missing
+    stream.tape.request(7)
+    helpers.wait_for(lambda: not stream.tape.scene(7).missing, "its images")
+    assert_drawn(stream.tape, run, 7, tmp_path)
+    assert stream.tape.scene(9).missing
