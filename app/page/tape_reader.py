@@ -17,7 +17,7 @@ from ..rerun_log.rrd import HEADER
 from ..rerun_log.stored_tape import AnyTape
 from .wakeup import Wakeup
 
-MESSAGE_BYTES = 256 << 10
+MESSAGE_BYTES = 64 << 10
 """About how much of curves and texts goes into one message: a frame that is asked for meanwhile waits for it."""
 HEAD = struct.Struct(">IIi?3x")
 """Of a message: the next item, the serial number, the frame that it brings (-1: none), and whether that is complete."""
@@ -40,8 +40,8 @@ class TapeReader:
         self._tape, self._grown = tape, grown
         self._run, self._next, self._serial = run, next_item, serial
         self._writer: SceneWriter | None = None
-        self._index = 0
-        """The frame that the page asked for last."""
+        self._index = -1
+        """The frame that the page asked for last; -1 for none yet."""
         self._takes_frame = self._takes_items = False
         self._shown: tuple[int, bool] | None = None
         """The frame that the page was sent last, and whether that is complete."""
@@ -92,7 +92,7 @@ class TapeReader:
                 self._follow(tape)
                 self._run, self._next = tape.run, 0
                 await socket.send_str(json.dumps({"run": tape.run, "recording": tape.recording_id}))
-                items, self._next = await asyncio.to_thread(tape.read, 0, MESSAGE_BYTES)
+                items, self._next = await asyncio.to_thread(tape.read, 0, 1)
                 await self._deliver(socket, items, first)
                 return True
         if self._takes_frame and (scene := await self._changed(tape)) is not None:
@@ -115,7 +115,7 @@ class TapeReader:
     async def _first(self, tape: AnyTape) -> Scene | None:
         """A run's first frame, when it is there: what the page shows before stays until then."""
         end = tape.end
-        if not end or end < min(self._index + 1, tape.expected):
+        if self._index < 0 or not end or end < min(self._index + 1, tape.expected):
             return None
         scene = await self._scene(tape, min(self._index, end - 1))
         if scene.missing:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import Protocol
 
 import cv2
@@ -32,6 +33,8 @@ Part = tuple[str, str]
 CAMERAS: dict[Kind, str] = {"video": "video", "stereo": "left"}
 """The camera whose image is drawn, by the kind of an exposure."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
+OF_FRAMES = ["/video/**", "/left/**", "/world/**", "/decisions"]
+"""Where parts are logged."""
 STAGE = "stage"
 """Entity and timeline that tell which message the viewer took in last."""
 FLUSH_S = 5.0
@@ -125,6 +128,7 @@ class SceneWriter:
     def __init__(self, source: SceneSource, *, fresh: bool = True) -> None:
         """`fresh`: the viewer holds nothing yet; otherwise it is not known what."""
         self.source = source
+        self._lock = Lock()
         self._stream = rr.RecordingStream(APPLICATION, recording_id=source.recording_id, send_properties=False)
         self._unread = rr.binary_stream(self._stream)
         self._held: dict[Part, Hashable] = {}
@@ -138,6 +142,15 @@ class SceneWriter:
 
     def write(self, scene: Scene | None, serial: int) -> bytes:
         """What turns the viewer's frame into this one, if any, and a row on `STAGE` that tells when this is done."""
+        with self._lock:
+            return self._write(scene, serial)
+
+    def close(self) -> None:
+        with self._lock:
+            self._unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
+            self._stream.disconnect()
+
+    def _write(self, scene: Scene | None, serial: int) -> bytes:
         if scene is not None:
             if self._unknown:
                 self._hold(self.source.any_of_each_part())
@@ -151,10 +164,6 @@ class SceneWriter:
         rows = rr.Scalars.columns(scalars=[float(serial)])
         self._put(Chunk.from_columns(STAGE, [rr.TimeColumn(STAGE, sequence=[serial])], rows))
         return messages(self._unread.read(flush_timeout_sec=FLUSH_S))
-
-    def close(self) -> None:
-        self._unread.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
-        self._stream.disconnect()
 
     def _hold(self, versions: Mapping[Part, Hashable]) -> None:
         """Takes it that the viewer has some value of each of these parts."""

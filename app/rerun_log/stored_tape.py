@@ -15,13 +15,15 @@ from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
-from rerun.chunk import RrdReader
+import rerun as rr
+from rerun.chunk import OptimizationProfile, RrdReader
 
 from ispom.errors import InputError
 from ispom.types import Kind
 
-from .parts import CLEAR, Part, Scene, camera_of, components_of, is_part, latest_of_each_camera
-from .rrd import chunk_at, message_starts, require_readable
+from .parts import CLEAR, FLUSH_S, OF_FRAMES, Part, Scene, camera_of, components_of, is_part, latest_of_each_camera
+from .rrd import chunk_at, message_starts, messages, require_readable
+from .streams import APPLICATION
 from .tape import Tape
 
 TIMELINE = "exposure"
@@ -29,6 +31,10 @@ CACHE_BYTES = 64 << 20
 """Of chunks that were decoded last; the parts of neighbouring frames lie in the same ones."""
 HEAD_BYTES = 16
 """Of a message; the index of a file has the places behind it."""
+
+
+_Message = tuple[BinaryIO, int, int]
+"""File, begin and end."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +53,8 @@ class _Values:
 
 
 class StoredTape:
-    """Reads as a Tape does; each item is a message of a file. Files of one recording follow each other."""
+    """Reads as a Tape does. Its first item is all that holds for the whole run, the second one the curves and texts.
+    Files of one recording follow each other."""
 
     def __init__(self, *paths: Path, kinds: Sequence[Kind] = ()) -> None:
         """`kinds` of the frames, where they are known. InputError where a file is no finished recording of this
@@ -57,8 +64,11 @@ class StoredTape:
         self._kinds = kinds
         self._lock = threading.Lock()
         self._files: list[BinaryIO] = []
-        self._items: list[tuple[BinaryIO, int, int]] = []
-        """Messages that a viewer gets all of: file, begin and end."""
+        self._paths = paths
+        self._opening: list[_Message] = []
+        """What holds for the whole run."""
+        self._curves: bytes | None = None
+        self._collecting = threading.Lock()
         self._parts: dict[Part, _Values] = {}
         self._clears: dict[str, list[int]] = {}
         self._decoded: OrderedDict[_Chunk, pa.RecordBatch] = OrderedDict()
@@ -77,16 +87,39 @@ class StoredTape:
         return self.end
 
     def read(self, first: int, most_bytes: int) -> tuple[bytes, int]:
-        """Messages from `first` on, at least one where there is one, and the number of the next one."""
-        content, at = [], first
-        size = 0
+        """Items from `first` on, at least one where there is one, and the number of the next one."""
+        found, at = [], first
+        for item in (self._read_opening, self._read_curves)[first:]:
+            if (self._files and self._files[0].closed) or sum(map(len, found)) >= most_bytes:
+                break
+            found.append(item())
+            at += 1
+        return b"".join(found), at
+
+    def _read_opening(self) -> bytes:
+        content = []
         with self._lock:
-            while at < len(self._items) and size < most_bytes and not self._items[at][0].closed:
-                file, begin, end = self._items[at]
+            for file, begin, end in self._opening:
+                if file.closed:
+                    return b""
                 file.seek(begin)
                 content.append(file.read(end - begin))
-                size, at = size + end - begin, at + 1
-        return b"".join(content), at
+        return b"".join(content)
+
+    def _read_curves(self) -> bytes:
+        """In few pieces: as they were written they are thousands, which cost a viewer a minute."""
+        with self._collecting:
+            if self._curves is None:
+                stream = rr.RecordingStream(APPLICATION, recording_id=self.recording_id, send_properties=False)
+                unread = rr.binary_stream(stream)
+                for path in self._paths:
+                    if next(iter(RrdReader(path).recordings()), None) is not None:
+                        over_time = RrdReader(path).store().stream().filter(is_static=False)
+                        curves = over_time.drop(content=OF_FRAMES).collect(optimize=OptimizationProfile.LIVE)
+                        rr.send_chunks(curves, recording=stream)
+                self._curves = messages(unread.read(flush_timeout_sec=FLUSH_S))
+                stream.disconnect()
+            return self._curves
 
     def scene(self, index: int) -> Scene:
         """What is to be shown of a frame."""
@@ -134,12 +167,11 @@ class StoredTape:
         self._files.append(file)
         over_time = self._index(path, file)
         starts = array("q", (at for at, _ in message_starts(file)))
-        for begin, end in pairwise(starts):
-            if begin not in over_time:
-                self._items.append((file, begin, end))
+        self._opening += [(file, begin, end) for begin, end in pairwise(starts) if begin not in over_time]
 
     def _index(self, path: Path, file: BinaryIO) -> set[int]:
-        """Notes what the recording's index says of the parts of frames; where their messages begin."""
+        """Notes what the recording's index says of the parts of frames; where the messages of all that is logged over
+        time begin."""
         recording = next(iter(RrdReader(path).recordings()), None)
         if recording is None:
             return set()
@@ -165,10 +197,10 @@ class StoredTape:
             if firsts[i] is None:
                 continue
             self._last = max(self._last, int(lasts[i])) if not self._kinds else self._last
-            if not is_part(paths[i]):
-                continue
             chunk = _Chunk(file, offsets[i] - HEAD_BYTES)
             over_time.add(chunk.start)
+            if not is_part(paths[i]):
+                continue
             for archetype in (name for name, counts in rows.items() if counts[i]):
                 if archetype == CLEAR:
                     frames = self._frames(chunk, CLEAR)

@@ -125,8 +125,8 @@ class Feed:
         return self._closed or self._waiting or ended or self._pictured() is not None
 
     def _pictured(self) -> int | None:
-        """An exposure whose images are missed, of those that are looked at."""
-        return next((index for index in self._looked_at if index in self._bare), None)
+        """An exposure whose images are missed, of those that are looked at the newest."""
+        return next((index for index in reversed(self._looked_at) if index in self._bare), None)
 
     @property
     def empty(self) -> bool:

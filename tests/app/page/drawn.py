@@ -59,7 +59,9 @@ class View:
             return 0.0
         return float(cv2.matchTemplate(around, _resized(image, (self.width, self.height)), cv2.TM_CCOEFF_NORMED).max())
 
-    def frame(self, screen: np.ndarray, images: Callable[[int], np.ndarray], frames: Iterable[int]) -> tuple[int, float]:
+    def frame(
+        self, screen: np.ndarray, images: Callable[[int], np.ndarray], frames: Iterable[int]
+    ) -> tuple[int, float]:
         """Which of these frames is drawn, and how well that fits."""
         scores = {frame: self.score(screen, images(frame)) for frame in frames}
         best = max(scores, key=scores.__getitem__)

@@ -46,7 +46,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-dev-shm-usage",
 ]
-PATIENCE_MS = 60_000
+PATIENCE_MS = int(__import__("os").environ.get("P_MS", 60_000))
 NOT_NEW = "localStorage.setItem('ispom.tour', 'seen')"
 """As in a browser that was here before."""
 TOTAL = 44
@@ -63,6 +63,13 @@ class App:
 
 def start(folder: Path, port: int = 0) -> App:
     return launched([sys.executable, "-m", "tests.app.page.serve_double", str(folder), str(port)], folder)
+
+
+def launched_on(source: Path) -> App:
+    """Of a run that is over, or a sequence that the tests made."""
+    return launched(
+        [sys.executable, "-m", "tests.app.page.serve_double", str(source.parent), "0", str(source)], source.parent
+    )
 
 
 def launched(command: list[str], folder: Path) -> App:
@@ -94,9 +101,11 @@ def browser() -> Iterator:
 class Page:
     """A page that was opened, with what its console said."""
 
-    def __init__(self, browser, url: str, *, viewer: str | None = None, before: str = NOT_NEW) -> None:
-        """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time; `before` runs
-        before the page's own: without it the tour begins."""
+    def __init__(
+        self, browser, url: str, *, viewer: str | None = None, after_viewer: str = "", before: str = NOT_NEW
+    ) -> None:
+        """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time, and
+        `after_viewer` one behind it; `before` runs before the page's own: without it the tour begins."""
         self.faults: list[str] = []
         self.requests: list[str] = []
         self.tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="dark")
@@ -109,6 +118,11 @@ class Page:
             script = {"body": viewer, "content_type": "text/javascript"}
             self.tab.route("**/rerun/re_viewer.js", lambda route: route.fulfill(**script))
             self.tab.route("**/rerun/re_viewer_bg.wasm", lambda route: route.fulfill(body=""))
+        if after_viewer:
+            self.tab.route(
+                "**/rerun/re_viewer.js",
+                lambda route: route.fulfill(body=route.fetch().text() + after_viewer, content_type="text/javascript"),
+            )
         self.tab.goto(url)
         self.until("state.total > 0", "the first state")
 

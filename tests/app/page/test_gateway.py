@@ -9,12 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import rerun as rr
 import rich
 import viser
 from aiohttp import WSMsgType
 from ispom_app.page import files
 from ispom_app.page.messages import Pane, command_of, message_of
 from ispom_app.page.rerun_assets import viewer_assets
+from ispom_app.page.tape_reader import HEAD
+from ispom_app.rerun_log.parts import columns_of
 from ispom_app.rerun_log.rrd import HEADER
 from ispom_app.rerun_log.tape import Tape
 from ispom_app.session import commands as do
@@ -148,50 +151,129 @@ def test_states_go_out_and_commands_come_in(tmp_path: Path):
     serving(tmp_path, check)
 
 
-def test_a_page_gets_as_much_of_the_run_as_it_asks_for(tmp_path: Path):
+def filled(folder: Path, frames: int = 3, **options) -> Tape:
+    """A tape with an item, and frames of which each has a text."""
+    tape = Tape(folder, recording_id="a-run", kinds=lambda: ("video",) * 9, **options)
+    tape.append(b"opening")
+    for frame in range(frames):
+        draw(tape, frame)
+    return tape
+
+
+def draw(tape: Tape, frame: int, text: str = "") -> None:
+    tape.put(frame, "decisions", columns_of("decisions", rr.TextDocument(text or f"frame {frame}")))
+    tape.came(frame)
+
+
+async def heard(ws) -> tuple[int, int, int, bool]:
+    """The head of the next message: next item, serial number, frame, and whether that is complete."""
+    message = await ws.receive_bytes()
+    assert message[HEAD.size :].startswith(HEADER)
+    return HEAD.unpack_from(message)
+
+
+def test_a_page_gets_the_frame_that_it_asks_for_and_of_curves_as_much_as_it_asks_for(tmp_path: Path):
     async def check(at: Served) -> None:
-        at.live.tape = tape = Tape(tmp_path)
-        tape.append(b"opening", b"")
+        at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("more")
-            assert await ws.receive_str() == tape.run
-            assert await ws.receive_bytes() == b"\0\0\0\1" + HEADER + b"opening"
-            tape.append(b"lasting", b"image")
+            await ws.send_str("show 2")
+            assert json.loads(await ws.receive_str()) == {"run": tape.run, "recording": "a-run"}
+            assert await heard(ws) == (1, 1, 2, True), "the first message brings the opening and the frame"
+            await ws.send_str("show 0")
+            assert await heard(ws) == (1, 2, 0, True)
+            await ws.send_str("show 1")
+            assert await heard(ws) == (1, 3, 1, True)
+            tape.append(b"later")
             at.live.grown.notify()
             await ws.send_str("more")
-            assert await ws.receive_bytes() == b"\0\0\0\2" + HEADER + b"lastingimage"
+            assert await heard(ws) == (2, 4, -1, True)
+        async with at.client.ws_connect(f"{at.url}live?run={tape.run}&next=1&serial=4") as ws:
             await ws.send_str("more")
-            tape.append(b"later", b"")
-            at.live.grown.notify()
-            assert await ws.receive_bytes() == b"\0\0\0\3" + HEADER + b"later"
-        async with at.client.ws_connect(f"{at.url}live?run={tape.run}&next=2") as ws:
-            await ws.send_str("more")
-            assert await ws.receive_bytes() == b"\0\0\0\3" + HEADER + b"later"
-            await ws.send_str("more")
-            at.live.tape = second = Tape(tmp_path)
-            second.append(b"another run", b"")
-            at.live.grown.notify()
-            assert await ws.receive_str() == second.run
-            assert await ws.receive_bytes() == b"\0\0\0\1" + HEADER + b"another run"
+            assert await heard(ws) == (2, 5, -1, True)
+            await ws.send_str("show 1")
+            assert await heard(ws) == (2, 6, 1, True), "nobody knows what the page has"
         tape.close()
+
+    serving(tmp_path, check)
+
+
+def test_a_frame_that_comes_later_or_changes_is_sent_by_itself(tmp_path: Path):
+    async def check(at: Served) -> None:
+        asked: list[int] = []
+        at.live.tape = tape = filled(tmp_path, request=asked.append)
+        async with at.client.ws_connect(f"{at.url}live") as ws:
+            await ws.send_str("show 4")
+            await ws.receive_str()
+            assert (await heard(ws))[2] == 2, "until it is there the last one"
+            await ws.send_str("show 4")
+            draw(tape, 3)
+            at.live.grown.notify()
+            assert (await heard(ws))[2] == 3
+            await ws.send_str("show 4")
+            tape.came(4, bare=True)
+            at.live.grown.notify()
+            assert (await heard(ws))[2:] == (4, False)
+            assert asked == [4]
+            await ws.send_str("show 4")
+            tape.came(4)
+            at.live.grown.notify()
+            assert (await heard(ws))[2:] == (4, True)
+            await ws.send_str("show 4")
+            draw(tape, 4, "the final poses are in it")
+            at.live.grown.notify()
+            assert (await heard(ws))[2:] == (4, True)
+        tape.close()
+
+    serving(tmp_path, check)
+
+
+def test_another_run_begins_when_its_frame_can_be_shown(tmp_path: Path):
+    """Until then a page keeps what it has: after a fork the parent stays in sight."""
+
+    async def check(at: Served) -> None:
+        first = at.live.tape = filled(tmp_path)
+        async with at.client.ws_connect(f"{at.url}live") as ws:
+            await ws.send_str("show 2")
+            await ws.receive_str()
+            assert (await heard(ws))[2] == 2
+            await ws.send_str("show 2")
+            second = at.live.tape = filled(tmp_path, frames=1, expected=lambda: 3)
+            at.live.grown.notify()
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(ws.receive_str(), 0.1)
+            for frame in (1, 2):
+                draw(second, frame)
+                at.live.grown.notify()
+            assert json.loads(await ws.receive_str())["run"] == second.run
+            assert await heard(ws) == (1, 2, 2, True)
+        first.close()
         second.close()
+
+    serving(tmp_path, check)
+
+
+@pytest.mark.parametrize("what", ["next=x", "serial=-1", "next=1&serial=12345678901"])
+def test_a_page_that_names_no_number_is_refused(tmp_path: Path, what: str):
+    async def check(at: Served) -> None:
+        assert await at.status(f"{at.access.base}live?run=a&{what}") == 400
 
     serving(tmp_path, check)
 
 
 def test_a_viewer_that_stops_reading_costs_the_others_nothing(tmp_path: Path):
     async def check(at: Served) -> None:
-        at.live.tape = tape = Tape(tmp_path)
+        at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as stuck, at.client.ws_connect(f"{at.url}live") as other:
+            await other.send_str("show 0")
             for _ in range(100):
+                await stuck.send_str("show 0")
                 await stuck.send_str("more")  # and never reads
             for i in range(64):
-                tape.append(b"x" * 1_000_000, b"")
+                tape.append(b"x" * 1_000_000)
                 at.live.grown.notify()
                 await other.send_str("more")
-                while isinstance(message := (await other.receive()).data, str):
+                while isinstance(message := (await other.receive()).data, str) or HEAD.unpack_from(message)[0] < i + 2:
                     pass
-                assert message[:4] == (i + 1).to_bytes(4, "big")
         tape.close()
 
     serving(tmp_path, check)

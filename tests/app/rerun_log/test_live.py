@@ -301,7 +301,7 @@ def test_any_frame_of_a_finished_recording_can_be_drawn(run, tmp_path):
     counts = index_counts(found.read(0, ALL)[0], tmp_path)
     assert counts["/plots/inliers/stereo"] > run.opened.sequence.kinds.count("stereo")
     assert not counts.keys() & {"/decisions", "/video/image", "/left/tracks", "/world/stereo/camera"}
-    assert counts.keys() >= {"/world/truth/path", "/video", "/world/stereo/final"}
+    assert counts.keys() >= {"/world/truth/path", "/video"}
     found.close()
     assert not found.scene(0).versions and found.read(0, ALL) == (b"", 0)
 

@@ -1,0 +1,179 @@
+"""What the Rerun views draw is the exposure that the page shows: screenshots are compared with the frames' images."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ispom_app.rerun_log.file_recording import FileRecording
+from ispom_app.run.playback import Playback
+
+from tests import doubles
+from tests.alone import METHODS
+from tests.app import helpers
+from tests.app.page.drawn import SAME, View, image_of, screen_of
+from tests.app.page.test_browser import (  # noqa: F401 - fixtures
+    CHROMIUM,
+    PATIENCE_MS,
+    TOTAL,
+    App,
+    Page,
+    app,
+    browser,
+    launched_on,
+)
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+SEQUENCE = doubles.sequence(40)
+VIDEO, STEREO = ([i for i, kind in enumerate(SEQUENCE.kinds) if kind == each] for each in ("video", "stereo"))
+SHOWN = "`${window.ispom.viewer.stage.shown.recording} ${window.ispom.viewer.stage.shown.index}`"
+SHORT_OF_MEMORY = """
+const Whole = wasm_bindgen.WebHandle;
+wasm_bindgen.WebHandle = class extends Whole {
+  constructor(options) {
+    super({ ...options, memory_limit: "1MB" });
+  }
+};
+"""
+
+
+def image(frame: int) -> np.ndarray:
+    return image_of(SEQUENCE[frame])
+
+
+def on_the_stage(page: Page, frame: int) -> None:
+    """The views show this exposure, as the page says."""
+    page.until(
+        f"window.ispom.viewer.stage?.shown?.index === {frame} && window.ispom.viewer.stage.shown.complete",
+        f"exposure {frame} in the views",
+    )
+
+
+def seek(page: Page, frame: int) -> None:
+    page.send(f"{{do: 'seek', index: {frame}}}")
+    page.until(f"state.index === {frame} && !state.playing", "the seek")
+    on_the_stage(page, frame)
+
+
+class Stage(Page):
+    """A page, and where its image views are."""
+
+    def views(self) -> dict[str, View]:
+        seek(self, 30)
+        self.tab.wait_for_timeout(500)  # views find their sizes
+        screen = screen_of(self.tab)
+        return {"video": View.find(screen, image(30)), "left": View.find(screen, image(newest(STEREO, 30)))}
+
+
+def newest(frames: list[int], index: int) -> int:
+    return max(frame for frame in frames if frame <= index)
+
+
+def assert_drawn(page: Page, views: dict[str, View], index: int) -> None:
+    """Both cameras' images are those of the exposure, and more like them than like any other."""
+    seek(page, index)
+    screen = screen_of(page.tab)
+    for camera, frames in (("video", VIDEO), ("left", STEREO)):
+        found, score = views[camera].frame(screen, image, frames)
+        assert (found, score > SAME) == (newest(frames, index), True), f"{camera} at {index}: {score:.2f}"
+    assert page.tab.locator("#shown").is_hidden()
+
+
+@pytest.fixture(scope="module")
+def stage(browser, app: App) -> Iterator[Stage]:  # noqa: F811
+    """Its viewer discards all that Rerun lets it discard."""
+    page = Stage(browser, app.url, after_viewer=SHORT_OF_MEMORY)
+    page.until("state.ended && !state.playing", "the end")
+    page.tab.locator("#cover").wait_for(state="hidden")
+    yield page
+    assert not page.faults
+    page.tab.close()
+
+
+@pytest.fixture(scope="module")
+def views(stage: Stage) -> dict[str, View]:
+    return stage.views()
+
+
+@pytest.mark.parametrize("index", [43, 12, 34, 5, 1, 22])
+def test_any_exposure_is_drawn_when_it_is_sought_however_little_memory_the_viewer_has(stage, views, index):
+    assert_drawn(stage, views, index)
+
+
+def test_after_a_loop_the_images_are_still_those_of_their_exposures(stage: Stage, views):
+    seek(stage, 10)
+    stage.send("{do: 'loop_start'}")
+    seek(stage, 20)
+    stage.send("{do: 'loop_end'}")
+    stage.send("{do: 'play'}")
+    for _ in range(3):
+        stage.until("state.index > 16", "the loop's end")
+        stage.until("state.index < 14", "the loop's beginning")
+    stage.send("{do: 'pause'}")
+    stage.send("{do: 'no_loop'}")
+    stage.until("!state.playing", "a pause")
+    assert_drawn(stage, views, 33)
+    assert_drawn(stage, views, 15)
+
+
+def test_while_it_plays_each_image_is_that_of_the_exposure_which_the_views_name(stage: Stage, views):
+    """The views leave out exposures where they are slow, and never show one under the name of another."""
+    seek(stage, 0)
+    stage.send("{do: 'play'}")
+    seen = set()
+    stage.until("state.playing || state.index > 0", "playing")
+    while stage.state["playing"]:
+        before = stage.tab.evaluate("window.ispom.viewer.stage.shown.index")
+        screen = screen_of(stage.tab)
+        if stage.tab.evaluate("window.ispom.viewer.stage.shown.index") != before:
+            continue  # another one was drawn meanwhile
+        found, score = views["video"].frame(screen, image, VIDEO)
+        assert (found, score > SAME) == (newest(VIDEO, before), True), f"{before}: {score:.2f}"
+        seen.add(found)
+    assert seen
+    on_the_stage(stage, TOTAL - 1)
+
+
+def test_a_fork_keeps_its_parent_in_sight_until_it_has_something_to_show(stage: Stage, views):
+    seek(stage, 20)
+    stage.tab.wait_for_timeout(500)
+    recording = stage.state["recording_id"]
+    stage.controls.get_by_role("tab", name="Methods").click()
+    stage.controls.get_by_role("button", name="Fork").click()
+    until = time.monotonic() + PATIENCE_MS / 1000
+    while True:
+        assert time.monotonic() < until, "timed out waiting for the branch"
+        before = stage.tab.evaluate(SHOWN)
+        screen = screen_of(stage.tab)
+        if stage.tab.evaluate(SHOWN) != before:
+            continue  # another one was drawn meanwhile
+        shown, index = before.split()
+        found, score = views["video"].frame(screen, image, VIDEO)
+        assert (found, score > SAME) == (newest(VIDEO, int(index)), True), f"{before}: {score:.2f}"
+        if not shown.endswith(recording):
+            break
+    stage.until("state.ended && !state.playing", "the end of the branch")
+    assert_drawn(stage, views, 12)
+
+
+def test_any_exposure_of_a_finished_recording_is_drawn(browser, tmp_path: Path):  # noqa: F811
+    run = Playback(SEQUENCE, METHODS, builder=helpers.build)
+    with FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        while not run.done:
+            file.write(run.step())
+        file.write(run.finish())
+    app = launched_on(tmp_path / "run.rrd")  # noqa: F811
+    try:
+        page = Stage(browser, app.url, after_viewer=SHORT_OF_MEMORY)
+        page.tab.locator("#cover").wait_for(state="hidden")
+        views = page.views()
+        for index in (34, 12, 5, TOTAL - 1):
+            assert_drawn(page, views, index)
+        assert not page.faults
+        page.tab.close()
+    finally:
+        app.process.kill()
+        app.process.wait()
