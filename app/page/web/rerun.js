@@ -1,4 +1,4 @@
-// The Rerun viewer in its canvas: it is started with the first exposure, kept to the run that is on the page, with the
+// The Rerun viewer in its canvas: it is started when a source is open, kept to the run that is on the page, with the
 // layers and the exposure that the page shows, and watched: which exposure its views show, and whether it still lives.
 import { feedLive } from "./live.js";
 import { makeCursor } from "./rerun_cursor.js";
@@ -10,6 +10,7 @@ const APPLICATION = "ispom";
 // Beyond it, the viewer discards what is far from its time, and nothing sends that again. It holds one exposure and the
 // curves of the run (see live.js), and never comes near.
 const MEMORY = "1500MB";
+const REVEAL_MS = 3000;
 const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
@@ -18,7 +19,8 @@ export function openViewer(dark, seek, drawn) {
   const canvas = at("canvas");
   const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: new Set(), drawn };
   viewer.cursor = makeCursor(canvas, seek, (message) => control(viewer, message));
-  // Not before there is something to show: starting takes seconds of processor time, which the first exposure needs.
+  // Not before the source is open: starting takes seconds of processor time. With the first exposure would be too late:
+  // that would be out of date when the viewer has started.
   viewer.start = () => {
     viewer.start = () => {};
     start(canvas, dark, (event) => viewer.cursor.heard(event)).then(
@@ -35,8 +37,7 @@ export function openViewer(dark, seek, drawn) {
   for (const kind of ["resize", "focus", "visibilitychange"]) addEventListener(kind, () => wake());
   viewer.follow = (state) => {
     viewer.state = state;
-    if (state.index < 0) return;
-    viewer.start();
+    if (state.total) viewer.start();
     if (viewer.handle) watch(viewer);
   };
   viewer.release = () => viewer.cursor.release();
@@ -109,12 +110,11 @@ function watch(viewer) {
   if (handle.has_panicked()) return died(viewer);
   const id = `Recording:${APPLICATION}:${state.recording_id}`;
   const found = stateOf(handle.viewer_state());
-  stage.want(state.index);
+  if (state.index >= 0) stage.want(state.index);
   stage.heard(found.recordings);
   const recording = found.recordings.find((each) => each.id === id);
   const isShown = stage.shown?.recording === id;
-  if (isShown) Object.assign(viewer, { source: state.source });
-  hurry(!state.playing);
+  hurry(!state.playing || !viewer.source);
   viewer.drawn({
     playing: state.playing,
     wanted: state.index,
@@ -122,12 +122,23 @@ function watch(viewer) {
     other: stage.shown && !isShown ? (viewer.source === state.source ? "branch" : "source") : null,
     curves: recording?.newest ?? -1,
   });
+  if (!viewer.source) at("viewer").classList.add("starting");
   if (!isShown || !recording) return;
-  at("cover").hidden = true;
+  if (!viewer.source) reveal(viewer);
+  viewer.source = state.source;
   close(viewer, found.recordings.filter((each) => each !== recording));
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
   viewer.cursor.show(recording, state.index);
   showLayers(viewer, id);
+}
+
+// The viewer takes in a little of the stream with each frame that it draws, and where graphics are software a frame takes
+// long: up to the first exposure it draws a tiny one under the cover, which is lifted with the next frame.
+function reveal(viewer) {
+  at("viewer").classList.remove("starting");
+  const lift = () => viewer.died || (at("cover").hidden = true);
+  afterFrames(lift);
+  setTimeout(lift, REVEAL_MS);
 }
 
 // The page shows one run; once its first frame is drawn, what the viewer holds of earlier ones is memory for nothing.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -119,42 +118,32 @@ def test_after_a_loop_the_images_are_still_those_of_their_exposures(stage: Stage
     assert_drawn(stage, views, 15)
 
 
+def assert_named(stage: Stage, views: dict[str, View]) -> str:
+    """What is drawn is what the views were said to show before the screenshot or after it, which is returned."""
+    before, screen, after = stage.tab.evaluate(SHOWN), screen_of(stage.tab), stage.tab.evaluate(SHOWN)
+    first, last = sorted(int(each.split()[1]) for each in (before, after))
+    found, score = views["video"].frame(screen, image, VIDEO)
+    named = {newest(VIDEO, index) for index in range(first, last + 1)}
+    assert found in named and score > SAME, f"{found} is drawn ({score:.2f}), named are {before} and {after}"
+    return after
+
+
 def test_while_it_plays_each_image_is_that_of_the_exposure_which_the_views_name(stage: Stage, views):
     """The views leave out exposures where they are slow, and never show one under the name of another."""
     seek(stage, 0)
     stage.send("{do: 'play'}")
-    seen = set()
-    stage.until("state.playing || state.index > 0", "playing")
-    while stage.state["playing"]:
-        before = stage.tab.evaluate("window.ispom.viewer.stage.shown.index")
-        screen = screen_of(stage.tab)
-        if stage.tab.evaluate("window.ispom.viewer.stage.shown.index") != before:
-            continue  # another one was drawn meanwhile
-        found, score = views["video"].frame(screen, image, VIDEO)
-        assert (found, score > SAME) == (newest(VIDEO, before), True), f"{before}: {score:.2f}"
-        seen.add(found)
-    assert seen
-    on_the_stage(stage, TOTAL - 1)
+    while not assert_named(stage, views).endswith(f" {TOTAL - 1}"):
+        pass
+    assert stage.state["index"] == TOTAL - 1
 
 
 def test_a_fork_keeps_its_parent_in_sight_until_it_has_something_to_show(stage: Stage, views):
     seek(stage, 20)
-    stage.tab.wait_for_timeout(500)
-    recording = stage.state["recording_id"]
+    parent = stage.state["recording_id"]
     stage.controls.get_by_role("tab", name="Methods").click()
     stage.controls.get_by_role("button", name="Fork").click()
-    until = time.monotonic() + PATIENCE_MS / 1000
-    while True:
-        assert time.monotonic() < until, "timed out waiting for the branch"
-        before = stage.tab.evaluate(SHOWN)
-        screen = screen_of(stage.tab)
-        if stage.tab.evaluate(SHOWN) != before:
-            continue  # another one was drawn meanwhile
-        shown, index = before.split()
-        found, score = views["video"].frame(screen, image, VIDEO)
-        assert (found, score > SAME) == (newest(VIDEO, int(index)), True), f"{before}: {score:.2f}"
-        if not shown.endswith(recording):
-            break
+    while parent in assert_named(stage, views):
+        pass
     stage.until("state.ended && !state.playing", "the end of the branch")
     assert_drawn(stage, views, 12)
 
