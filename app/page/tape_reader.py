@@ -90,7 +90,7 @@ class TapeReader:
                 return False
             else:
                 self._follow(tape)
-                self._run, self._next = tape.run, 0
+                self._run, self._next, self._takes_frame = tape.run, 0, False
                 await socket.send_str(json.dumps({"run": tape.run, "recording": tape.recording_id}))
                 items, self._next = await asyncio.to_thread(tape.read, 0, 1)
                 await self._deliver(socket, items, first)

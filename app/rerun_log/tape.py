@@ -19,7 +19,7 @@ from ispom.types import Kind
 
 from .parts import CLEAR, IMAGE, Part, Scene, camera_of, components_of, latest_of_each_camera
 
-IMAGE_BYTES = 2 << 30
+IMAGE_BYTES = 1 << 30
 """Images that are kept; the oldest go first, and are read from the sequence again. All else stays."""
 
 

@@ -37,7 +37,7 @@ export function showViewer(views) {
 }
 
 function lateness({ shown, wanted, other }) {
-  if (other) return `loading ${other === "branch" ? "the branch" : "the run"}: the views still show the one before`;
+  if (other) return "loading this run: the views still show the one before";
   if (!shown) return "";
   if (shown.index !== wanted) return `loading exposure ${wanted}: the views show ${shown.index}`;
   return shown.complete ? "" : `loading the images of exposure ${wanted}`;
