@@ -32,12 +32,14 @@ class Workers:
 
     def __init__(self, count: int, memory_gb: float, most_deaths: int) -> None:
         """`most_deaths`: more of them cannot come from the runs."""
+        import dask.config
         from distributed import LocalCluster
         from distributed.security import Security
 
         remove_abandoned()
         self._scratch = TemporaryDirectory(prefix=f"{SCRATCH}{os.getpid()}-", ignore_cleanup_errors=True)
         without_pages()
+        dask.config.set({"temporary-directory": self._scratch.name})
         self._security, self._memory_gb, self._left = Security.temporary(), memory_gb, most_deaths
         self.cluster: Any = LocalCluster(
             n_workers=0,

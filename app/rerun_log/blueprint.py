@@ -7,6 +7,7 @@ layout would take back time, camera and tabs. The views keep their ids for that.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
 
@@ -84,7 +85,29 @@ def looking_at(truth: Trajectory | None) -> tuple[Array, Array]:
 
 def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = ()) -> None:
     """Makes this the viewer's layout now."""
-    stream.send_blueprint(blueprint(opened, hidden), make_active=True, make_default=True)
+    with released(blueprint(opened, hidden)) as layout:
+        stream.send_blueprint(layout, make_active=True, make_default=True)
+
+
+@contextmanager
+def released(layout: rrb.Blueprint) -> Iterator[rrb.Blueprint]:
+    """The layout, to be handed to Rerun meanwhile: what Rerun makes of it is freed afterwards.
+
+    Rerun logs a layout to a stream in memory, which holds itself and two threads until the process ends, unless it is
+    disconnected.
+    """
+    log, used = layout._log_to_stream, list[rr.RecordingStream]()
+
+    def log_to_stream(stream: rr.RecordingStream) -> None:
+        used.append(stream)
+        log(stream)
+
+    layout._log_to_stream = log_to_stream
+    try:
+        yield layout
+    finally:
+        for stream in used:
+            stream.disconnect()
 
 
 def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring) -> dict[str, list[str]]:

@@ -105,7 +105,8 @@ class FileRecording:
         batching = rr.ChunkBatcherConfig(flush_tick=FLUSH_EVERY_S)
         stream = rr.RecordingStream(APPLICATION, recording_id=self._recorder.recording_id, batcher_config=batching)
         try:
-            stream.save(self._file.target, default_blueprint=blueprint.blueprint(opened))
+            with blueprint.released(blueprint.blueprint(opened)) as layout:
+                stream.save(self._file.target, default_blueprint=layout)
         except (OSError, RuntimeError) as error:
             self._stack.close()
             raise InputError(f"{self.path} cannot be written ({error}): choose another folder to record to") from error

@@ -31,7 +31,7 @@ from .parts import columns_of, is_part
 from .recorder import Recorder
 from .rrd import messages
 from .stored_tape import AnyTape, StoredTape
-from .streams import APPLICATION, send
+from .streams import APPLICATION, release_streams, send
 from .tape import Tape
 
 log = logging.getLogger(__name__)
@@ -143,6 +143,9 @@ class LiveStream:
                 log.exception("the live stream failed")
                 self._failure = f"{type(fault).__name__}: {fault}"
 
+        finally:
+            release_streams()
+
     def _draw(self, tape: Tape, encoder: _Encoder, event: Event) -> None:
         batch = encoder.recorder.batch(event)
         encoder.send(batch)
@@ -174,6 +177,7 @@ class _Encoder:
     def __exit__(self, *_: object) -> None:
         self._stream.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
         self.lasting.disconnect()
+        del self.lasting, self._stream
 
     def send(self, batch: Batch) -> None:
         lasting = tuple(entry for entry in batch.entries if _is_lasting(entry))

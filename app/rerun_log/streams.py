@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
+import rerun_bindings as bindings
 
 from .batch import Batch, Columns
 
 APPLICATION = "ispom"
+
+
+def release_streams() -> None:
+    """Ends the threads of the streams that nobody holds any more, which Rerun itself does only when it is initialised
+    again: two for each stream."""
+    bindings.flush_and_cleanup_orphaned_recordings()
 
 
 def send(stream: rr.RecordingStream, batch: Batch) -> None:

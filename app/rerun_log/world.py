@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache
 
 import numpy as np
 import rerun as rr
@@ -51,6 +50,8 @@ class World:
         """Methods whose pose now is drawn as one that waits for a first fit."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
+        self._frustum_lines: dict[tuple[Frame, float, bool], Array] = {}
+        """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
         self._beside = BesideLog(opened)
 
     def opening(self) -> Iterator[Entry]:
@@ -207,9 +208,13 @@ class World:
         self._sizes[method] = size
         return size is not before
 
-    @cache  # noqa: B019 - this lives as long as its run, and asks for a handful
     def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
         """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
+        if (key := (frame, size, main_camera)) not in self._frustum_lines:
+            self._frustum_lines[key] = self._frustum_lines_of(*key)
+        return self._frustum_lines[key]
+
+    def _frustum_lines_of(self, frame: Frame, size: float, main_camera: bool) -> Array:
         rig = self._opened.sequence.rig
         main: Frame = "video" if rig.video is not None else "left"
         names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")

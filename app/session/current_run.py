@@ -194,9 +194,14 @@ class CurrentRun:
         return self.playback.finish()
 
     def finished_within(self, timeout_s: float) -> Finished | None:
-        """The trajectories as of the last computed exposure, be the worker busy; None where that takes longer."""
+        """The trajectories as of the last computed exposure, while the worker is busy; None where that takes longer.
+
+        Also None while exposures are run through again: only the worker may do that, and it would take too long.
+        """
+        if self.catching_up:
+            return None
         found: list[Finished] = []
-        finishing = Thread(target=lambda: found.append(self.finish()), name="finish", daemon=True)
+        finishing = Thread(target=lambda: found.append(self.playback.finish()), name="finish", daemon=True)
         finishing.start()
         finishing.join(timeout_s)
         return found[0] if found else None

@@ -12,7 +12,8 @@ from .run import ispom
 def made_inputs(folder: Path, source: str = "sim:tiny", exposures: int = 40) -> Inputs:
     """Makes them with the program itself. RuntimeError where it fails."""
     inputs = Inputs(folder, source, ("monocular", "stereo", "integrated"), exposures)
-    process = ispom(["run", *inputs.of_run, "--out", str(inputs.run)], folder)
+    whole = ["run", source, "--methods", *inputs.methods, "--out", str(inputs.run)]  # a map takes all of it
+    process = ispom(whole, folder)
     if process.wait():
         raise RuntimeError(f"the run failed: {(folder / 'stderr').read_text()}")
     process = ispom(["run", *inputs.of_run, "--out", str(inputs.killed)], folder)

@@ -50,10 +50,10 @@ class RecordingDesk:
 
     def stop(self, finished: Finished | None, bookmarks: tuple[Bookmark, ...] = ()) -> None:
         """The file is closed when all of the run so far, and its bookmarks, are written, which may take a while."""
-        if self._open is not None:
-            self._open.stop(finished, bookmarks)
-            self._closing.append(self._open)
-            self._open = None
+        writer, self._open = self._open, None  # by the worker, or by whoever closes the session without it
+        if writer is not None:
+            self._closing.append(writer)
+            writer.stop(finished, bookmarks)
 
     def info(self) -> Recording | None:
         """How it goes: the open recording's, else the oldest of those that are being closed."""

@@ -9,6 +9,7 @@ from threading import Thread
 from ispom.errors import InputError
 
 from ...rerun_log.file_recording import FileRecording
+from ...rerun_log.streams import release_streams
 from ...run.events import Bookmark, Finished, Opened, Stepped
 from ...run.history.feed import Feed
 from ...run.history.history import History
@@ -75,6 +76,7 @@ class RecordingWriter:
             log.exception("recording %s failed", self.path)
             self.failure = f"internal fault, please report it: {type(fault).__name__}: {fault}"
         self._file.close()
+        release_streams()
         self.failure = self.failure or self._file.failure
         if self.path.exists():
             write_companions(self.path, self._opened, self._feed.position, self._bookmarks)

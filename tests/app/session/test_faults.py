@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from threading import Event
+from threading import Event, current_thread
 
 import pytest
 from ispom_app.rerun_log.file_recording import FileRecording
@@ -131,6 +131,37 @@ def test_closing_while_an_exposure_takes_long_writes_what_there_is(tmp_path: Pat
     assert exposures_in(tmp_path / "busy.rrd") == set(range(9))
     assert "/world/stereo/final" in entities_in(tmp_path / "busy.rrd")
     gate.opened.set()
+
+
+def test_closing_during_a_replay_leaves_the_playback_to_the_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two threads that step it would pair the state of one exposure with the position of another."""
+    inside, opened, threads = Event(), Event(), set[str]()
+    session = started(tmp_path, autoplay=False)
+    session.post(do.Seek(9))
+    wait_for(lambda: session.state.index == 9, "some exposures")
+    session.post(do.Fork(METHODS, Config()))
+    session.post(do.Play(False))
+    wait_for(lambda: len(session.state.branches) == 2, "a branch")
+    run = session.run
+    assert run is not None
+    monkeypatch.setattr(type(run), "catching_up", property(lambda _: not opened.is_set()))
+
+    def catch_up(_: object) -> str:
+        threads.add(current_thread().name)
+        inside.set()
+        assert opened.wait(20)
+        return ""
+
+    monkeypatch.setattr(type(run), "catch_up", catch_up)
+    session.post(do.Record("busy"))
+    session.post(do.Seek(15))
+    assert inside.wait(20)
+    assert not session.close(0.1)
+    assert threads == {"session"}
+    assert (tmp_path / "busy.rrd").exists()
+    opened.set()
 
 
 def test_links_that_lead_nowhere_and_unfinished_files_are_not_listed(tmp_path: Path) -> None:

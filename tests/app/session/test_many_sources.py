@@ -1,0 +1,63 @@
+"""Sources that are opened one after the other leave nothing behind: no thread, no file, no run in memory."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import weakref
+from pathlib import Path
+
+import psutil
+import pytest
+from ispom_app.options import SourceOptions
+from ispom_app.rerun_log.live import LiveStream
+from ispom_app.session import commands as do
+
+from ispom.types import Sequence
+from tests.app.helpers import started, wait_for
+from tests.sequences.kitti_folder import make_drive
+
+WARM, COUNT = 3, 10
+"""After so many all that stays for ever is there; and how many are opened in all."""
+
+
+def open_drive(source: str, options: SourceOptions | None = None) -> Sequence:
+    return (options or SourceOptions()).open(source)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows counts handles")
+def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path) -> None:
+    drives = [str(make_drive(tmp_path / f"drive{n}", frames=4)) for n in range(2)]
+    process = psutil.Process()
+    session = started(tmp_path / "recordings", drives[0], opener=open_drive, live=LiveStream(), autoplay=False)
+    sequences: list[weakref.ref[Sequence]] = []
+
+    def counts() -> tuple[int, int]:
+        return process.num_threads(), process.num_fds()
+
+    def record() -> None:
+        session.post(do.Seek(3))
+        wait_for(lambda: session.state.computed >= 3, "some exposures")
+        session.post(do.Record(""))
+        session.post(do.StopRecording())
+        wait_for(lambda: len(list((tmp_path / "recordings").glob("*.rrd"))) == len(sequences), "a recording")
+
+    most = (0, 0)
+    for n in range(COUNT):
+        if n:
+            session.post(do.Open(drives[n % 2]))
+            wait_for(lambda n=n: session.state.run > n, "another source")
+        wait_for(lambda: session.state.phase == "ready" and session.run is not None, "a source")
+        assert session.run is not None
+        sequences.append(weakref.ref(session.run.playback.sequence))
+        record()
+        if n < WARM:
+            most = tuple(map(max, most, counts()))
+    wait_for(lambda: counts() <= most and counts()[1] <= most[1], f"as many threads and files as before, {most}")
+
+    def alive() -> list[int]:
+        gc.collect()
+        return [n for n, ref in enumerate(sequences) if ref() is not None]
+
+    wait_for(lambda: alive() == [COUNT - 1], "the runs before to be freed")
+    assert session.close(5.0)
