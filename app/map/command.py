@@ -41,7 +41,8 @@ def make_map(options: Map) -> int:
 def _make_map(options: Map) -> int:
     ran = read_ran(options.run, options.source)
     method = ran.method(options.method)
-    open3d()  # before long work
+    if options.dense:
+        open3d()  # before long work
     settings = _settings(options, ran) if options.dense else None
     laser = None if options.laser is None else measured(ran, options.laser, int(ran.file.options.get("seed") or 0))
     folder = options.out or options.run / MAP

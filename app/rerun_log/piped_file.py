@@ -17,6 +17,7 @@ from threading import Condition, Thread
 from ispom.io.whole import create_file
 
 from .rrd import whole_bytes
+from .streams import pipe_begins, pipe_ends
 
 PIPES = Path("/dev/fd").exists()
 """Without (Windows) Rerun writes the file itself."""
@@ -46,6 +47,7 @@ class PipedFile:
             file.close()  # Rerun opens it by its name
         else:
             self._source, self._sink = os.pipe()
+            pipe_begins()
             self.target = f"/dev/fd/{self._sink}"
             self._thread = Thread(target=self._copy, args=(self._source, file), name="recording file", daemon=True)
             self._thread.start()
@@ -70,11 +72,14 @@ class PipedFile:
         return not self._thread.is_alive()
 
     def _copy(self, source: int, file: FileIO) -> None:
-        with os.fdopen(source, "rb", buffering=0) as pipe, file:
-            while piece := self._next(pipe):
-                if self.failure is None:
-                    self._store(file, memoryview(piece))
-            self._change(None, storing=False)
+        try:
+            with os.fdopen(source, "rb", buffering=0) as pipe, file:
+                while piece := self._next(pipe):
+                    if self.failure is None:
+                        self._store(file, memoryview(piece))
+                self._change(None, storing=False)
+        finally:
+            pipe_ends()
 
     def _next(self, pipe: FileIO) -> bytes:
         """What comes through the pipe. It counts as being stored before it leaves the pipe: `flush` misses nothing."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Lock
+
 import numpy as np
 import rerun as rr
 import rerun_bindings as bindings
@@ -11,10 +13,33 @@ from .batch import Batch, Columns
 APPLICATION = "ispom"
 
 
+_gate = Lock()
+_pipes: list[None] = []
+"""One entry for each stream that leads into a pipe which a thread of this program empties; guarded by the lock."""
+
+
+def pipe_begins() -> None:
+    """A stream is about to lead into a pipe of this program."""
+    with _gate:
+        _pipes.append(None)
+
+
+def pipe_ends() -> None:
+    """Nothing comes through that pipe any more."""
+    with _gate:
+        _pipes.pop()
+
+
 def release_streams() -> None:
-    """Ends the threads of the streams that nobody holds any more, which Rerun itself does only when it is initialised
-    again: two for each stream."""
-    bindings.flush_and_cleanup_orphaned_recordings()
+    """Ends the threads of the streams that nobody holds any more, two for each. Rerun itself does so only when it is
+    initialised again.
+
+    Not while a stream leads into a pipe: Rerun flushes all streams for this, with its list of them locked. A thread
+    that makes a stream waits for that list and holds Python's lock, without which nobody empties the pipe.
+    """
+    with _gate:
+        if not _pipes:
+            bindings.flush_and_cleanup_orphaned_recordings()
 
 
 def send(stream: rr.RecordingStream, batch: Batch) -> None:

@@ -10,10 +10,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+from ispom_app.experiment.workers import SCRATCH
 
 from .commands import COMMANDS, Command, Inputs
 
@@ -23,7 +25,7 @@ AS_SHELLS_SAY = {signal.SIGINT: 130, signal.SIGTERM: 143}
 """Exit codes of a command that was ended by a signal. One that has not begun to handle signals dies of them."""
 END_S = 60.0
 """A command that does not end within this time after its signal hangs."""
-CHILDREN_END_S = 10.0
+CHILDREN_END_S = 30.0
 LOUD = ("Traceback", "Fatal Python error", "Segmentation", "SystemError", "Exception ignored", "resource_tracker")
 TOLD_S = 0.7
 """Between two signals, of which the second one is another than the first one."""
@@ -113,15 +115,18 @@ def _faults(case: Case, command: Command, inputs: Inputs, takes_s: float, folder
         process.kill()
         process.wait()
         for left in survivors:
-            left.kill()
+            with suppress(psutil.NoSuchProcess):
+                left.kill()
     if code not in (None, 0, 1, AS_SHELLS_SAY[case.number], -case.number):
         yield f"it ended with code {code}"
     errors = (folder / "stderr").read_text(errors="replace")
     if any(word in errors for word in LOUD) or (code in (1, 2) and errors.strip()):
         yield f"it printed {errors[-2000:]!r}"
     if survivors:
-        yield f"left running: {survivors}"
-    if left := sorted(path.name for path in (folder / "scratch").iterdir()):
+        yield f"still running {CHILDREN_END_S:g} s later: {survivors}"
+    # A second signal ends the process at once; the next experiment removes its workers' folder then.
+    forgiven = SCRATCH if case.again_s == TOLD_S else "nothing"
+    if left := [path.name for path in (folder / "scratch").iterdir() if not path.name.startswith(forgiven)]:
         yield f"temporary files left: {left}"
     try:
         if wrong := command.fault(folder):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.errors import InputError
+from ispom.types import Sequence
 
 from ...run.events import Bookmark
 from ..current_run import CurrentRun
 from ..store import Store
-from .notes import MOST, notes_path, put, read_notes, tidy
+from .notes import MOST, change_bookmark, notes_path, read_notes, tidy
 
 
 class BookmarkDesk:
@@ -19,11 +20,13 @@ class BookmarkDesk:
         self._store, self._recordings = store, recordings
         self._path: Path | None = None
         """Where they are kept; None for a live source, whose exposures never come again."""
+        self._sequence: Sequence | None = None
 
     def begin(self, run: CurrentRun, source: str) -> None:
         """Another run: its bookmarks are those that were kept. InputError where they cannot be read."""
         stored = run.stored.path if run.stored is not None else None
         self._path = None if run.live else notes_path(stored, self._recordings, source)
+        self._sequence = run.playback.sequence
         self._store.set(bookmarks=())
         if self._path is not None:
             self._store.set(bookmarks=read_notes(self._path, run.playback.sequence))
@@ -38,7 +41,7 @@ class BookmarkDesk:
             raise InputError(f"there are {MOST} bookmarks: remove one first")
         kept = before.note if before is not None else ""
         marks[displayed.index] = Bookmark(displayed.index, displayed.time_ns, kept if note is None else tidy(note))
-        self._keep(marks)
+        self._keep(marks, displayed.index)
 
     def toggle(self) -> None:
         """Removes the mark of the exposure that is shown, where it has no note; otherwise as `put`."""
@@ -53,10 +56,13 @@ class BookmarkDesk:
         marks = {b.exposure: b for b in self._store.state.bookmarks}
         if marks.pop(exposure, None) is None:
             raise InputError(f"there is no bookmark at exposure {exposure}: choose one of the list")
-        self._keep(marks)
+        self._keep(marks, exposure)
 
-    def _keep(self, marks: dict[int, Bookmark]) -> None:
+    def _keep(self, marks: dict[int, Bookmark], exposure: int) -> None:
+        """Of these marks that of the exposure has changed; another app may have changed others in the file."""
         bookmarks = tuple(marks[i] for i in sorted(marks))
-        self._store.set(bookmarks=bookmarks)
-        if self._path is not None:
-            put(self._path, bookmarks=bookmarks)
+        try:
+            if self._path is not None and self._sequence is not None:
+                bookmarks = change_bookmark(self._path, self._sequence, exposure, marks.get(exposure))
+        finally:
+            self._store.set(bookmarks=bookmarks)

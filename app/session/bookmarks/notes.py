@@ -3,8 +3,11 @@ or one for each source beside all recordings."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from hashlib import blake2b
 from pathlib import Path
@@ -53,11 +56,48 @@ def put(
     """
     entries = None if bookmarks is None else [asdict(bookmark) for bookmark in bookmarks]
     new = {"note": None if note is None else tidy(note), "about": about, "bookmarks": entries}
-    kept = _written(path)
-    kept |= {name: value for name, value in new.items() if value is not None}
+    with _alone(path.parent):
+        kept = _written(path)
+        _write(path, kept | {name: value for name, value in new.items() if value is not None})
+
+
+def change_bookmark(path: Path, sequence: Sequence, exposure: int, mark: Bookmark | None) -> tuple[Bookmark, ...]:
+    """Puts one bookmark of a file, or with None removes that of the exposure, and returns all that fit the exposures
+    then. What others put there meanwhile stays, and so does what fits the source only when it is opened otherwise.
+
+    InputError where the file is not as written, is full, or the disk does not take it.
+    """
+    with _alone(path.parent):
+        kept = _written(path)
+        entries = [_bookmark(path, entry) for entry in _entries(path, kept)]
+        others = [b for b in entries if (here := _placed(b, sequence)) is None or here.exposure != exposure]
+        if mark is not None:
+            if len(others) >= MOST:
+                raise InputError(f"{path} has {MOST} bookmarks: remove one first")
+            others.append(mark)
+        _write(path, kept | {"bookmarks": [asdict(b) for b in sorted(others, key=lambda b: b.time_ns)]})
+    return _fitting(others, sequence)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keeps other apps from changing notes in this folder meanwhile. Goes on without where the system cannot."""
+    with ExitStack() as stack:
+        if sys.platform != "win32":
+            import fcntl
+
+            with suppress(OSError):
+                folder.mkdir(parents=True, exist_ok=True)
+                place = os.open(folder, os.O_RDONLY)
+                stack.callback(os.close, place)
+                fcntl.flock(place, fcntl.LOCK_EX)
+        yield
+
+
+def _write(path: Path, kept: Mapping[Any, Any]) -> None:
     try:
         if any(kept.values()):
-            replace_whole(path, yaml.safe_dump(kept, sort_keys=False, allow_unicode=True))
+            replace_whole(path, yaml.safe_dump(dict(kept), sort_keys=False, allow_unicode=True))
         else:
             path.unlink(missing_ok=True)
     except OSError as error:
@@ -69,10 +109,18 @@ def read_notes(path: Path, sequence: Sequence) -> tuple[Bookmark, ...]:
 
     InputError where the file is not as written.
     """
-    entries = _written(path).get("bookmarks", [])
+    return _fitting([_bookmark(path, entry) for entry in _entries(path, _written(path))], sequence)
+
+
+def _entries(path: Path, kept: Mapping[Any, Any]) -> list[object]:
+    entries = kept.get("bookmarks", [])
     if not isinstance(entries, list) or len(entries) > MOST:
         raise InputError(f"{path} has no bookmarks as the app writes them: correct or remove it")
-    found = (_placed(_bookmark(path, entry), sequence) for entry in entries)
+    return entries
+
+
+def _fitting(bookmarks: Iterable[Bookmark], sequence: Sequence) -> tuple[Bookmark, ...]:
+    found = (_placed(bookmark, sequence) for bookmark in bookmarks)
     by_exposure = {bookmark.exposure: bookmark for bookmark in found if bookmark is not None}
     return tuple(by_exposure[i] for i in sorted(by_exposure))
 

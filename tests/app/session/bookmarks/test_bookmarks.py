@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ispom_app.run.events import Bookmark
 from ispom_app.session import commands as do
-from ispom_app.session.bookmarks.notes import notes_path, put, read_notes
+from ispom_app.session.bookmarks.notes import change_bookmark, notes_path, put, read_notes
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
+from ispom.io.mapping import read_mapping
 from tests import doubles
 from tests.app.helpers import started, wait_for
 
@@ -88,3 +90,36 @@ def test_they_are_in_the_recording(tmp_path: Path) -> None:
         for batch in [chunk.to_record_batch()]
     ]
     assert found == [([5], [["bookmark: here"]])]
+
+
+def test_two_apps_on_one_source_keep_what_both_put(tmp_path: Path) -> None:
+    first, second = started(tmp_path), started(tmp_path)
+    for session in (first, second):
+        wait_for(lambda session=session: session.state.ended, "the end")
+    for session, index in ((first, 2), (second, 5), (first, 8)):
+        session.post(do.Seek(index))
+        session.post(do.PutBookmark(f"at {index}"))
+        wait_for(lambda s=session, i=index: i in [b.exposure for b in s.state.bookmarks], "a bookmark")
+    assert [b.exposure for b in first.state.bookmarks] == [2, 5, 8]
+    second.post(do.RemoveBookmark(5))
+    wait_for(lambda: [b.exposure for b in second.state.bookmarks] == [2, 8], "one less")
+    (path,) = (tmp_path / "notes").iterdir()
+    assert [b.note for b in read_notes(path, doubles.sequence(20))] == ["at 2", "at 8"]
+    assert first.close(5.0) and second.close(5.0)
+
+
+def test_many_apps_at_once_lose_nothing(tmp_path: Path) -> None:
+    sequence, path = doubles.sequence(20), tmp_path / "notes" / "notes.yaml"
+    marks = [Bookmark(i, int(sequence.times_ns[i])) for i in range(20)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda mark: change_bookmark(path, sequence, mark.exposure, mark), marks))
+    assert read_notes(path, sequence) == tuple(marks)
+
+
+def test_bookmarks_that_fit_the_source_only_when_it_is_opened_otherwise_stay(tmp_path: Path) -> None:
+    sequence, path = doubles.sequence(20), tmp_path / "notes.yaml"
+    put(path, note="mine", bookmarks=(Bookmark(3, 12_345),))
+    mark = Bookmark(2, int(sequence.times_ns[2]))
+    assert change_bookmark(path, sequence, 2, mark) == (mark,)
+    assert change_bookmark(path, sequence, 2, None) == ()
+    assert read_mapping(path) == {"note": "mine", "bookmarks": [{"exposure": 3, "time_ns": 12_345, "note": ""}]}
