@@ -15,7 +15,7 @@ from ispom.calibration.motion.course import LONGEST_S
 from ispom.errors import InputError
 from ispom.io.files import exists, expanded, is_folder, names, require_file
 from ispom.io.rows import increasing_times_ns, read_rows
-from ispom.sequences.decoder_output import silenced
+from ispom.sequences.decoder_output import film_name, silenced
 from ispom.sequences.formats.folder import TIMES
 from ispom.sequences.formats.video import looks_like_video, video_stream
 from ispom.sequences.formats.video_folder import video_in
@@ -159,7 +159,7 @@ def _of_files(camera: str, place: Path, files: list[Path]) -> Source:
 
 def _film(camera: str, path: Path) -> Source:
     with silenced():
-        decoder = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        decoder = cv2.VideoCapture(film_name(path), cv2.CAP_FFMPEG)
         size = int(decoder.get(cv2.CAP_PROP_FRAME_WIDTH)), int(decoder.get(cv2.CAP_PROP_FRAME_HEIGHT))
         decoder.release()
     stream = video_stream(path, size, Clock())

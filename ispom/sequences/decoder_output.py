@@ -7,6 +7,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import cv2
 
@@ -18,6 +19,11 @@ def quiet_decoders() -> None:
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     warnings.filterwarnings("ignore", module=r"PIL\.")
+
+
+def film_name(path: Path) -> str:
+    """What FFmpeg is to open: of a relative path that begins with 12: it takes 12 for the name of a protocol."""
+    return os.path.abspath(path)
 
 
 class _Silence:

@@ -25,6 +25,8 @@ TOLD_SIGMA = 0.05
 """The same of one that a file tells: it is rounded to millimetres, and films are cropped for stabilisation."""
 LEAST_TOLD, MOST_TOLD = 0.2, 20.0
 """Focal lengths, as a share of the longer side, that a file may tell: of lenses of 7 to 720 mm on 35 mm film."""
+MOST_ASPECT = 4.0
+"""Of pixels: those of films have at most 2."""
 SENSOR_MM = (2.0, 62.0)
 """The longer side of a camera's sensor: from telephones to medium format."""
 _EXIF, _FOCAL_MM, _FOCAL_35_MM = 0x8769, 37386, 41989
@@ -34,12 +36,23 @@ _MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
-def guessed(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
-    """Of images (width, height); `told` is a focal length [px] and where it was found."""
-    longer = max(size)
+def guessed(size: tuple[int, int], told: tuple[float, str] | None, aspect: float = 1.0) -> Guess:
+    """Of images (width, height) with pixels of this `aspect`, width over height.
+
+    `told` is a focal length, in heights of a pixel, and where it was found.
+    """
+    longer = max(size[0] * aspect, size[1])
     if told is not None and LEAST_TOLD * longer <= told[0] <= MOST_TOLD * longer:
-        return Guess(told[0], TOLD_SIGMA, told[1])
-    return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side")
+        return Guess(told[0], TOLD_SIGMA, told[1], aspect)
+    return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side", aspect)
+
+
+def pixel_aspect(width: float, height: float) -> float:
+    """Width of a pixel over its height, as a file has it; 1 where that cannot be."""
+    if not (width > 0 and height > 0):
+        return 1.0
+    aspect = width / height
+    return aspect if 1 / MOST_ASPECT <= aspect <= MOST_ASPECT else 1.0
 
 
 def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
@@ -50,19 +63,22 @@ def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
                 size, exif = image.size, image.getexif()
                 turned = exif.get(0x0112, 1) in (5, 6, 7, 8)
                 entries = exif.get_ifd(_EXIF)
+                ratio = image.info.get("jfif_density", (1, 1)) if image.info.get("jfif_unit") == 0 else (1, 1)
         except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
             raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
     width, height = size[::-1] if turned else size
-    guess = guessed((width, height), _told_by_exif(entries, (width, height)))
+    aspect = pixel_aspect(*(ratio[::-1] if turned else ratio))
+    guess = guessed((width, height), _told_by_exif(entries, (width, height)), aspect)
     return guess, guess.camera((width, height))
 
 
-def guess_of_film(path: Path, size: tuple[int, int]) -> Guess:
-    """By a film's metadata and the size (width, height) of its images."""
+def guess_of_film(path: Path, size: tuple[int, int], aspect: float = 1.0) -> Guess:
+    """By a film's metadata, and the size (width, height) of its images and the aspect of their pixels."""
     equivalent = _number(quicktime_metadata(path).get(_QUICKTIME))
     if equivalent is None:
-        return guessed(size, None)
-    return guessed(size, (_px_of_35_mm(equivalent, size), f"the film's metadata: {equivalent:g} mm on 35 mm film"))
+        return guessed(size, None, aspect)
+    focal = _px_of_35_mm(equivalent, (size[0] * aspect, size[1]))
+    return guessed(size, (focal, f"the film's metadata: {equivalent:g} mm on 35 mm film"), aspect)
 
 
 def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[float, str] | None:
@@ -81,7 +97,7 @@ def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[fl
     return focal_mm * per_unit / mm * max(size) / taken, f"EXIF: {focal_mm:g} mm, {per_unit:g} px per unit{reduced}"
 
 
-def _px_of_35_mm(equivalent_mm: float, size: tuple[int, int]) -> float:
+def _px_of_35_mm(equivalent_mm: float, size: tuple[float, float]) -> float:
     return equivalent_mm / FILM_DIAGONAL_MM * float(np.hypot(*size))
 
 

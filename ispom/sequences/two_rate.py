@@ -31,7 +31,7 @@ def two_rate(recording: Recording, stereo_every: int = 1, video_scale: float = 1
     check_shape(stereo_every, video_scale)
     video = recording.camera.scaled(video_scale)
     rig, notes = Rig.single(video), recording.notes
-    guess = recording.guess and replace(recording.guess, focal_px=video.fx)
+    guess = recording.guess and replace(recording.guess, focal_px=video.fx * recording.guess.aspect)
     if guess is not None:
         notes = (guess.note, *notes)
     if recording.baseline_m is not None:

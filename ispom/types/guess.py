@@ -16,16 +16,19 @@ class Guess:
     """Standard deviation, as a share of it."""
     origin: str
     """Where it comes from, in words."""
+    aspect: float = 1.0
+    """Width of a pixel, as a share of its height; `focal_px` counts heights."""
 
     def camera(self, size: tuple[int, int]) -> Camera:
         """Of images (width, height)."""
         width, height = size
-        return Camera(width, height, self.focal_px, self.focal_px, (width - 1) / 2, (height - 1) / 2)
+        return Camera(width, height, self.focal_px / self.aspect, self.focal_px, (width - 1) / 2, (height - 1) / 2)
 
     @property
     def note(self) -> str:
         """For people: what was assumed, and how sure it is."""
+        pixels = "" if self.aspect == 1 else f", pixels {self.aspect:.4g} times as wide as high"
         return (
             f"The camera has no calibration: focal length {self.focal_px:.0f} px +- {100 * self.sigma:.0f} % "
-            f"({self.origin}), no distortion."
+            f"({self.origin}), no distortion{pixels}."
         )

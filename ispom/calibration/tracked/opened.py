@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from ispom.calibration.tracked.solve import TrackedLens, lens_of_tracks
@@ -29,7 +30,8 @@ def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int 
     found = found_in(sequence, guess, most_images, most_views)
     note = words(guess, found)
     if found is not None and told(guess, found):
-        surer = Guess(found.camera.fx, float(found.sigma[0]), f"from the motion in {found.views} of its images")
+        origin = f"from the motion in {found.views} of its images"
+        surer = Guess(found.camera.fy, float(found.sigma[0]), origin, guess.aspect)
         sequence = replace(sequence, rig=replace(sequence.rig, video=rounded(found.camera)), guess=surer)
     return replace(sequence, notes=tuple(note if each == guess.note else each for each in sequence.notes))
 
@@ -37,8 +39,18 @@ def refined(sequence: Sequence, most_images: int = MOST_IMAGES, most_views: int 
 def found_in(sequence: Sequence, guess: Guess, most_images: int, most_views: int) -> TrackedLens | None:
     """What the tracks through the first images of the video say."""
     camera = sequence.rig.camera("video")
-    tracks = key_tracks(_images(sequence, most_images), most_views)
-    return lens_of_tracks(tracks, guess.camera((camera.width, camera.height)), guess.sigma)
+    width = round(camera.width * guess.aspect)
+    square = replace(guess, aspect=1.0).camera((width, camera.height))
+    images = (_resized(image, width) for image in _images(sequence, most_images))
+    found = lens_of_tracks(key_tracks(images, most_views), square, guess.sigma)
+    if found is None or width == camera.width:
+        return found
+    share = camera.width / width
+    as_filmed = replace(
+        found.camera, width=camera.width, fx=found.camera.fx * share, cx=(found.camera.cx + 0.5) * share - 0.5
+    )
+    scale = np.array([1, share, 1, 1, 1])
+    return replace(found, camera=as_filmed, covariance=found.covariance * np.outer(scale, scale))
 
 
 def told(guess: Guess, found: TrackedLens) -> bool:
@@ -66,13 +78,21 @@ def words(guess: Guess, found: TrackedLens | None) -> str:
             f"and scale drift suffer. {_BETTER}"
         )
     k1, sigma = found.camera.distortion[0], found.sigma[3]
+    pixels = "" if guess.aspect == 1 else f", pixels {guess.aspect:.4g} times as wide as high"
     head = (
         f"The camera has no calibration: from the motion in {found.views} of its images, focal length "
-        f"{found.camera.fx:.0f} px +- {percent:.1f} %, distortion k1 {k1:+.3f} +- {sigma:.3f}"
+        f"{found.camera.fy:.0f} px +- {percent:.1f} %{pixels}, distortion k1 {k1:+.3f} +- {sigma:.3f}"
     )
     if found.sigma[0] <= SURE:
         return f"{head}. {_BETTER}"
     return f"{head}: for a first look only; a camera that turns more tells more. {_BETTER}"
+
+
+def _resized(image: Image, width: int) -> Image:
+    """With square pixels."""
+    if image.shape[1] == width:
+        return image
+    return np.asarray(cv2.resize(image, (width, image.shape[0]), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def _images(sequence: Sequence, most: int) -> Iterator[Image]:

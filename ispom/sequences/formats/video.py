@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.files import exists, read_head
-from ispom.sequences.decoder_output import silenced
+from ispom.sequences.decoder_output import film_name, silenced
 from ispom.sequences.formats.folder import CAMERA, read_settings
-from ispom.sequences.guess import guess_of_film
+from ispom.sequences.guess import guess_of_film, pixel_aspect
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
-from ispom.types import Image
+from ispom.types import Camera, Image
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm"})
 MAX_COUNT = 100_000_000
@@ -29,6 +29,12 @@ MAX_SKIP = 40
 """Up to this many images ahead, reading on is quicker than a jump to the key frame before and decoding from there."""
 ROUNDED_NS = 2_500_000
 """Times that are rounded to milliseconds make intervals of a constant rate differ by up to two."""
+RATE_ERROR = 0.01
+"""Beyond it, a file's own rate is not that of its images."""
+ASPECT_ERROR = 0.02
+"""Of fx and fy that are calibrated."""
+FEW = 10
+"""Of fewer images, the rate cannot be told from rounded times."""
 HEADER_ERROR = 4
 """Headers of whole files may claim a few images too many; beyond that, the images are counted by decoding all."""
 
@@ -45,11 +51,12 @@ def open_video(path: Path, calibration: Path | None = None) -> Recording:
     guess, notes = None, ()
     if settings is None:
         film = _Film(path)
-        guess = guess_of_film(path, film.size)
+        guess = guess_of_film(path, film.size, film.aspect)
         camera, stream = guess.camera(film.size), _stream(film, path, Clock())
     else:
         camera, clock, notes = read_settings(settings)
-        stream = video_stream(path, size_of(camera), clock)
+        film = _Film(path, size_of(camera))
+        stream, notes = _stream(film, path, clock), (*notes, *_aspect_note(path, film, camera))
     read, notes = stream.read, (*notes, *stream.notes)
     return Recording(
         f"video {path.name}", camera, None, stream.times_ns, lambda _, i: read(i), None, notes, guess=guess
@@ -72,6 +79,14 @@ def _stream(film: _Film, path: Path, clock: Clock) -> Stream:
     return Stream(times_ns, film.read, tuple(text for text in (note, film.note) if text))
 
 
+def _aspect_note(path: Path, film: _Film, camera: Camera) -> tuple[str, ...]:
+    """A note where the calibration has other pixels than the file."""
+    if abs(camera.fy / camera.fx / film.aspect - 1) <= ASPECT_ERROR:
+        return ()
+    wide = f"{path.name}: the file says that its pixels are {film.aspect:.4g} times as wide as high, the calibration"
+    return (f"{wide} that they are {camera.fy / camera.fx:.4g} times: is it that of this film?",)
+
+
 def _is_container(head: bytes) -> bool:
     """By the first bytes: FFmpeg would take a list of addresses for a video, too, and open them."""
     mp4 = head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
@@ -81,7 +96,7 @@ def _is_container(head: bytes) -> bool:
 def _stamps_ns(path: Path) -> NDArray[np.int64]:
     """(N,) presentation times [ns] of the packets in a video file, ascending from 0. Decodes nothing."""
     with silenced():
-        packets = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+        packets = cv2.VideoCapture(film_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
         stamps_ms = []
         while packets.grab():
             stamps_ms.append(packets.get(cv2.CAP_PROP_POS_MSEC))
@@ -113,16 +128,39 @@ class _Film:
         if size is not None and self.size != size:
             cure = "give the calibration of this video"
             raise InputError(f"{path} is {width} x {height}, not {size[0]} x {size[1]} as its camera: {cure}")
+        aspect = pixel_aspect(get(cv2.CAP_PROP_SAR_NUM), get(cv2.CAP_PROP_SAR_DEN))
+        turned = get(cv2.CAP_PROP_ORIENTATION_AUTO) and get(cv2.CAP_PROP_ORIENTATION_META) % 180
+        self.aspect = 1 / aspect if turned else aspect
+        """Width of a pixel over its height."""
         rate_hz = get(cv2.CAP_PROP_FPS)
         self.rate_hz = rate_hz if np.isfinite(rate_hz) and MIN_HZ <= rate_hz <= MAX_HZ else None
-        stamps_ns = _stamps_ns(path)
-        self.uneven = _is_uneven(stamps_ns)
         claimed = int(min(max(0, get(cv2.CAP_PROP_FRAME_COUNT)), MAX_COUNT))
-        self.count, self.note = self._counted(len(stamps_ns) if self.uneven else claimed)
-        stamps_ns = stamps_ns[: self.count]
-        told = len(stamps_ns) == self.count and bool((np.diff(stamps_ns) > 0).all())
-        self.stamps_ns = stamps_ns if told and self.uneven else None
-        """(N,) [ns] of a variable rate; None where the rate tells the times."""
+        packets_ns = _stamps_ns(path)
+        self._in_order = not self._has_own_rate(packets_ns)
+        self.count = 0 if self._in_order else self._counted(claimed)
+        self.stamps_ns: NDArray[np.int64] | None = None
+        """(N,) [ns] where the rate does not tell the times."""
+        if self.count == 0 or self.count != len(packets_ns) > 0:
+            # Packets before and after the part that an edit list shows are no images, and neither are damaged ones.
+            self._in_order, shown_ns = True, self._shown_ns()
+            self.count = len(shown_ns)
+            if (np.diff(shown_ns) > 0).all() and not self._has_own_rate(shown_ns):
+                self.stamps_ns = shown_ns
+        claimed = max(claimed, len(packets_ns))
+        fewer = f"{path.name}: {self.count} of {claimed} images can be decoded and are part of what the file shows"
+        self.note = fewer if self.count < claimed else ""
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the images have times of their own."""
+        return self.stamps_ns is not None
+
+    def _has_own_rate(self, times_ns: NDArray[np.int64]) -> bool:
+        """Whether images of such times (N,) follow at the file's rate."""
+        if len(times_ns) < 2 or self.rate_hz is None:
+            return True
+        share = (times_ns[-1] - times_ns[0]) * 1e-9 / (len(times_ns) - 1) * self.rate_hz
+        return not _is_uneven(times_ns) and bool(abs(share - 1) <= RATE_ERROR or len(times_ns) < FEW)
 
     def read(self, i: int) -> Image:
         """Image i (H, W, 3) RGB, read-only."""
@@ -138,36 +176,39 @@ class _Film:
 
     def _opened(self) -> cv2.VideoCapture:
         with silenced():
-            decoder = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
+            decoder = cv2.VideoCapture(film_name(self._path), cv2.CAP_FFMPEG)
         if not decoder.isOpened():
             raise InputError(f"{self._path} is not a video that FFmpeg can decode (truncated or damaged?): restore it")
         return decoder
 
-    def _counted(self, claimed: int) -> tuple[int, str]:
-        """How many images there are, and a note about that. Headers may claim none, or more than there are."""
+    def _counted(self, claimed: int) -> int:
+        """How many images there are, by jumps to the last ones; 0 where headers claim none, or far more than there
+        are."""
         for count in range(claimed, max(0, claimed - HEADER_ERROR), -1):
             if self._decoded(count - 1) is not None:
-                return count, self._fewer(count, claimed)
+                return count
+        return 0
+
+    def _shown_ns(self) -> NDArray[np.int64]:
+        """(N,) when each image is shown [ns], from 0, by decoding all; InputError where there is none."""
         self._restart()
-        count = 0
+        shown_ms = []
         while self._decoder.grab():
-            count += 1
+            shown_ms.append(self._decoder.get(cv2.CAP_PROP_POS_MSEC))
         self._restart()
-        if not count:
+        if not shown_ms:
             code = int(self._decoder.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little", signed=True).decode("latin-1")
             kind = f" ({code})" if code.isprintable() else ""
             raise InputError(
                 f"{self._path} holds no image that can be decoded{kind}: restore the file, or convert it, to H.264 for "
                 "example"
             )
-        return count, self._fewer(count, claimed)
-
-    def _fewer(self, count: int, claimed: int) -> str:
-        return f"{self._path.name}: {count} of {claimed} images can be decoded" if count < claimed else ""
+        shown_ns = np.rint(np.array(shown_ms) * 1e6).astype(np.int64)
+        return shown_ns - shown_ns[0]
 
     def _decoded(self, i: int) -> np.ndarray | None:
         """Image i in OpenCV's order of colours, None where there is none."""
-        if self.uneven:  # the decoder's jumps take its rate for constant
+        if self._in_order:  # the decoder's jumps take its rate for constant, and every packet for an image
             if i < self._next:
                 self._restart()
         elif not self._next <= i <= self._next + MAX_SKIP:
