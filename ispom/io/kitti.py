@@ -44,12 +44,12 @@ def read_times(path: Path) -> NDArray[np.int64]:
     return increasing_times_ns(path, read_rows(path, 1))
 
 
-def read_calibration(path: Path) -> dict[str, Array]:
-    """Projection matrices (3, 4) by name, P0 and P1; other entries are ignored."""
+def read_calibration(path: Path, cameras: tuple[str, ...] = ("P0", "P1")) -> dict[str, Array]:
+    """Projection matrices (3, 4) of these cameras by name, of which the first must be there; others are ignored."""
     found = {}
     for line, text in enumerate(read_text(path).splitlines(), 1):
         name, colon, values = text.partition(":")
-        if name.strip() not in ("P0", "P1"):
+        if name.strip() not in cameras:
             continue
         words = values.split()
         if not colon or len(words) != 12:
@@ -60,6 +60,6 @@ def read_calibration(path: Path) -> dict[str, Array]:
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise InputError(f"{path} line {line}: the focal length is not positive: correct that line")
         found[name.strip()] = matrix
-    if "P0" not in found:
-        raise InputError(f"{path} has no line 'P0: ...': give the calibration of this drive")
+    if cameras[0] not in found:
+        raise InputError(f"{path} has no line '{cameras[0]}: ...': give the calibration of this drive")
     return found

@@ -1,6 +1,7 @@
 """KITTI odometry drives: `sequences/NN` with image_0, image_1, calib.txt and times.txt; `poses/NN.txt` beside it.
 
-The right camera (image_1) and the poses may be missing.
+Without image_0, the colour cameras (image_2, image_3) are read. The right camera and the poses may be missing, and the
+images may be copies in another format.
 """
 
 from __future__ import annotations
@@ -11,71 +12,93 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.geometry import Array, Pose
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder, names
 from ispom.io.kitti import read_calibration, read_poses, read_times
-from ispom.sequences.images import read_grey
+from ispom.sequences.images import IMAGE_SUFFIXES, read_grey, read_image
 from ispom.sequences.recording import Recording, Side
 from ispom.types import Camera, Image, Trajectory
+
+PAIRS = (("image_0", "image_1"), ("image_2", "image_3"))
 
 
 def looks_like_kitti(folder: Path) -> bool:
     """Whether anything that only a KITTI odometry drive has is there."""
-    return any(exists(folder / name) for name in ("image_0", "image_1", "calib.txt"))
+    return any(exists(folder / name) for name in (*PAIRS[0], "calib.txt"))
 
 
 def open_kitti(folder: Path) -> Recording:
     """The recording of a folder `sequences/NN`; InputError names the file that is missing or wrong."""
-    count = _count(folder / "image_0")
-    camera, baseline_m = _cameras(folder)
-    if baseline_m is not None and (right := _count(folder / "image_1")) != count:
-        raise InputError(
-            f"{folder / 'image_1'} holds {right} images, image_0 {count}: restore the missing ones, or move image_1 "
-            "away to run the left camera alone"
-        )
+    left, right = next((pair for pair in PAIRS if is_folder(folder / pair[0])), PAIRS[0])
+    paths = {"left": _images(folder / left)}
+    count = len(paths["left"])
+    read_pixels = read_grey if left == PAIRS[0][0] else read_image
+    height, width = read_pixels(paths["left"][0]).shape[:2]
+    camera, baseline_m, shift_m = _cameras(folder, left, right, (width, height))
+    if baseline_m is not None:
+        paths["right"] = _images(folder / right)
+        if (others := len(paths["right"])) != count:
+            raise InputError(
+                f"{folder / right} holds {others} images, {left} {count}: restore the missing ones, or move {right} "
+                "away to run the left camera alone"
+            )
     times_ns = read_times(folder / "times.txt")
     if len(times_ns) < count:
         raise InputError(f"{folder / 'times.txt'} has {len(times_ns)} times for {count} images: give the complete file")
-    size, sides = (camera.width, camera.height), {"left": "image_0", "right": "image_1"}
+    size = (camera.width, camera.height)
 
     def read(side: Side, i: int) -> Image:
-        return read_grey(folder / sides[side] / f"{i:06d}.png", size)
+        return read_pixels(paths[side][i], size)
 
-    name = folder.resolve().name
-    return Recording(f"KITTI {name}", camera, baseline_m, times_ns[:count], read, _truth(folder, times_ns[:count]))
+    truth = _truth(folder, times_ns[:count])
+    if truth is not None and left != PAIRS[0][0]:
+        truth = truth.moved(right=Pose(translation=-shift_m))
+    return Recording(f"KITTI {folder.resolve().name}", camera, baseline_m, times_ns[:count], read, truth)
 
 
-def _count(images: Path) -> int:
-    """How many images there are, numbered from 0 without a gap."""
+def _images(images: Path) -> list[Path]:
+    """The images, numbered from 0 without a gap; of several copies of one, a PNG file."""
     if not is_folder(images):
-        raise InputError(f"{images} is missing: give a drive with its images")
-    found = [name for name in names(images) if name.endswith(".png") and not name.startswith(".")]
+        raise InputError(f"{images} is missing: give a drive with its images (image_0, or image_2 in colour)")
+    found = [Path(name) for name in names(images) if not name.startswith(".")]
+    found = [name for name in found if name.suffix.lower() in IMAGE_SUFFIXES]
     if not found:
-        raise InputError(f"{images} holds no .png image: give a drive with its images")
-    gap = next((i for i, name in enumerate(found) if name != f"{i:06d}.png"), None)
+        raise InputError(f"{images} holds no image: give a drive with its images")
+    by_number: dict[str, Path] = {}
+    for name in sorted(found, key=lambda name: (name.stem, name.suffix.lower() != ".png", name.suffix)):
+        by_number.setdefault(name.stem, name)
+    gap = next((i for i, stem in enumerate(by_number) if stem != f"{i:06d}"), None)
     if gap is not None:
-        raise InputError(f"{images / f'{gap:06d}.png'} is missing: images are numbered from 0 without a gap")
-    return len(found)
+        missing = images / f"{gap:06d}{found[0].suffix}"
+        raise InputError(f"{missing} is missing: images are numbered from 0 without a gap")
+    return [images / name for name in by_number.values()]
 
 
-def _cameras(folder: Path) -> tuple[Camera, float | None]:
-    """The camera of both sides, and the baseline [m] if there is a right one."""
-    projections = read_calibration(folder / "calib.txt")
-    height, width = read_grey(folder / "image_0" / "000000.png").shape
-    left = projections["P0"]
-    fx, fy, cx, cy = left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    camera = usable(Camera(width, height, fx, fy, cx, cy), f"{folder / 'calib.txt'}: P0")
-    if not is_folder(folder / "image_1"):
-        return camera, None
-    if "P1" not in projections:
+def _cameras(folder: Path, left: str, right: str, size: tuple[int, int]) -> tuple[Camera, float | None, Array]:
+    """The camera of both sides, and the baseline [m] if there is a right one.
+
+    Also what is added to a position in the camera of the truth to get that in the left one: (3,) [m].
+    """
+    first, second = (name.replace("image_", "P") for name in (left, right))
+    projections = read_calibration(folder / "calib.txt", (first, second))
+    projection = projections[first]
+    fx, fy, cx, cy = projection[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
+    camera = usable(Camera(*size, fx, fy, cx, cy), f"{folder / 'calib.txt'}: {first}")
+    shift_m = np.linalg.solve(projection[:, :3], projection[:, 3])
+    if not is_folder(folder / right):
+        return camera, None, shift_m
+    if second not in projections:
         raise InputError(
-            f"{folder / 'calib.txt'} has no line 'P1: ...' for image_1: give the calibration of this drive"
+            f"{folder / 'calib.txt'} has no line '{second}: ...' for {right}: give the calibration of this drive"
         )
-    right = projections["P1"]
-    baseline_m = float((left[0, 3] - right[0, 3]) / right[0, 0])
-    if baseline_m <= 0 or abs(right[:, :3] - left[:, :3]).max() > 1e-6 * left[0, 0]:
-        raise InputError(f"{folder / 'calib.txt'}: P1 is not P0 moved to the right: give the calibration of this drive")
-    return camera, baseline_m
+    other = projections[second]
+    baseline_m = float((projection[0, 3] - other[0, 3]) / other[0, 0])
+    if baseline_m <= 0 or abs(other[:, :3] - projection[:, :3]).max() > 1e-6 * projection[0, 0]:
+        raise InputError(
+            f"{folder / 'calib.txt'}: {second} is not {first} moved to the right: give the calibration of this drive"
+        )
+    return camera, baseline_m, shift_m
 
 
 def _truth(folder: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -71,3 +72,55 @@ def test_real_drives(drive: str, frames: int, stereo: bool, path_m: float) -> No
     if stereo:
         assert sequence.rig.baseline_m == pytest.approx(0.537, abs=1e-3)
         assert isinstance(sequence[0], StereoPair)
+
+
+def in_colour(drive: Path, suffix: str = ".png") -> Path:
+    """With image_2 and image_3 in place of the grey ones; the left one is 0.06 m to the left of image_0."""
+    for grey, colour in (("image_0", "image_2"), ("image_1", "image_3")):
+        (drive / colour).mkdir()
+        for path in sorted((drive / grey).iterdir()):
+            image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+            assert image is not None
+            cv2.imwrite(str(drive / colour / f"{path.stem}{suffix}"), np.dstack([image, image, 255 - image]))
+            path.unlink()
+        (drive / grey).rmdir()
+    rows = [f"P{i}: 80 0 47.5 {80 * (0.06 - BASELINE_M * (i - 2))} 0 80 31.5 0.8 0 0 1 0" for i in (2, 3)]
+    with (drive / "calib.txt").open("a") as file:
+        file.write("\n".join(rows) + "\n")
+    return drive
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_a_drive_in_colour_is_read(suffix: str, tmp_path: Path) -> None:
+    recording = open_kitti(in_colour(make_drive(tmp_path), suffix))
+    assert recording.baseline_m == pytest.approx(BASELINE_M)
+    left, right = recording.read("left", 2), recording.read("right", 2)
+    assert left.shape == (HEIGHT, WIDTH, 3)
+    grey = open_kitti(make_drive(tmp_path / "grey")).read("left", 2)
+    np.testing.assert_allclose(left[..., 1], grey, atol=0 if suffix == ".png" else 60)
+    np.testing.assert_allclose(left[..., 0], 255 - grey.astype(int), atol=0 if suffix == ".png" else 60)
+    assert right.shape == left.shape
+    assert recording.truth is not None  # of the grey camera in the file
+    np.testing.assert_allclose(recording.truth.translations[3], [0.6 - 0.06, -0.01, 1.5], atol=1e-12)
+
+
+def test_copies_in_another_format_are_read(tmp_path: Path) -> None:
+    drive = make_drive(tmp_path)
+    before = open_kitti(drive).read("left", 3)
+    for path in sorted((drive / "image_0").iterdir()):
+        cv2.imwrite(str(path.with_suffix(".jpg")), cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(open_kitti(drive).read("left", 3), before)
+    for path in (drive / "image_0").glob("*.png"):
+        path.unlink()
+    after = open_kitti(drive).read("left", 3)
+    assert after.shape == before.shape and np.abs(after.astype(int) - before).mean() < 10
+    (drive / "image_0" / "000002.jpg").unlink()
+    with pytest.raises(InputError, match=r"000002\.jpg is missing"):
+        open_kitti(drive)
+
+
+def test_a_drive_in_colour_needs_the_calibration_of_its_cameras(tmp_path: Path) -> None:
+    drive = in_colour(make_drive(tmp_path))
+    (drive / "calib.txt").write_text("P0: 80 0 47.5 0 0 80 31.5 0 0 0 1 0\n")
+    with pytest.raises(InputError, match=r"no line 'P2: \.\.\.'"):
+        open_kitti(drive)
