@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +10,9 @@ from ispom.errors import InputError, as_text, counted
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
-from ispom.sequences.formats.described import looks_described, open_described
+from ispom.sequences.formats.described import is_yaml, looks_described, open_described
 from ispom.sequences.formats.euroc import looks_like_euroc, open_euroc
-from ispom.sequences.formats.folder import looks_like_images, open_folder
+from ispom.sequences.formats.folder import looks_like_images, open_folder, unread_images
 from ispom.sequences.formats.kitti import looks_like_kitti, open_kitti
 from ispom.sequences.formats.kitti_raw import looks_like_kitti_raw, open_kitti_raw
 from ispom.sequences.formats.live import looks_live, open_live
@@ -28,21 +29,22 @@ from ispom.sequences.two_rate import check_shape, two_rate
 from ispom.types import Exposure, Sequence
 
 MIN_FRAMES = 3
-LAYOUTS = (
-    (looks_described, open_described),
-    (looks_like_kitti, open_kitti),
-    (looks_like_kitti_raw, open_kitti_raw),
-    (looks_like_euroc, open_euroc),
-)
+Looks = Callable[[Path], bool]
+LAYOUTS: dict[Looks | None, Callable[[Path], Recording | Sequence]] = {
+    looks_described: open_described,
+    looks_like_kitti: open_kitti,
+    looks_like_kitti_raw: open_kitti_raw,
+    looks_like_euroc: open_euroc,
+}
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
-ONE_CAMERA = (
-    (looks_like_bag, open_bag),
-    (looks_like_tum, open_tum),
-    (looks_like_seven_scenes, open_seven_scenes),
-    (looks_like_video, open_video),
-    (looks_like_images, open_folder),
-    (looks_like_video_folder, open_video_folder),
-)
+ONE_CAMERA: dict[Looks | None, Callable[[Path, Path | None], Recording]] = {
+    looks_like_bag: open_bag,
+    looks_like_tum: open_tum,
+    looks_like_seven_scenes: open_seven_scenes,
+    looks_like_video: open_video,
+    looks_like_images: open_folder,
+    looks_like_video_folder: open_video_folder,
+}
 """The same, of kinds whose calibration may be a file of its own, so that another may take its place."""
 
 ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
@@ -119,16 +121,15 @@ def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:
 def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequence:
     if not exists(path):
         raise InputError(f"{path} does not exist: correct the path, or give a simulation such as sim:city")
-    if looks_like_scenario(path):
+    layout = layout_of(path)
+    if layout is looks_like_scenario:
         return open_scenario(path, seed)
-    for looks_like, opened in LAYOUTS:
-        if looks_like(path):
-            if calibration is not None:
-                raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
-            return opened(path)
-    for looks_like, opened in ONE_CAMERA:
-        if looks_like(path):
-            return opened(path, calibration)
+    if layout in ONE_CAMERA:
+        return ONE_CAMERA[layout](path, calibration)
+    if layout in LAYOUTS or (not is_folder(path) and is_yaml(path)):  # which says what a description needs
+        if calibration is not None:
+            raise InputError(f"{path} has its own calibration: leave --camera {calibration} out")
+        return LAYOUTS.get(layout, open_described)(path)
     if not is_folder(path):
         if path.suffix.lower() in ARCHIVES:
             raise InputError(f"{path} is an archive: unpack it, and give the folder that it holds")
@@ -138,6 +139,10 @@ def _opened(path: Path, calibration: Path | None, seed: int) -> Recording | Sequ
         )
     if not names(path):
         raise InputError(f"{path} is an empty folder: give the folder of a drive, such as kitti/sequences/06")
+    if unread := unread_images(path):
+        kinds = ", ".join(sorted({Path(name).suffix.lower() for name in unread}))
+        count = counted(len(unread), "image")
+        raise InputError(f"{path} holds {count} in a format that is not read ({kinds}): convert them to JPEG or PNG")
     within = recordings_in(path)
     cure = f"give a recording in it, such as {within[0]}" if within else "give a folder or file of one of these kinds"
     raise InputError(
@@ -153,12 +158,20 @@ def recordings_in(folder: Path) -> list[Path]:
     return sorted((p for p in inner if recognised(p)), key=lambda p: ("depth" in p.name.lower(), p))
 
 
+def layout_of(path: Path) -> Looks | None:
+    """What recognises a folder or file, and so how it is opened; None where nothing does. InputError where it cannot be
+    looked at."""
+    return next(
+        (looks for looks in (looks_like_scenario, *LAYOUTS, *ONE_CAMERA) if looks is not None and looks(path)), None
+    )
+
+
 def recognised(path: Path) -> bool:
-    """Whether a folder or file looks like something that can be opened; not what cannot be looked at, such as a link to
-    nothing."""
+    """Whether a folder or file can be opened, by what `open_sequence` recognises it by; not what cannot be looked at,
+    such as a link to nothing."""
     try:
         if path.suffix.lower() not in FILES and not is_folder(path):
             return False  # most files: nothing in them need be looked for
-        return any(looks_like(path) for looks_like, _ in (*LAYOUTS, *ONE_CAMERA))
+        return layout_of(path) is not None
     except InputError:
         return False

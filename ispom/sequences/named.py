@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from decimal import Decimal
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,8 +19,12 @@ from ispom.errors import InputError
 _STAMP = re.compile(r"(?<![0-9.])1(?:([0-9]{9})\.([0-9]{1,9})|([0-9]{18}|[0-9]{15}|[0-9]{12}|[0-9]{9}))$")
 """Seconds with or without a fraction, or whole nano-, micro- or milliseconds since 1970, from 2001 to 2033; a date
 begins with 2."""
-_SECONDS = re.compile(r"(?<![0-9.,])([0-9]{1,10})(?:[.,]([0-9]{1,20}))?(?= ?s?$)")
-"""Seconds from the recording's own zero, of which some have a fraction."""
+_SECONDS = re.compile(
+    r"(?P<value>(?:^-)?(?<![0-9.,])[0-9]{1,19}(?:[.,](?P<fraction>[0-9]{1,20}))?(?P<exponent>e[-+][0-9]{1,2})?)"
+    r"[ _]?(?P<unit>s|secs?|seconds|ms|msec|us|usec|ns|nsec)?$"
+)
+"""Times from the recording's own zero, of which some have a fraction, or all a unit; without one they are seconds."""
+_UNITS_NS = {"": 10**9, "s": 10**9, "m": 10**6, "u": 10**3, "n": 1}
 _DATE = re.compile(
     r"(?<![0-9])((?:19|20)[0-9]{2})([-_.]?)([0-9]{2})\2([0-9]{2})[-_.T ]{0,3}([0-9]{2})([-_.:hm]?)([0-9]{2})[-_.:hm]?"
     r"([0-9]{2})(?:[.,]([0-9]{1,9})|[-_]?([0-9]{3}|[0-9]{6}|[0-9]{9}))?[sZ]?$"
@@ -28,6 +33,10 @@ _DATE = re.compile(
 _LAST_NUMBER = re.compile(r"(.*?)([0-9]{1,18})([^0-9]*)")
 SHORTEST_NS, LONGEST_NS = 1_000_000, 10_000_000_000
 """The median interval of images whose names are taken for times lies between these."""
+LATEST_NS = 4_600_000_000 * 10**9
+"""No time is later: in 2115, counted since 1970."""
+MOST_STEP = 5_000
+"""Numbers that advance by this or more do not count images, but are times."""
 UNITS = {"milliseconds": 1_000_000, "microseconds": 1_000, "nanoseconds": 1}
 """Of whole numbers that are times, from the longest to the shortest."""
 ROUNDED = 0.1
@@ -86,7 +95,7 @@ def _counted(names: list[str], unread: list[str]) -> Named:
     order = sorted(names, key=_order)
     _require_one_kind(order)
     found = [_number(name) for name in order]
-    if len({kind for kind, _ in found}) > 1:
+    if len({Path(kind).stem for kind, _ in found}) > 1:  # in one format or another
         return Named(tuple(order))
     numbers = [number for _, number in found]
     if -1 in numbers or not all(a < b for a, b in pairwise(numbers)):
@@ -111,23 +120,39 @@ def _padded(names: list[str]) -> int:
 
 
 def _of_seconds(names: list[str]) -> Named | None:
-    """By decimal seconds, of which at least one has a fraction; None where the names are something else, such as
-    versions and counters with points."""
+    """By decimal seconds, of which at least one has a fraction, or by times with their unit; None where the names are
+    something else, such as versions and counters with points."""
     found = [_SECONDS.search(Path(name).stem) for name in names]
-    parts = [match.groups() for match in found if match is not None]
-    fractions = [fraction for _, fraction in parts if fraction is not None]
-    if len(parts) < max(2, len(names)) or not fractions or len({_before_seconds(name) for name in names}) > 1:
+    parts = [match for match in found if match is not None]
+    fractions = [match["fraction"] for match in parts if match["fraction"] is not None]
+    units = {match["unit"] or "" for match in parts}
+    kinds = {_SECONDS.sub("", Path(name).stem) for name in names}
+    if len(parts) < max(2, len(names)) or len(kinds) > 1 or len(units) > 1 or not (fractions or any(units)):
         return None
     # 1.9 and 1.10 are counters: seconds are printed to one number of digits, or to as many as they need.
     same = len({len(fraction) for fraction in fractions}) == 1 and len(fractions) == len(parts)
-    if not same and any(fraction.endswith("0") and fraction != "0" for fraction in fractions):
+    plain = not any(units) and not any(match["exponent"] for match in parts)
+    if plain and not same and any(fraction.endswith("0") and fraction != "0" for fraction in fractions):
         return None
-    if same and _is_counter([(int(whole), int(fraction or 0)) for whole, fraction in parts]):
+    if plain and same and _is_counter([_both_sides(match["value"]) for match in parts]):
         return None
-    stamps = {name: _seconds_ns(*part) for name, part in zip(names, parts, strict=True)}
+    unit_ns = _UNITS_NS[units.pop()[:1]]
+    stamps = {name: _time_ns(match["value"], unit_ns) for name, match in zip(names, parts, strict=True)}
     order = sorted(names, key=stamps.__getitem__)
+    if max(abs(stamps[name]) for name in order) > LATEST_NS:
+        return None
     stamps_ns = np.array([stamps[name] for name in order], np.int64)
     return Named(tuple(order), stamps_ns) if _is_likely(np.diff(stamps_ns)) else None
+
+
+def _both_sides(value: str) -> tuple[int, int]:
+    """What stands before and after the point."""
+    before, _, after = value.replace(",", ".").partition(".")
+    return int(before), int(after or 0)
+
+
+def _time_ns(value: str, unit_ns: int) -> int:
+    return int((Decimal(value.replace(",", ".")) * unit_ns).to_integral_value())
 
 
 def _is_counter(parts: list[tuple[int, int]]) -> bool:
@@ -142,10 +167,11 @@ def _is_counter(parts: list[tuple[int, int]]) -> bool:
 
 
 def _of_whole_numbers(one: Named) -> Named:
-    """With times, where its numbers advance by a step that is no whole number, as rounded times do: 0, 33, 67, 100."""
+    """With times, where its numbers advance by a step that is no whole number, as rounded times do (0, 33, 67, 100), or
+    one that is too large for a counter."""
     assert one.numbers is not None
     apart = np.diff(one.numbers)
-    if len(apart) < 3 or one.step:
+    if len(apart) < 3 or 0 < one.step < MOST_STEP:
         return one
     ticks = np.rint(apart / np.median(apart))
     if not ticks.all() or (ticks == 1).mean() < IN_STEP:
@@ -244,17 +270,9 @@ def _date(stem: str) -> int | None:
     return int(moment.timestamp()) * 10**9 + int(f"{fractions[0] or fractions[1] or '':0<9}")
 
 
-def _seconds_ns(whole: str, fraction: str | None) -> int:
-    return int(whole) * 10**9 + int(f"{fraction or '':0<9}"[:9])
-
-
 def _before(name: str, stamp: Callable[[str], int | None]) -> str:
     """What a name has before its time."""
     return (_STAMP if stamp is _stamp else _DATE).sub("", Path(name).stem)
-
-
-def _before_seconds(name: str) -> str:
-    return _SECONDS.sub("", Path(name).stem)
 
 
 def _number(name: str) -> tuple[str, int]:

@@ -57,6 +57,16 @@ def test_a_photo_tells_its_focal_length_by_the_size_of_its_pixels(tmp_path: Path
     assert guess.focal_px == pytest.approx(4.0 * 800 / 10)
 
 
+def test_a_photo_says_how_wide_its_pixels_are(tmp_path: Path) -> None:
+    """JFIF without a unit: images of a film with wide pixels."""
+    content = bytearray(photo(tmp_path / "a.jpg", {}).read_bytes())
+    at = content.index(b"JFIF\0") + 7
+    content[at : at + 5] = struct.pack(">BHH", 0, 4, 3)
+    (tmp_path / "a.jpg").write_bytes(content)
+    guess, camera = guess_of_photo(tmp_path / "a.jpg")
+    assert guess.aspect == pytest.approx(4 / 3) and camera.fy / camera.fx == pytest.approx(4 / 3)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_size_of_pixels_is_that_of_the_photo_as_it_was_taken(turned: bool, tmp_path: Path) -> None:
     """6000 px on 23.5 mm, made smaller: EXIF keeps the resolution of what the camera saw."""

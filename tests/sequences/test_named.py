@@ -53,6 +53,31 @@ def test_decimal_seconds_are_times_in_their_order(name: str, digits: int) -> Non
     np.testing.assert_allclose(found.stamps_ns, expected, atol=10 ** (9 - digits))
 
 
+@pytest.mark.parametrize("name", ["{:.3e}.png", "{:.2f}sec.png", "{:.0f}ms.png", "f_{:.0f}_us.png", "{:.0f}ns.png"])
+def test_times_may_have_an_exponent_or_a_unit(name: str) -> None:
+    unit = 1e3 if "ms" in name else 1e6 if "us" in name else 1e9 if "ns" in name else 1
+    found = named([name.format(i * 0.04 * unit) for i in (10, 2, 0, 1, 4, 3)])
+    assert found.stamps_ns is not None
+    assert found.stamps_ns.tolist() == [i * 40_000_000 for i in (0, 1, 2, 3, 4, 10)]
+
+
+def test_seconds_may_begin_before_zero() -> None:
+    found = named([f"{i / 20:.2f}.png" for i in range(-4, 5)])
+    assert found.stamps_ns is not None and (np.diff(found.stamps_ns) == 50_000_000).all()
+
+
+def test_steps_that_are_too_large_for_a_counter_are_times() -> None:
+    for name, unit_ns in (("{:019d}.png", 1), ("{}.png", 1_000)):
+        found = named([name.format(i * 50_000_000 // unit_ns) for i in (0, 1, 2, 4, 5)])
+        assert found.stamps_ns is not None
+        assert found.stamps_ns.tolist() == [i * 50_000_000 for i in (0, 1, 2, 4, 5)]
+
+
+def test_images_in_two_formats_are_counted_together() -> None:
+    found = named(["IMG_0001.JPG", "IMG_0002.PNG", "IMG_0004.jpeg", "IMG_0005.JPG"])
+    assert ticks_of(found).tolist() == [0, 1, 3, 4]
+
+
 def test_seconds_may_have_no_fraction_or_a_decimal_comma() -> None:
     for names in (["0.jpg", "0.5.jpg", "1.jpg", "10.25.jpg"], ["0,0.jpg", "0,5.jpg", "1,0.jpg", "10,25.jpg"]):
         found = named(names[::-1])

@@ -45,9 +45,19 @@ STREAM_ENTRIES = ("source", *CLOCK_KEYS)
 
 
 def looks_described(path: Path) -> bool:
-    """Whether it is a YAML file, or a folder with a sequence.yaml."""
+    """Whether it is a folder with a sequence.yaml, or such a file by its content: not a calibration. InputError where
+    it is no YAML."""
     if is_folder(path):
         return exists(path / FILE) or _is_pair(path)
+    if not is_yaml(path):
+        return False
+    content = read_mapping(path)
+    named = [content[name] for name in STREAMS if name in content]
+    return any(isinstance(entry, str) or (isinstance(entry, dict) and "source" in entry) for entry in named)
+
+
+def is_yaml(path: Path) -> bool:
+    """By its name."""
     return path.suffix.lower() in (".yaml", ".yml")
 
 

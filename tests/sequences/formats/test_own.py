@@ -444,3 +444,10 @@ def test_a_laser_stays_where_it_is_beside_the_cameras(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
     given = own_folders.RIG.rig_from_left.translation - (0.1, -0.2, 0.3)
     assert np.linalg.norm(seen[0][:3, 3]) == pytest.approx(np.linalg.norm(given))
+
+
+def test_a_folder_of_images_that_are_not_read_says_so(tmp_path: Path) -> None:
+    for i in range(5):
+        (tmp_path / f"IMG_{i}.HEIC").write_bytes(b"ftypheic")
+    with pytest.raises(InputError, match=r"holds 5 images in a format that is not read \(\.heic\): convert them"):
+        open_sequence(str(tmp_path))

@@ -17,6 +17,7 @@ from ispom_app.session.sources.recent import MOST, RecentSources
 from ispom.ensemble import build
 from ispom.errors import InputError
 from ispom.methods import Config
+from ispom.sequences import open_sequence
 from ispom.types import Guess
 from tests.app.helpers import opener, started, wait_for
 
@@ -74,6 +75,25 @@ def test_what_is_recognised_is_told_from_folders_to_look_into(tmp_path: Path):
         (tmp_path / name).write_bytes(b"")
     found = {entry.path.name: entry.source for entry in Folders(tmp_path).entries(tmp_path)}
     assert found == {"film.mp4": True, "films": False, "more": False, "walk": True}
+
+
+def test_files_are_listed_where_a_run_would_open_them(tmp_path: Path):
+    texts = {
+        "camera.yaml": "{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}",
+        "rig.yaml": "video: {width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5, distortion: []}",
+        "notes.yaml": "[1, 2]",
+        "broken.yaml": "video: [",
+        "roof.yaml": "video: {source: film.mp4}",
+        "roof.yml": "{left: left, right: right}",
+        "storm.yaml": "scene: city",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    listed = {entry.path.name for entry in Folders(tmp_path).entries(tmp_path)}
+    assert listed == {"roof.yaml", "roof.yml", "storm.yaml"}
+    for name in texts.keys() - listed:
+        with pytest.raises(InputError, match=name.replace(".", r"\.")):
+            open_sequence(str(tmp_path / name))
 
 
 def test_what_cannot_be_looked_at_does_not_keep_the_others_from_being_listed(tmp_path: Path):
