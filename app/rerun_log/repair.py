@@ -12,6 +12,7 @@ from rerun.chunk import RrdReader
 
 from ispom.errors import InputError
 from ispom.io.whole import part_of, whole_of
+from ispom.sequences.decoder_output import silenced
 
 from ..run.folder.lock import locked
 from .piped_file import PipedFile
@@ -77,9 +78,10 @@ def _copy(source: Path, copy: Path) -> None:
         stream.save(file.target)
     finally:
         file.opened()
-    stream.log_file_from_path(source)
-    stream.flush(timeout_sec=PATIENCE_S)
-    stream.disconnect()
+    with silenced():  # Rerun says on standard error what it cannot decode; we say it below
+        stream.log_file_from_path(source)
+        stream.flush(timeout_sec=PATIENCE_S)
+        stream.disconnect()
     if not file.ended(PATIENCE_S) or file.failure is not None:
         raise file.failure or TimeoutError("the disk does not answer")
     if count_messages(copy) != count_messages(source):

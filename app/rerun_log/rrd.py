@@ -19,6 +19,8 @@ from ispom.errors import InputError
 from ispom.io.files import read_head
 
 _HEADER_BYTES = 12
+MOST_BYTES = 1 << 30
+"""Of a message; that of a 4K image is a hundredth of it."""
 _HEAD = struct.Struct("<QQ")
 _END, _DATA = 0, 2
 _LAST = b"RRF2FOOT\x01\0\0\0"
@@ -68,7 +70,10 @@ def require_readable(path: Path) -> None:
 
 
 def whole_bytes(path: Path) -> int:
-    """Length of the file's whole messages; 0 where it is no stream. OSError where it cannot be read."""
+    """Length of the file's whole messages; 0 where it is no stream. OSError where it cannot be read.
+
+    An end without its index is none: it is what zeros look like, of which a sparse file may hold a terabyte.
+    """
     size = path.stat().st_size
     with path.open("rb") as file:
         if file.read(len(HEADER)) != HEADER:
@@ -77,9 +82,9 @@ def whole_bytes(path: Path) -> int:
         while len(head := file.read(_HEAD.size)) == _HEAD.size:
             kind, content = _HEAD.unpack(head)
             after = at + _HEAD.size + content
-            if kind == _END:
+            if kind == _END and is_finished(path):
                 return size
-            if after > size:
+            if kind == _END or after > size or content > MOST_BYTES:
                 break
             at = after
             file.seek(at)

@@ -7,6 +7,7 @@ import argparse
 import sys
 
 from tests.fuzz.run import outcomes
+from tests.fuzz.worker import STRANGERS
 
 
 def main() -> int:
@@ -14,8 +15,12 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--count", type=int, default=5000, help="how many cases")
     parser.add_argument("--case", type=int, nargs="+", default=[], help="these cases only")
+    parser.add_argument(
+        "--strangers", action="store_true", help="2,000 cases of folders that somebody else handed over"
+    )
     asked = parser.parse_args()
-    numbers = asked.case or list(range(asked.first, asked.first + asked.count))
+    first, count = (STRANGERS, 2000) if asked.strangers else (asked.first, asked.count)
+    numbers = asked.case or list(range(first, first + count))
     faults = 0
     for done, (number, what, fault) in enumerate(outcomes(numbers), 1):
         if fault or asked.case:

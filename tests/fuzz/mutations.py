@@ -13,7 +13,7 @@ from random import Random
 
 import numpy as np
 
-TEXTS = {".txt", ".csv", ".yaml", ".tum", ".kitti", ".json", ".log"}
+TEXTS = {".txt", ".csv", ".yaml", ".tum", ".kitti", ".json", ".log", ".md", ".obj", ".mtl"}
 WORDS = [
     "",
     "nan",

@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-CASES = list(range(0, 5000, 17))
+STRANGERS = 1_000_000
+CASES = [*range(0, 5000, 17), *range(STRANGERS, STRANGERS + 2000, 17)]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of processor time and named pipes are POSIX's")

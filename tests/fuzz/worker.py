@@ -12,6 +12,7 @@ import resource
 import shutil
 import sys
 import traceback
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -25,7 +26,10 @@ from ispom.sequences import open_sequence
 from tests.app.helpers import build
 from tests.fuzz.corpus import READ, Item, make_corpus
 from tests.fuzz.mutations import mutate
+from tests.fuzz.strangers import ACTIONS, make_strangers
 
+STRANGERS = 1_000_000
+"""The cases from this number on are of the folders in `tests/fuzz/strangers.py`."""
 CPU_S = 60
 MORE_MEMORY_KB = 500_000
 """The highest the process may rise above what the largest case before took."""
@@ -35,10 +39,12 @@ def work(numbers: list[int]) -> None:
     """Prints a line of JSON per case: its number, what was done, and what is wrong with the outcome ("" if nothing)."""
     out = os.fdopen(os.dup(1), "w")
     with TemporaryDirectory() as root:
+        folder = Path(root) / "case"
         with redirect_stdout(StringIO()):
-            corpus = make_corpus(Path(root) / "whole")
+            others = make_corpus(Path(root) / "whole") if min(numbers) < STRANGERS else []
+            strangers = make_strangers(Path(root) / "strangers", folder) if max(numbers) >= STRANGERS else []
         for number in numbers:
-            folder = Path(root) / "case"
+            corpus = strangers if number >= STRANGERS else others
             sys.stderr.flush()
             print(json.dumps([number, "begun", ""]), file=out, flush=True)
             what, fault = _case(number, corpus, folder)
@@ -73,7 +79,8 @@ def _outcome(command: tuple[str, ...], chatter: Path) -> str:
         os.dup2(file.fileno(), 2)
     try:
         with redirect_stderr(said), redirect_stdout(StringIO()):
-            code = _read(command[1]) if command[0] == READ else main(list(command), build)
+            action = _read if command[0] == READ else ACTIONS.get(command[0])
+            code = _acted(action, command[1]) if action is not None else main(list(command), build)
     except SystemExit as end:
         code = end.code
     except BaseException:
@@ -90,15 +97,19 @@ def _outcome(command: tuple[str, ...], chatter: Path) -> str:
     return "" if good else f"code {code}, said {sentence[:2000]!r}"
 
 
-def _read(source: str) -> int:
+def _acted(action: Callable[[str], None], what: str) -> int:
     try:
-        sequence = open_sequence(source)
-        for i in range(len(sequence)):
-            sequence[i]
+        action(what)
     except InputError as mistake:
         sys.stderr.write(f"ispom: {mistake}\n")
         return 2
     return 0
+
+
+def _read(source: str) -> None:
+    sequence = open_sequence(source)
+    for i in range(len(sequence)):
+        sequence[i]
 
 
 if __name__ == "__main__":
