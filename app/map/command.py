@@ -60,6 +60,8 @@ def _make_map(options: Map) -> int:
         with progress(None) as advance:
             points = dict(placed(ran, laser, options.interpolate, advance))
         write_laser(folder, laser.points, points)
+        if laser.unmeasured:
+            _say(laser.unmeasured)
         _draw(options, points)
     write_recording(folder, options.run, method, found, points)
     write_numbers(folder, _numbers(method, options, settings, found, points))

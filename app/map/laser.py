@@ -60,20 +60,27 @@ class Measured:
     rig_from_laser: Pose
     surface: Surface | None
     """Of the simulated place."""
+    unmeasured: str = ""
+    """Why nothing measures distances to the simulated place, one sentence."""
 
 
 def measured(ran: Ran, laser: str, seed: int) -> Measured:
     """The points of a file, or those of the profiler in a simulation. InputError where there are none, or nothing says
     where the laser is on the rig."""
     simulated = rendered_source(ran.file.source, seed)
-    surface = None if simulated is None else Surface(simulated.scene.triangles)
+    surface, unmeasured = None, ""
+    if simulated is not None:
+        try:
+            surface = Surface(simulated.scene.triangles)
+        except InputError as error:  # without Open3D the points are placed all the same
+            unmeasured = f"distances from the simulated place are not measured: {error}"
     if laser == SIMULATED:
         if simulated is None:
             raise InputError(f"{ran.file.source} is no simulation: give --laser as a file of the laser's points")
         motion = motion_of(simulated.motion, simulated.seed)
         start_ns, end_ns = int(ran.sequence.times_ns[0]), int(ran.sequence.times_ns[-1])
         found = Profiler().scan(simulated.scene, motion.pose_at, start_ns, end_ns, simulated.seed)
-        return Measured(found, Profiler().rig_from_laser, surface)
+        return Measured(found, Profiler().rig_from_laser, surface, unmeasured)
     points = read_timed_points(expanded(laser))
     placed = ran.sequence.rig.rig_from_laser
     if placed is None and simulated is None:
@@ -81,7 +88,7 @@ def measured(ran: Ran, laser: str, seed: int) -> Measured:
             "nothing says where the laser is: add laser: {rig_from_laser: {translation_m: [x, y, z], "
             "rotation_xyzw: [0, 0, 0, 1]}} to the rig.yaml of the recording"
         )
-    return Measured(points, placed or Profiler().rig_from_laser, surface)
+    return Measured(points, placed or Profiler().rig_from_laser, surface, unmeasured)
 
 
 def placed(ran: Ran, of: Measured, between: Between, advance: Callable[[], None]) -> Mapping[str, Placed]:

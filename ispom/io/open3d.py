@@ -23,5 +23,5 @@ def open3d() -> ModuleType:
             raise InputError(f"Open3D cannot be loaded ({error}): install it again") from error
         raise InputError(
             f"Open3D cannot load the system library {library[0]}: install it (on Debian and Ubuntu: "
-            "'apt-get install libusb-1.0-0 libegl1 libgl1 libgomp1')"
+            "'apt-get install libusb-1.0-0 libegl1 libgl1 libx11-6 libidn2-0 libudev1 libgomp1')"
         ) from error

@@ -8,10 +8,14 @@ from pathlib import Path
 from .commands import Inputs
 from .run import ispom
 
+METHODS = ("monocular", "stereo", "integrated")
 
-def made_inputs(folder: Path, source: str = "sim:tiny", exposures: int = 40) -> Inputs:
+
+def made_inputs(
+    folder: Path, source: str = "sim:tiny", exposures: int = 40, methods: tuple[str, ...] = METHODS
+) -> Inputs:
     """Makes them with the program itself. RuntimeError where it fails."""
-    inputs = Inputs(folder, source, ("monocular", "stereo", "integrated"), exposures)
+    inputs = Inputs(folder, source, methods, exposures)
     whole = ["run", source, "--methods", *inputs.methods, "--out", str(inputs.run)]  # a map takes all of it
     process = ispom(whole, folder)
     if process.wait():

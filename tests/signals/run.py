@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,9 +50,9 @@ class Case:
         return f"{self.name}, {self.number.name} to {to} after {100 * self.share:.0f} %{again}"
 
 
-def cases(count: int, seed: int) -> list[Case]:
+def cases(count: int, seed: int, names: Sequence[str] = tuple(COMMANDS)) -> list[Case]:
     """Over all commands in turn."""
-    chance, names = random.Random(seed), list(COMMANDS)
+    chance = random.Random(seed)
     return [
         Case(
             names[i % len(names)],

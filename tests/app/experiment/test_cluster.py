@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -95,3 +98,16 @@ def test_results_are_those_of_a_serial_run(tmp_path: Path) -> None:
     assert "results.csv" in names and "paths.svg" in names
     for name in names:
         assert (tmp_path / "0" / name).read_bytes() == (tmp_path / "1" / name).read_bytes(), name
+
+
+def test_workers_leave_no_temporary_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Killed ones neither, and what a killed experiment left is removed by the next one."""
+    scratch = tmp_path / "scratch"
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    (scratch / f"{workers.SCRATCH}{gone.pid}-left" / "file").mkdir(parents=True)
+    running = scratch / f"{workers.SCRATCH}{os.getpid()}-other"
+    running.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    rows(tmp_path / "out", made.killed_at_first, lines=made.LINES[:1], seeds=(0,), count=1)
+    assert list(scratch.iterdir()) == [running]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import pyarrow.parquet
@@ -56,6 +57,16 @@ def test_every_run_is_a_folder_and_a_row(plan: Path, tmp_path: Path, capsys: pyt
     assert all(f'href="{r["run"]}/"' in page for r in found) and "http" not in page.replace("http-equiv", "")
     assert {f"{n}.{e}" for n in ("paths", "quantities") for e in ("png", "svg")} <= {p.name for p in out.iterdir()}
     assert "2 runs, 0 failed" in capsys.readouterr().out
+
+
+def test_without_matplotlib_only_the_figures_are_missing(
+    plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    out = tmp_path / "out"
+    assert run(plan, out) == 0
+    assert [r["failure"] for r in rows(out)] == ["", ""] and (out / "index.html").exists()
+    assert not list(out.glob("*.svg")) and "matplotlib" in capsys.readouterr().out
 
 
 def test_nothing_is_computed_twice_and_the_files_stay_the_same(plan: Path, tmp_path: Path) -> None:

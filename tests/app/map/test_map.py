@@ -150,3 +150,19 @@ def test_a_run_that_is_not_there_is_named_before_what_the_machine_lacks(
     assert main(["map", str(tmp_path / "nowhere")]) == 2
     error = capsys.readouterr().err
     assert "nowhere" in error and "Open3D" not in error
+
+
+def test_without_open3d_a_lasers_points_are_placed_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    command = ["run", "sim:tiny", "--methods", "stereo.paper", "--max-exposures", "40", "--no-recording"]
+    assert main([*command, "--out", str(out)]) == 0
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    capsys.readouterr()
+    assert main(["map", str(out), "--laser", "sim", "--no-dense"]) == 0
+    assert "Open3D" in capsys.readouterr().out
+    assert (out / "map" / "laser.stereo.paper.ply").stat().st_size > 1000
+    assert "rmse_m" not in json.loads((out / "map" / "map.json").read_text())["laser"]["stereo.paper"]
+    assert main(["map", str(out)]) == 2
+    assert "Open3D" in capsys.readouterr().err
