@@ -51,6 +51,8 @@ def calibrate(options: Calibrate) -> int:
     _require_outputs(options)
     made = simulated(options.what, options.images[0], target) if is_simulated(options.images) else None
     sources = made.sources if made is not None else _opened(options, target)
+    for note in (note for source in sources for note in source.notes):
+        sys.stderr.write(printable(f"note: {note}") + "\n")
     given = sources
     sources = _chosen(given, options)
     views = detected(target, sources)

@@ -38,19 +38,26 @@ def guessed(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
     return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side")
 
 
-def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
-    """By the first image of a folder; InputError where it is none."""
+def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, Camera]:
+    """By the first image of a folder, turned by EXIF's `orientation` of all, or else by its own; InputError where it is
+    none."""
     with opened(path) as file:
         try:
             with Header.open(file) as image:
                 size, exif = image.size, image.getexif()
-                turned = exif.get(0x0112, 1) in (5, 6, 7, 8)
+                turned = (orientation or exif.get(0x0112, 1)) in (5, 6, 7, 8)
                 entries = exif.get_ifd(_EXIF)
         except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
             raise InputError(f"{path} cannot be read: restore it, or give the camera's calibration") from None
     width, height = size[::-1] if turned else size
     guess = guessed((width, height), _told_by_exif(entries, (width, height)))
     return guess, guess.camera((width, height))
+
+
+def size_of_photo(path: Path, orientation: int | None = None) -> tuple[int, int]:
+    """(width, height) of an image as it is looked at, as `guess_of_photo`."""
+    _, camera = guess_of_photo(path, orientation)
+    return camera.width, camera.height
 
 
 def guess_of_film(path: Path, size: tuple[int, int]) -> Guess:

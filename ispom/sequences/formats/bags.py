@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +10,15 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.geometry import Array
-from ispom.io.camera import read_camera, usable
+from ispom.geometry import Array, Pose
+from ispom.io.calibrations.camera_info import camera_info
+from ispom.io.calibrations.pair import pair_fault
+from ispom.io.calibrations.recognised import any_camera
+from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
 from ispom.sequences.formats.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
 from ispom.sequences.formats.folder import CAMERA, CAMERA_ENTRIES
+from ispom.sequences.image_header import header_size
 from ispom.sequences.images import decode
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Recording, Side
@@ -24,7 +28,6 @@ from ispom.types import Camera, Image
 BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
 SIDES = (("left", "right"), ("cam0", "cam1"), ("camera0", "camera1"), ("infra1", "infra2"))
 """How topics of a pair are called."""
-MODELS = ("plumb_bob", "rational_polynomial", "")
 ENCODINGS: dict[str, tuple[int, int | None]] = {
     "mono8": (1, None),
     "8UC1": (1, None),
@@ -50,6 +53,7 @@ class _Info:
     """(3, 3) rectified_from_raw."""
     projection: Array
     """(3, 4) of the rectified image; all zero where the camera was not calibrated."""
+    notes: tuple[str, ...] = ()
 
     @property
     def rectified(self) -> Camera:
@@ -59,7 +63,7 @@ class _Info:
     @property
     def is_straight(self) -> bool:
         """Whether its raw images are as rectified ones are to be."""
-        same = not any(self.raw.distortion) and (self.turn == np.eye(3)).all()
+        same = self.raw.lens == "opencv" and not any(self.raw.distortion) and (self.turn == np.eye(3)).all()
         return bool(same and (self.raw.matrix == self.rectified.matrix).all())
 
 
@@ -78,23 +82,30 @@ def open_bag(path: Path) -> Recording:
     if not topics:
         raise InputError(f"{path} has no image topic: give a bag with images")
     infos = {topic: _info(bag, topic) for topic in topics}
+    reasons = []
     for left in topics:
         right = next((left.replace(*names) for names in SIDES if names[0] in left), left)
         first, second = infos[left], infos.get(right)
-        if right != left and first is not None and second is not None and _baseline_m(first, second) > 0:
+        if right == left or first is None or second is None:
+            continue
+        if not (fault := _pair_fault(first, second)):
             return _pair(bag, (left, right), (first, second))
-    return _single(bag, topics[0], infos[topics[0]], topics[1:])
+        reasons.append(f"{path.name}: {left} and {right} are not used as a pair: {fault}")
+    alone = _single(bag, topics[0], infos[topics[0]], topics[1:])
+    return replace(alone, notes=(*alone.notes, *reasons[:1]))
 
 
 def _single(bag: BagFile, topic: str, info: _Info | None, others: list[str]) -> Recording:
     beside = bag.path.resolve().parent / CAMERA
     if info is None and not exists(beside):
         raise InputError(f"{bag.path} has no camera_info for {topic}: write {beside} with {CAMERA_ENTRIES}")
-    camera = read_camera(beside) if info is None else info.raw
+    camera = any_camera(beside) if info is None else info.raw
     if info is not None and _is_rectified(topic):
         camera = usable(info.rectified, f"{bag.path}: P of {topic}")
     index = _index(bag, topic)
-    notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
+    _require_size(bag, topic, index, camera if info is None else info.raw)
+    notes = () if info is None else info.notes
+    notes += (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
 
     def read(_: Side, i: int) -> Image:
         return _image(bag, topic, index, i, camera)
@@ -108,6 +119,8 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
     if not len(i_left):
         raise InputError(f"{bag.path}: no images of {' and '.join(topics)} are of the same time: record both together")
     camera = usable(infos[0].rectified, f"{bag.path}: P of {topics[0]}")
+    for topic, index, info in zip(topics, (left, right), infos, strict=True):
+        _require_size(bag, topic, index, info.raw)
     size = (camera.width, camera.height)
     maps = [undistortion(info.raw, info.turn, info.projection, size) for info in infos]
     streams = {"left": (0, left, i_left), "right": (1, right, i_right)}
@@ -117,7 +130,7 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
         image = _image(bag, topics[k], index, int(matched[i]), infos[k].raw)
         return image if _is_rectified(topics[k]) or infos[k].is_straight else remapped(image, maps[k])
 
-    notes = unmatched_note(len(left.places), len(right.places), len(i_left))
+    notes = infos[0].notes + infos[1].notes + unmatched_note(len(left.places), len(right.places), len(i_left))
     baseline_m = _baseline_m(*infos)
     return Recording(f"bag {bag.path.name}", camera, baseline_m, left.stamps_ns[i_left], read, None, notes)
 
@@ -139,6 +152,31 @@ def _baseline_m(left: _Info, right: _Info) -> float:
     return float((p[0, 3] - q[0, 3]) / q[0, 0])
 
 
+def _pair_fault(left: _Info, right: _Info) -> str:
+    """Why the two are no rectified pair, one clause; empty where they are one."""
+    p, q = left.projection, right.projection
+    if p[0, 0] <= 0 or q[0, 0] <= 0:
+        return "a P of their camera_info is zero: calibrate them as a pair"
+    if abs(q[:, :3] - p[:, :3]).max() > 1e-6 * q[0, 0] or left.rectified != right.rectified:
+        return "their P differ by more than a baseline: calibrate them as a pair"
+    shift = [(p[i, 3] - q[i, 3]) / q[i, i] for i in (0, 1)]
+    return pair_fault(Pose(translation=np.array([*shift, 0.0])))
+
+
+def _require_size(bag: BagFile, topic: str, index: Index, camera: Camera) -> None:
+    """InputError where the first image is not as large as its camera_info says: then none is."""
+    message = bag.message(topic, index.places[0])
+    if bag.types[topic] == IMAGE_TYPES[0]:
+        found = (message.width, message.height)
+    else:
+        found = header_size(bytes(message.data), f"{bag.path}: image 0 of {topic}")
+    if found is not None and found != (camera.width, camera.height):
+        raise InputError(
+            f"{bag.path}: images of {topic} are {found[0]} x {found[1]}, not {camera.width} x {camera.height} as their "
+            "camera_info says: correct the calibration"
+        )
+
+
 def _index(bag: BagFile, topic: str) -> Index:
     index = bag.index(topic)
     if not index.places:
@@ -152,17 +190,17 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
     if message is None:
         return None
 
-    def values(key: str) -> Array:  # ROS 1 has capitals
-        return np.array(getattr(message, key, getattr(message, key.upper(), ())), float)
+    def value(key: str) -> Any:  # ROS 1 has capitals
+        found = getattr(message, key, getattr(message, key.upper(), ()))
+        return np.asarray(found, float).tolist()
 
-    k, d, r, p = values("k").reshape(3, 3), values("d"), values("r").reshape(3, 3), values("p").reshape(3, 4)
-    good = all(np.isfinite(a).all() for a in (k, d, r, p)) and k[0, 0] > 0 and k[1, 1] > 0
-    if not good or len(d) not in (0, 4, 5, 8) or message.distortion_model not in MODELS:
-        model = message.distortion_model or "no"
-        raise InputError(f"{bag.path}: {name} is no pinhole camera ({model} distortion model): calibrate it as one")
-    intrinsics = k[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    raw = Camera(message.width, message.height, *intrinsics, distortion=tuple(d.tolist()))
-    return _Info(usable(raw, f"{bag.path}: {name}"), r, p)
+    content: dict[str, Any] = {key: value(key) for key in "kdrp"}
+    content |= {key: getattr(message, key) for key in ("width", "height", "distortion_model", "binning_x", "binning_y")}
+    region = ("x_offset", "y_offset", "width", "height")
+    content["roi"] = {key: int(getattr(message.roi, key)) for key in region}
+    found = camera_info(bag.path, content, where=f"{name}: ")
+    projection = np.zeros((3, 4)) if found.projection is None else found.projection
+    return _Info(found.raw, found.turn, projection, found.notes)
 
 
 def _image(bag: BagFile, topic: str, index: Index, i: int, camera: Camera) -> Image:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.io.files import exists, read_head
+from ispom.io.files import read_head
 from ispom.sequences.decoder_output import silenced
-from ispom.sequences.formats.folder import CAMERA, read_settings
+from ispom.sequences.formats.folder import read_settings, settings_in
 from ispom.sequences.guess import guess_of_film
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
@@ -40,15 +40,14 @@ def looks_like_video(path: Path) -> bool:
 
 def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
-    places = [path.with_suffix(".yaml"), path.parent / CAMERA]
-    settings = calibration or next((place for place in places if exists(place)), None)
+    settings = calibration or settings_in(path.parent, f"{path.stem}.yaml") or settings_in(path.parent)
     guess, notes = None, ()
     if settings is None:
         film = _Film(path)
         guess = guess_of_film(path, film.size)
         camera, stream = guess.camera(film.size), _stream(film, path, Clock())
     else:
-        camera, clock, notes = read_settings(settings)
+        camera, clock, notes = read_settings(settings, lambda: _Film(path).size)
         stream = video_stream(path, size_of(camera), clock)
     read, notes = stream.read, (*notes, *stream.notes)
     return Recording(

@@ -72,9 +72,9 @@ def test_a_truth_of_another_time_is_told(tmp_path: Path) -> None:
     [
         ("cam0/sensor.yaml", "80.0, 80.0", "-80.0, 80.0", "fx is -80, not positive"),
         ("cam0/sensor.yaml", "resolution: [96, 64]", "", "resolution needs 2"),
-        ("cam0/sensor.yaml", "radial-tangential", "equidistant", "only pinhole cameras"),
+        ("cam0/sensor.yaml", "radial-tangential", "omni", "distortion_model is omni"),
         ("cam1/sensor.yaml", "0.05, 0, 0, 1", "-0.5, 0, 0, 1", "T_BS does not put cam1 to the right"),
-        ("cam1/sensor.yaml", "[0, -1", "[0, -2", "T_BS is not a rotation"),
+        ("cam1/sensor.yaml", "[0, -1", "[0, -2", "T_BS.data is no rotation"),
         ("cam1/sensor.yaml", "T_BS:", "T_BS: {", "is not valid YAML"),
         ("cam0/data.csv", f"{START_NS + STEP_NS},", "now,", "line 3 is not 'time in nanoseconds"),
         ("cam0/data.csv", f"{START_NS + STEP_NS},", f"{START_NS},", "line 3: time .* is not after"),
