@@ -14,8 +14,18 @@ from tests.sequences.folders import HEIGHT, WIDTH, images
 START_NS, STEP_NS, DELAY_NS = 1_700_000_000_000_000_000, 50_000_000, 7_000_000
 
 
-def make_bag(root: Path, kind: str, cameras: tuple[str, ...], compressed: bool = False, info: bool = True) -> Path:
-    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (0.5 m between cameras)."""
+def make_bag(
+    root: Path,
+    kind: str,
+    cameras: tuple[str, ...],
+    compressed: bool = False,
+    info: bool = True,
+    baseline_m: float = 0.5,
+    binning: int = 0,
+    model: tuple[str, tuple[float, ...]] = ("plumb_bob", (0.0,) * 5),
+) -> Path:
+    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (baseline_m between cameras,
+    a sensor `binning` times as large as the images, and the distortion model and coefficients)."""
     pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -58,12 +68,22 @@ def make_bag(root: Path, kind: str, cameras: tuple[str, ...], compressed: bool =
             put(f"/{camera}/image_raw{'/compressed' if compressed else ''}", name, written, found)
             if not info:
                 continue
-            k_matrix = np.array([80.0, 0, 47.5, 0, 80, 31.5, 0, 0, 1])
-            p_matrix = np.array([80.0, 0, 47.5, -40.0 * k, 0, 80, 31.5, 0, 0, 0, 1, 0])
+            n = max(binning, 1)
+            k_matrix = np.array([80.0 * n, 0, 47.5 * n, 0, 80 * n, 31.5 * n, 0, 0, 1])
+            shift = -80.0 * n * baseline_m * k
+            p_matrix = np.array([80.0 * n, 0, 47.5 * n, shift, 0, 80 * n, 31.5 * n, 0, 0, 0, 1, 0])
             matrices = (k_matrix, np.eye(3).ravel(), p_matrix)
             region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
             told = types["sensor_msgs/msg/CameraInfo"](
-                header(START_NS), HEIGHT, WIDTH, "plumb_bob", np.zeros(5), *matrices, 0, 0, region
+                header(START_NS),
+                HEIGHT * n,
+                WIDTH * n,
+                model[0],
+                np.array(model[1]),
+                *matrices,
+                binning,
+                binning,
+                region,
             )
             put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [told])
     return path

@@ -32,18 +32,17 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     paths = [folder / words[1] for _, words in rows]
     there, notes = those_there(listing, paths)
     times_ns, paths = times_ns[there], [paths[i] for i in there]
+    orientation, turned = common_orientation(paths)
+    notes += (turned,) if turned else ()
     path = calibration or settings_in(folder)
     guess = None
     if path is None:
-        guess, camera = guess_of_photo(paths[0])
+        guess, camera = guess_of_photo(paths[0], orientation)
     else:
-        camera, _, others = read_settings(path, lambda: size_of_photo(paths[0]))
+        camera, _, others = read_settings(path, lambda: size_of_photo(paths[0], orientation))
         notes += others
     size = (camera.width, camera.height)
     require_size(paths[0], size)
-
-    orientation, turned = common_orientation(paths)
-    notes += (turned,) if turned else ()
 
     def read(_: Side, i: int) -> Image:
         return read_image(paths[i], size, orientation)
