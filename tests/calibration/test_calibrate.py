@@ -145,3 +145,14 @@ def test_the_rig_frame_is_centred_on_the_baseline() -> None:
     assert np.allclose(found.rig_from_right.translation[1:], 0, atol=1e-12)
     between: Pose = found.rig_from_right.inverse() @ found.rig_from_left
     assert np.allclose(between.matrix, right_from_left.matrix, atol=0.003)
+
+
+def test_images_that_are_turned_are_no_camera() -> None:
+    """Of every second view the image is upside down: each half of the views fits another principal point."""
+    detections = seen_by(BOARD, LEFT, board_poses(LEFT, BOARD.size_m, 20, 3), np.random.default_rng(3))
+    corner = np.array([LEFT.width - 1, LEFT.height - 1])
+    turned = [d if i % 2 or d.reason else replace(d, uv=corner - d.uv) for i, d in enumerate(detections)]
+    assert calibrate(BOARD, (views_of("video", LEFT, detections),), "radtan").verdict.level != "redo"
+    verdict = calibrate(BOARD, (views_of("video", LEFT, turned),), "radtan").verdict
+    assert verdict.level == "redo"
+    assert any("two halves of the views differ" in reason for reason in verdict.reasons)
