@@ -21,8 +21,12 @@ LINE_DELAY = "line_delay_s"
 CAMERA_KEYS = ("model", *SIZES, *INTRINSICS, "distortion", LINE_DELAY)
 LENS_KEYS = ("model", *MODEL_KEYS)
 """Entries that may name the lens."""
-FOREIGN_KEYS = (*MODEL_KEYS, *FISHEYE_FLAGS)
+SINGLE_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+"""In the order of `distortion`, which they stand for; of a fisheye k1 to k4."""
+FOREIGN_KEYS = (*MODEL_KEYS, *FISHEYE_FLAGS, *SINGLE_COEFFICIENTS)
 """Entries of other programs that are understood in a camera.yaml, too."""
+CLOCK_KEYS = ("times", "rate_hz", "offset_s")
+"""Entries about the images of a camera, which may stand in a camera.yaml."""
 MAX_READOUT_S = 1.0
 """From the first row of a rolling shutter to its last."""
 MAX_SIDE_PX = 32_766
@@ -59,7 +63,7 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     for key in SIZES:
         if found[key] != int(found[key]):
             raise InputError(f"{path}: {where}{key} is {found[key]:g}, not a size in whole pixels: correct it")
-    distortion = coefficients(path, f"{where}distortion", values.get("distortion", []), lens)
+    distortion = coefficients(path, f"{where}distortion", _distortion(path, where, values, lens), lens)
     width, height = (int(found[key]) for key in SIZES)
     delay_s = finite_numbers(path, f"{where}{LINE_DELAY}", [values.get(LINE_DELAY, 0)], 1)[0]
     if abs(delay_s) * height > MAX_READOUT_S:
@@ -68,6 +72,29 @@ def camera_of(path: Path, values: dict[Any, Any], where: str = "") -> Camera:
     intrinsics = [found[key] for key in INTRINSICS]
     camera = Camera(width, height, *intrinsics, distortion=tuple(distortion), lens=lens, line_delay_s=delay_s)
     return usable(camera, f"{path}: {where.rstrip('.')}".rstrip(": "))
+
+
+def skipped_note(path: Path, values: dict[Any, Any]) -> tuple[str, ...]:
+    """A note about entries of a camera.yaml that are not known, as a misspelt one would go unnoticed."""
+    known = (*CAMERA_KEYS, *CLOCK_KEYS)
+    others = [str(key) for key in values if key not in (*known, *FOREIGN_KEYS)]
+    note = f"{path}: {', '.join(others)} skipped, as the entries of a camera are {', '.join(known)}"
+    return (note,) if others else ()
+
+
+def _distortion(path: Path, where: str, values: dict[Any, Any], lens: str) -> Any:
+    """`distortion`, or else what single coefficients say."""
+    names = ("k1", "k2", "k3", "k4") if lens == "fisheye" else SINGLE_COEFFICIENTS
+    single = [name for name in SINGLE_COEFFICIENTS if name in values]
+    if not single:
+        return values.get("distortion", [])
+    if "distortion" in values:
+        raise InputError(f"{path}: {where}distortion and {where}{single[0]} are both given: remove one")
+    if strange := [name for name in single if name not in names]:
+        raise InputError(f"{path}: {where}{strange[0]} is none of a fisheye's {', '.join(names)}: correct it")
+    found = [finite_numbers(path, f"{where}{name}", [values.get(name, 0)], 1)[0] for name in names]
+    used = max(names.index(name) for name in single) + 1
+    return found[: next(count for count in (4, 5, 8) if count >= used)]
 
 
 def line_delay_entry(camera: Camera) -> dict[str, float]:

@@ -59,7 +59,7 @@ def lens_of(
             named["fisheye"] = f"{where}{key} is {content[key]}"
     if len(named) > 1:
         raise InputError(f"{path}: {' but '.join(named.values())}: correct the one that is wrong")
-    return next(iter(named), "opencv")
+    return "fisheye" if "fisheye" in named else "opencv"
 
 
 def coefficients(path: Path, where: str, value: Any, lens: Lens) -> list[float]:

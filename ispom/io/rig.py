@@ -102,7 +102,9 @@ def _pose(path: Path, name: str, entry: dict[Any, Any]) -> Pose:
         or_find = ", or find it by `ispom calibrate rig FOLDER --from-motion`" if name == "video" else ""
         raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw{or_find}")
     translation = finite_numbers(path, f"{name}.rig_from_{name}.translation_m", pose.get("translation_m"), 3)
-    xyzw = finite_numbers(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
+    key = "rotation_wxyz" if "rotation_wxyz" in pose and "rotation_xyzw" not in pose else "rotation_xyzw"
+    xyzw = finite_numbers(path, f"{name}.rig_from_{name}.{key}", pose.get(key), 4)
+    xyzw = [*xyzw[1:], xyzw[0]] if key == "rotation_wxyz" else xyzw
     if abs(np.linalg.norm(xyzw) - 1) > 0.01:
-        raise InputError(f"{path}: {name}.rig_from_{name}.rotation_xyzw is not of length 1: correct it")
+        raise InputError(f"{path}: {name}.rig_from_{name}.{key} is not of length 1: correct it")
     return Pose.from_xyzw(np.array(xyzw), np.array(translation))

@@ -9,13 +9,14 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image as Header
 
 from ispom.errors import InputError
 from ispom.io.files import opened
-from ispom.types import Image
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp"})
 """Of files whose EXIF OpenCV obeys."""
@@ -54,7 +55,7 @@ def _turned(orientation: int) -> str:
     return f"mirrored (orientation {orientation})" if degrees is None else f"turned by {degrees} degrees"
 
 
-def oriented(image: Image, orientation: int) -> Image:
+def oriented(image: NDArray[Any], orientation: int) -> NDArray[Any]:
     """The image of a file whose EXIF says `orientation`, as it is looked at."""
     if orientation in (5, 6, 7, 8):
         image = image.swapaxes(0, 1)

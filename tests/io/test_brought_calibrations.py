@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -56,7 +57,7 @@ def alike(one: Camera, other: Camera) -> bool:
     return same and np.abs(one.matrix - other.matrix).max() < 1e-9 and np.abs(values[0] - values[1]).max() < 1e-9
 
 
-def storage(path: Path, **values: object) -> Path:
+def storage(path: Path, **values: Any) -> Path:
     """As OpenCV writes it itself, in the format of the path's suffix."""
     file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for name, value in values.items():
@@ -402,3 +403,26 @@ def test_the_pair_of_ros_that_was_reported() -> None:
 def test_json_of_opencv_by_hand(tmp_path: Path) -> None:
     content = {"image_size": [640, 480], "mtx": PINHOLE.matrix.tolist(), "dist": [list(FIVE.distortion)]}
     assert alike(any_camera(written(tmp_path / "calibration.json", json.dumps(content))), FIVE)
+
+
+def test_single_coefficients_of_a_camera_file_are_its_distortion(tmp_path: Path) -> None:
+    own = "{width: 640, height: 480, fx: 520, fy: 520, cx: 320, cy: 240, "
+    assert any_camera(written(tmp_path / "c.yaml", own + "k1: -0.3, k2: 0.1}")).distortion == (-0.3, 0.1, 0, 0)
+    assert any_camera(written(tmp_path / "c.yaml", own + "k1: -0.3, k3: 0.1}")).distortion == (-0.3, 0, 0, 0, 0.1)
+    fisheye = own + "model: fisheye, k1: 0.01, k3: 0.001}"
+    assert any_camera(written(tmp_path / "c.yaml", fisheye)).distortion == (0.01, 0, 0.001, 0)
+    with pytest.raises(InputError, match="distortion and k1 are both given"):
+        any_camera(written(tmp_path / "c.yaml", own + "k1: -0.3, distortion: [0, 0, 0, 0]}"))
+    assert "skew skipped" in one_camera(written(tmp_path / "c.yaml", own + "skew: 1.2}"))[2][0]
+
+
+def test_quaternions_whose_first_number_is_w(tmp_path: Path) -> None:
+    """Called so, they are read; else they are mentioned, where they turn a camera upside down."""
+    rig = Rig(left=PINHOLE, right=PINHOLE, rig_from_right=Pose(translation=np.array([0.12, 0, 0])))
+    text = rig_text(rig).replace("- 0.0\n    - 0.0\n    - 0.0\n    - 1.0", "- 1.0\n    - 0.0\n    - 0.0\n    - 0.0")
+    assert text != rig_text(rig)
+    wrong, notes = one_rig((written(tmp_path / "rig.yaml", text),))
+    assert wrong.rig_from_left.rotation[1, 1] == -1 and sum("is its first number w?" in note for note in notes) == 2
+    found, notes = one_rig((written(tmp_path / "rig.yaml", text.replace("rotation_xyzw", "rotation_wxyz")),))
+    assert found.baseline_m == pytest.approx(0.12) and not notes
+    np.testing.assert_array_equal(found.rig_from_left.rotation, np.eye(3))

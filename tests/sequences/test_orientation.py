@@ -54,6 +54,7 @@ def test_images_of_a_folder_are_all_turned_alike(first: int | None, other: int, 
         exposure = sequence[i]
         assert isinstance(exposure, VideoFrame)
         raw = cv2.imread(str(tmp_path / f"{i:03d}.jpg"), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        assert raw is not None
         np.testing.assert_array_equal(exposure.image, raw[::-1, ::-1] if turned else raw)
 
 
@@ -69,7 +70,7 @@ def test_without_a_calibration_too(tmp_path: Path) -> None:
 def test_images_of_a_list_too(tmp_path: Path) -> None:
     folder = make_tum(tmp_path)
     for i, path in enumerate(sorted(folder.glob("rgb/*.jpg"))):
-        photo(path, cv2.imread(str(path)), 3 if i == 3 else 1)
+        photo(path, np.asarray(Writer.open(path)), 3 if i == 3 else 1)
     assert any("are to be turned differently" in note for note in open_sequence(str(folder)).notes)
 
 

@@ -23,7 +23,7 @@ MATRICES = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "camera_matrix_", 
 _MESSAGE = ("k",)
 """And in ROS 2's messages; with a number behind it, it would be a coefficient."""
 _DISTORTIONS = ("distortion_coefficients", "Distortion_Coefficients", "distortion_coeffs", "distCoeffs", "dist_coeffs")
-_DISTORTIONS = (*_DISTORTIONS, "distCoeff", "dist", "D", "d")
+_DISTORTIONS = (*_DISTORTIONS, "distCoeff", "dist_coeff", "dist", "D", "d")
 _WIDTHS, _HEIGHTS = ("image_width", "image_Width", "width"), ("image_height", "image_Height", "height")
 _SIZES = ("image_size", "imageSize", "img_size", "resolution")
 _ROTATIONS, _PROJECTIONS = ("rectification_matrix", "R", "r"), ("projection_matrix", "P", "p")

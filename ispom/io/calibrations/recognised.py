@@ -17,7 +17,7 @@ from ispom.io.calibrations.kalibr import is_camera, read_kalibr
 from ispom.io.calibrations.opencv import is_xml, read_extrinsics, read_opencv
 from ispom.io.calibrations.pair import pair_fault, unit_note
 from ispom.io.calibrations.placed import Placed, placed
-from ispom.io.camera import INTRINSICS, SIZES, camera_of
+from ispom.io.camera import INTRINSICS, SIZES, camera_of, skipped_note
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import MAX_BYTES, read_mapping
 from ispom.io.rig import CAMERAS, ENTRIES, read_rig
@@ -30,6 +30,8 @@ KNOWN = (
 )
 SUFFIXES = (".yaml", ".yml", ".xml", ".json")
 """Of the files that are looked for in a folder."""
+UPSIDE_DOWN = 0.9
+"""First number of a quaternion that is likely its w."""
 _ALIASES = {"cam0": "left", "cam1": "right", "cam2": "video", "mono": "video"}
 _ORDER = {1: ("video",), 2: ("left", "right"), 3: ("left", "right", "video")}
 
@@ -188,7 +190,8 @@ def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) 
     keys = {key for key in content if isinstance(key, str)}
     if keys & set(CAMERAS) or (keys and keys <= ENTRIES):
         rig = read_rig(path, every_placed)
-        return CalibrationFile(path, [placed(path, p.name, p.name, p.camera, p.pose) for p in placed_of(rig)], rig)
+        cameras = [placed(path, p.name, p.name, p.camera, p.pose, _order_note(path, p)) for p in placed_of(rig)]
+        return CalibrationFile(path, cameras, rig)
     if any(map(is_camera, keys)):
         return CalibrationFile(path, read_kalibr(path))
     if "T_BS" in keys:
@@ -198,8 +201,20 @@ def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) 
     if keys & {"model", *SIZES, *INTRINSICS}:
         if size is not None and not set(SIZES) & keys:
             content = content | dict(zip(SIZES, size(), strict=True))
-        return CalibrationFile(path, [placed(path, "", path.stem, camera_of(path, content), None)], entries=content)
+        camera = placed(path, "", path.stem, camera_of(path, content), None, skipped_note(path, content))
+        return CalibrationFile(path, [camera], entries=content)
     raise unknown
+
+
+def _order_note(path: Path, each: Placed) -> tuple[str, ...]:
+    """About a camera of a rig.yaml that looks backwards, upside down: 1 0 0 0 is no rotation where w comes first."""
+    x, y, z, w = each.pose.xyzw.tolist()
+    if abs(x) < UPSIDE_DOWN or max(map(abs, (y, z, w))) > 1 - UPSIDE_DOWN:
+        return ()
+    key = f"{each.name}.rig_from_{each.name}.rotation_xyzw"
+    return (
+        f"{path}: {key} turns the camera by 180 degrees about x: is its first number w? Then call it rotation_wxyz",
+    )
 
 
 def _of_opencv(path: Path, size: ImageSize | None) -> CalibrationFile:

@@ -25,6 +25,7 @@ import numpy as np
 
 from ispom.errors import InputError
 from ispom.io.calibrations.recognised import one_rig
+from ispom.io.camera import CLOCK_KEYS
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
 from ispom.io.tum import read_tum
@@ -35,7 +36,7 @@ from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
-from ispom.sequences.stream import CLOCK_KEYS, Stream, clock_of, named_file, size_of
+from ispom.sequences.stream import Stream, clock_of, named_file, size_of
 from ispom.types import Exposure, Kind, Rig, Sequence, StereoPair, Trajectory, VideoFrame
 
 FILE = "sequence.yaml"

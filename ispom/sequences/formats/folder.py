@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import one_camera
-from ispom.io.camera import CAMERA_KEYS, FOREIGN_KEYS, INTRINSICS
 from ispom.io.files import exists, is_folder, names
 from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
-from ispom.sequences.stream import CLOCK_KEYS, Clock, Stream, clock_of, size_of
+from ispom.sequences.stream import Clock, Stream, clock_of, size_of
 from ispom.types import Camera, Image
 
 CAMERA, TIMES, INNER = "camera.yaml", "times.txt", "images"
@@ -76,11 +75,7 @@ def read_settings(
     `size` gives that (width, height) of the images, which counts where the file has none.
     """
     camera, entries, notes = one_camera(path, size)
-    known = (*CAMERA_KEYS, *CLOCK_KEYS)
-    is_own = set(INTRINSICS) <= set(entries)
-    others = [str(key) for key in entries if key not in (*known, *FOREIGN_KEYS)] if is_own else []
-    note = f"{path}: {', '.join(others)} skipped, as the entries of a camera are {', '.join(known)}"
-    return camera, clock_of(path, entries), (*notes, note) if others else notes
+    return camera, clock_of(path, entries), notes
 
 
 def named_images(folder: Path) -> Named:
