@@ -51,6 +51,8 @@ def _line(name: str, text: str) -> str:
 def _camera(name: str, camera: Camera, what: str) -> list[str]:
     coefficients = ", ".join(f"{k:.4g}" for k in camera.distortion)
     distortion = f"distortion {coefficients}" if coefficients else "no distortion"
+    if camera.lens == "fisheye":
+        distortion = f"fisheye, {distortion}"
     calibration = f"fx {camera.fx:.2f}, fy {camera.fy:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px, {distortion}"
     return [_line(name, f"{camera.width} x {camera.height} px, {what}"), _line("", calibration)]
 

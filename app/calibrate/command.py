@@ -7,12 +7,10 @@ import sys
 from rich.console import Console
 
 from ispom.calibration.calibrate import calibrate as solve
-from ispom.calibration.calibrate import require_found
-from ispom.calibration.detection.hint import hint
 from ispom.calibration.motion.verdict import clock_of, verdict_of
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets import Target, parse_target
-from ispom.errors import InputError, UnreadableImage, printable
+from ispom.errors import InputError, printable
 from ispom.stop import check_stop
 from ispom.types import Image
 
@@ -20,7 +18,7 @@ from ..outputs import require_own, write_file
 from ..run.signals import Signals, terminable
 from .choose import best_frames, near
 from .convert import convert
-from .detecting import bar, detected, moving_views
+from .detecting import bar, detected, moving_views, require_target
 from .from_tracks import lens_from_motion, print_lens
 from .images import Source, open_sources, own_clock, paired
 from .live import camera_frames, filmed, is_camera
@@ -59,12 +57,12 @@ def _calibrate(options: Calibrate, signals: Signals) -> int:
     _require_outputs(options)
     made = simulated(options.what, options.images[0], target) if is_simulated(options.images) else None
     sources = made.sources if made is not None else _opened(options, target, signals)
+    for note in (note for source in sources for note in source.notes):
+        sys.stderr.write(printable(f"note: {note}") + "\n")
     given = sources
     sources = _chosen(given, options)
     views = detected(target, sources)
-    for each, source in zip(views, sources, strict=True):
-        if all(found.reason for found in each.detections):
-            require_found(each, _hint(target, source))
+    require_target(target, sources, views)
     try:
         found = _solved(target, views, options, moving_views(target, given, sources))
     except Redo as redo:
@@ -171,17 +169,6 @@ def _best(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]
     with bar("choosing frames", None) as step:
         index = best_frames(next(iter(sources)), options.max_views, step)
     return tuple(source.select(index) for source in sources)
-
-
-def _hint(target: Target, source: Source) -> str:
-    """By up to three images."""
-    for i in sorted({0, len(source) // 2, len(source) - 1}):
-        try:
-            if said := hint(target, source.read(i)):
-                return said
-        except UnreadableImage:
-            continue
-    return ""
 
 
 def _require_outputs(options: Calibrate) -> None:

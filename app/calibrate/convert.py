@@ -9,7 +9,8 @@ import numpy as np
 
 from ispom.calibration.pair import rectifying
 from ispom.errors import InputError, printable
-from ispom.io.calibrations.recognised import any_rig
+from ispom.io.calibrations.pair import pair_fault
+from ispom.io.calibrations.recognised import one_rig
 from ispom.io.files import expanded
 from ispom.types import Rig
 
@@ -24,8 +25,9 @@ def convert(options: Calibrate) -> int:
     if options.out is None:
         raise InputError("--out is missing: name the file to write, and its --format")
     require_writable(options.out, options.format)
-    rig = any_rig(tuple(expanded(path) for path in options.images))
-    if rig.has_stereo and _is_left(rig):
+    rig, notes = one_rig(tuple(expanded(path) for path in options.images))
+    sys.stderr.write("".join(f"note: {printable(note)}\n" for note in notes))
+    if rig.has_stereo and _is_left(rig) and _is_level(rig):
         rig = _with_usual_frame(rig)
     save(rig, None, f"converted from {options.images[0]}", options.out, options.format)
     present = [name for name in ("left", "right", "video") if getattr(rig, name) is not None]
@@ -36,6 +38,11 @@ def convert(options: Calibrate) -> int:
 def _is_left(rig: Rig) -> bool:
     """Whether the rig's frame is that of its left camera."""
     return np.array_equal(rig.rig_from_left.matrix, np.eye(4))
+
+
+def _is_level(rig: Rig) -> bool:
+    """Whether the cameras stand beside each other: the frame of others would be turned along with their baseline."""
+    return not pair_fault(rig.rig_from_left.inverse() @ rig.rig_from_right)
 
 
 def _with_usual_frame(rig: Rig) -> Rig:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from ispom.calibration.calibrate import require_found
 from ispom.calibration.detection import Detection, detect
+from ispom.calibration.detection.hint import common_hint
+from ispom.calibration.detection.layout import layout_fault
 from ispom.calibration.result import Views
 from ispom.calibration.targets import Target
 from ispom.errors import InputError, UnreadableImage
@@ -21,6 +25,9 @@ from ispom.types import Image
 
 from .choose import around
 from .images import Source
+
+LOOKED_AT = 9
+"""Images that say which target was filmed, where it is not the one given."""
 
 
 @contextmanager
@@ -69,6 +76,24 @@ def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
         size = _one_size(source, [size for size, _ in part])
         out.append(Views(source.camera, size, source.names, tuple(found for _, found in part), source.times_ns))
     return tuple(out)
+
+
+def require_target(target: Target, sources: tuple[Source, ...], views: tuple[Views, ...]) -> None:
+    """InputError where another target was filmed than the one given, with what is there instead: where a camera's
+    images show nothing of it, or its tags sit otherwise."""
+    for source, each in zip(sources, views, strict=True):
+        seen = [i for i, found in enumerate(each.detections) if not found.reason]
+        if not seen:
+            require_found(each, common_hint(target, _images(source, range(len(source)))))
+        if fault := layout_fault(target, _images(source, seen)):
+            raise InputError(f"{source.camera}: {fault}")
+
+
+def _images(source: Source, index: Sequence[int]) -> Iterator[Image]:
+    """Up to LOOKED_AT of those of the index, evenly."""
+    for n in np.unique(np.linspace(0, len(index) - 1, LOOKED_AT).round().astype(int)).tolist():
+        with suppress(UnreadableImage):
+            yield source.read(index[n])
 
 
 def moving_views(target: Target, given: tuple[Source, ...], chosen: tuple[Source, ...]) -> Views | None:

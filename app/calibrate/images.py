@@ -20,6 +20,7 @@ from ispom.sequences.formats.folder import TIMES
 from ispom.sequences.formats.video import looks_like_video, video_stream
 from ispom.sequences.formats.video_folder import video_in
 from ispom.sequences.images import IMAGE_SUFFIXES, read_grey
+from ispom.sequences.orientation import common_orientation
 from ispom.sequences.stream import Clock
 from ispom.types import Image, as_grey
 
@@ -44,6 +45,8 @@ class Source:
     """Image i (H, W), grey."""
     is_film: bool = False
     """Many images that are alike: the best are chosen."""
+    notes: tuple[str, ...] = ()
+    """Sentences about how they are read."""
 
     def __len__(self) -> int:
         return len(self.names)
@@ -51,7 +54,7 @@ class Source:
     def select(self, index: list[int]) -> Source:
         times = None if self.times_ns is None else self.times_ns[index]
         kept = tuple(self.names[i] for i in index)
-        return Source(self.camera, self.place, kept, times, lambda i: self.read(index[i]), self.is_film)
+        return Source(self.camera, self.place, kept, times, lambda i: self.read(index[i]), self.is_film, self.notes)
 
 
 def open_sources(what: str, given: tuple[Path, ...]) -> tuple[Source, ...]:
@@ -154,7 +157,9 @@ def _of_files(camera: str, place: Path, files: list[Path]) -> Source:
             raise InputError(f"{place / TIMES} has {len(times)} times for {len(files)} images: give one per image")
     elif all(re.fullmatch(r"\d{15,19}", path.stem) for path in files):  # EuRoC's names are nanoseconds
         times = np.array([int(path.stem) for path in files], np.int64)
-    return Source(camera, place, listed, times, lambda i: read_grey(files[i]))
+    orientation, note = common_orientation(files)
+    notes = (note,) if note else ()
+    return Source(camera, place, listed, times, lambda i: read_grey(files[i], None, orientation), notes=notes)
 
 
 def _film(camera: str, path: Path) -> Source:

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock, Thread
 
-from ispom.calibration.calibrate import calibrate, require_found
+from ispom.calibration.calibrate import calibrate
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets import parse_target
 from ispom.errors import InputError
 from ispom.types import Image, Rig
 
 from .choose import best_frames
-from .detecting import detected, moving_views
+from .detecting import detected, moving_views, require_target
 from .images import CAMERAS, Source, open_sources, paired
 from .kept import keep
 from .simulated import is_simulated, simulated
@@ -119,8 +119,7 @@ class Job:
         self._tell(doing=f"detecting the target in {sum(map(len, sources))} images", sources=sources)
         views = detected(target, sources)
         self._tell(views=views)
-        for each in views:
-            require_found(each, "")
+        require_target(target, sources, views)
         order = sorted(views, key=lambda each: each.name == "video")
         beside = moving_views(target, given, sources)
         found = calibrate(target, tuple(order), progress=lambda doing: self._tell(doing=doing), around=beside)

@@ -42,10 +42,21 @@ def left_out(rig: Rig, form: Format) -> Iterator[str]:
     if rolling and form not in ("rig", "camera"):
         which = f"{LINE_DELAY} of {' and '.join(rolling)}"
         yield f"--format {form} has no place for a rolling shutter: {which} is left out; rig.yaml keeps it"
+    unplaced = poses_lost(rig, form)
+    if unplaced:
+        yield f"--format {form} has no poses of {' and '.join(unplaced)}: left out; rig.yaml keeps them"
     sigmas = [name for name in SIGMAS if getattr(rig, name) is not None]
     if sigmas and form != "rig":
         what = "how sure the calibration is"
         yield f"--format {form} has no place for {what}: left out: {' and '.join(sigmas)}; rig.yaml keeps it"
+
+
+def poses_lost(rig: Rig, form: Format) -> list[str]:
+    """Cameras whose places in the rig a format cannot hold: COLMAP's has none, and ROS's those of a pair only."""
+    cameras = [each.name for each in placed_of(rig)]
+    if len(cameras) < 2 or form not in ("colmap", "ros"):
+        return []
+    return [name for name in cameras if form == "colmap" or not rig.has_stereo or name == "video"]
 
 
 def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:

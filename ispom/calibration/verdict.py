@@ -13,8 +13,10 @@ GOOD_RMS, USABLE_RMS = 1 / 1000, 1 / 250
 """Reprojection errors (root mean square) as shares of the image's width."""
 GOOD_UNCERTAINTY, USABLE_UNCERTAINTY = 1 / 1000, 1 / 200
 """Of projections, at the 90th percentile over the image, as a share of its width."""
-GOOD_HALVES = 1 / 500
-"""Difference of two halves of the views, the same way."""
+GOOD_HALVES, USABLE_HALVES = 1 / 500, 1 / 100
+"""Difference of two halves of the views, the same way: each half is uncertain by sqrt(2) times as much as all views, so
+they differ by twice the uncertainty, if it is true. Where they differ by more, images are not of one camera as it is
+used: some are turned, mirrored, zoomed or focused otherwise."""
 COVERED, BARELY_COVERED = 0.6, 0.25
 """Shares of the image."""
 MOSTLY = 0.5
@@ -44,8 +46,10 @@ def verdict(
             said = f"{name}: projections are uncertain by {spread:.2f} px"
             _judge(redo, minor, spread / width, GOOD_UNCERTAINTY, USABLE_UNCERTAINTY, said)
         apart = _ninth(each.halves.px)
-        if apart > GOOD_HALVES * width:
-            minor.append(f"{name}: two halves of the views differ by {apart:.2f} px")
+        said = f"{name}: two halves of the views differ by {apart:.2f} px"
+        if apart > USABLE_HALVES * width:
+            said += ": some images are turned, zoomed or focused otherwise, or there are too few"
+        _judge(redo, minor, apart / width, GOOD_HALVES, USABLE_HALVES, said)
         covered = each.coverage.covered
         if covered < COVERED:
             minor.append(f"{name}: the board was seen in {100 * covered:.0f} % of the image only")

@@ -1,4 +1,5 @@
-"""YAML files that hold a mapping, and the numbers in them: read with the place of every mistake."""
+"""YAML files (also JSON, and OpenCV's) that hold a mapping, and the numbers in them: read with the place of every
+mistake."""
 
 from __future__ import annotations
 
@@ -19,6 +20,14 @@ MAX_VALUES, MAX_DEPTH = 20_000, 30
 """Of a file with its aliases written out: a short file of aliases of aliases stands for billions of values."""
 
 _EXPONENT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+")
+
+
+class _Loader(yaml.SafeLoader):
+    """With OpenCV's tags, whose matrices are mappings with rows, cols, dt and data."""
+
+
+for _tag in ("opencv-matrix", "opencv-nd-matrix"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_tag}", yaml.SafeLoader.construct_yaml_map)
 
 
 def read_mapping(path: Path) -> dict[Any, Any]:
@@ -48,7 +57,7 @@ def parse_yaml(where: Path | str, text: str) -> Any:
 
 
 def _loaded(path: Path | str, text: str) -> Any:
-    loader = yaml.SafeLoader(text)
+    loader = _Loader(text)
     try:
         root = loader.get_single_node()
         if root is None:

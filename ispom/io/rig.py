@@ -15,21 +15,20 @@ import yaml
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.camera import CAMERA_KEYS, INTRINSICS, SIZES, camera_of, line_delay_entry
-from ispom.io.mapping import MAX_BYTES, finite_numbers, read_mapping
-from ispom.io.rows import read_text
+from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.types import Camera, LensSigma, PairSigma, Rig
 
-_CAMERAS = ("video", "left", "right")
+CAMERAS = ("video", "left", "right")
 SIGMAS = {"video_sigma": LensSigma, "pair_sigma": PairSigma}
 MAX_SIGMA = {"offset_px": 10.0, "turn_deg": 2.0}
 MAX_SHARE = 0.1
 """Of the other deviations, as of the methods' settings: with more there is nothing to start from."""
-ENTRIES = frozenset((*_CAMERAS, "laser", *SIGMAS))
+ENTRIES = frozenset((*CAMERAS, "laser", *SIGMAS))
 
 
 def rig_text(rig: Rig) -> str:
     """The file's content."""
-    present = [name for name in _CAMERAS if getattr(rig, name) is not None]
+    present = [name for name in CAMERAS if getattr(rig, name) is not None]
     content = {name: _camera_entry(rig, name) for name in present}
     content |= {name: asdict(getattr(rig, name)) for name in SIGMAS if getattr(rig, name) is not None}
     if rig.rig_from_laser is not None:
@@ -37,17 +36,11 @@ def rig_text(rig: Rig) -> str:
     return yaml.safe_dump(content, sort_keys=False)
 
 
-def is_own_rig(path: Path) -> bool:
-    """Whether a file is a rig.yaml, if perhaps a wrong one, and not another program's calibration."""
-    text = read_text(path, MAX_BYTES)
-    return "opencv-matrix" not in text and not {"cam0", "T_BS", "camera_matrix"} & set(read_mapping(path))
-
-
 def read_rig(path: Path, placed: bool = True) -> Rig:
     """The rig of a file; InputError names the entry that is missing or wrong. Unless all cameras must be `placed`, the
     video camera may be without a pose: it is then that of the rig."""
     content = read_mapping(path)
-    if not set(content) & set(_CAMERAS) or not set(content) <= ENTRIES:
+    if not set(content) & set(CAMERAS) or not set(content) <= ENTRIES:
         perhaps = ", ".join(("laser", *SIGMAS))
         raise InputError(
             f"{path} must hold entries called video, left or right, perhaps {perhaps}, and no others: correct it"
@@ -109,7 +102,9 @@ def _pose(path: Path, name: str, entry: dict[Any, Any]) -> Pose:
         or_find = ", or find it by `ispom calibrate rig FOLDER --from-motion`" if name == "video" else ""
         raise InputError(f"{path}: {name}.rig_from_{name} is missing: add its translation_m and rotation_xyzw{or_find}")
     translation = finite_numbers(path, f"{name}.rig_from_{name}.translation_m", pose.get("translation_m"), 3)
-    xyzw = finite_numbers(path, f"{name}.rig_from_{name}.rotation_xyzw", pose.get("rotation_xyzw"), 4)
+    key = "rotation_wxyz" if "rotation_wxyz" in pose and "rotation_xyzw" not in pose else "rotation_xyzw"
+    xyzw = finite_numbers(path, f"{name}.rig_from_{name}.{key}", pose.get(key), 4)
+    xyzw = [*xyzw[1:], xyzw[0]] if key == "rotation_wxyz" else xyzw
     if abs(np.linalg.norm(xyzw) - 1) > 0.01:
-        raise InputError(f"{path}: {name}.rig_from_{name}.rotation_xyzw is not of length 1: correct it")
+        raise InputError(f"{path}: {name}.rig_from_{name}.{key} is not of length 1: correct it")
     return Pose.from_xyzw(np.array(xyzw), np.array(translation))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ispom.errors import InputError, as_text, counted
+from ispom.io.calibrations.pair import unit_note
 from ispom.io.files import bounded, exists, expanded, is_folder, names
 from ispom.sequences.address import MAX_SEED
 from ispom.sequences.formats.bags import BAG_SUFFIXES, looks_like_bag, open_bag
@@ -99,11 +100,21 @@ def open_sequence(
     if frames < MIN_FRAMES:
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
-    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(as_text, sequence.notes)))
+    notes = dict.fromkeys((*sequence.notes, *_unit_notes(source, sequence)))
+    sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(as_text, notes)))
     sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
     if sequence.prepare is None:  # images of simulations are made, not read
         require_readable(sequence)
     return prefetched(sequence)
+
+
+def _unit_notes(source: str, sequence: Sequence) -> tuple[str, ...]:
+    """A note about a pair whose baseline is hardly in metres, whichever file says so; a simulation's is as it was
+    ordered."""
+    if source.startswith("sim:") or not sequence.rig.has_stereo:
+        return ()
+    note = unit_note(sequence.rig.baseline_m)
+    return (f"{source}: {note}",) if note and not any(note[:30] in other for other in sequence.notes) else ()
 
 
 def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:

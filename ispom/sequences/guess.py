@@ -55,13 +55,14 @@ def pixel_aspect(width: float, height: float) -> float:
     return aspect if 1 / MOST_ASPECT <= aspect <= MOST_ASPECT else 1.0
 
 
-def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
-    """By the first image of a folder; InputError where it is none."""
+def guess_of_photo(path: Path, orientation: int | None = None) -> tuple[Guess, Camera]:
+    """By the first image of a folder, turned by EXIF's `orientation` of all, or else by its own; InputError where it is
+    none."""
     with opened(path) as file:
         try:
             with Header.open(file) as image:
                 size, exif = image.size, image.getexif()
-                turned = exif.get(0x0112, 1) in (5, 6, 7, 8)
+                turned = (orientation or exif.get(0x0112, 1)) in (5, 6, 7, 8)
                 entries = exif.get_ifd(_EXIF)
                 ratio = image.info.get("jfif_density", (1, 1)) if image.info.get("jfif_unit") == 0 else (1, 1)
         except (OSError, ValueError, SyntaxError, Header.DecompressionBombError):
@@ -70,6 +71,12 @@ def guess_of_photo(path: Path) -> tuple[Guess, Camera]:
     aspect = pixel_aspect(*(ratio[::-1] if turned else ratio))
     guess = guessed((width, height), _told_by_exif(entries, (width, height)), aspect)
     return guess, guess.camera((width, height))
+
+
+def size_of_photo(path: Path, orientation: int | None = None) -> tuple[int, int]:
+    """(width, height) of an image as it is looked at, as `guess_of_photo`."""
+    _, camera = guess_of_photo(path, orientation)
+    return camera.width, camera.height
 
 
 def guess_of_film(path: Path, size: tuple[int, int], aspect: float = 1.0) -> Guess:

@@ -17,6 +17,7 @@ from ispom.io.camera import MAX_PIXELS
 from ispom.io.files import names, read_bytes
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.image_header import MAX_BYTES, header_size, is_whole
+from ispom.sequences.orientation import oriented
 from ispom.types import Image
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
@@ -46,17 +47,17 @@ DEFECTIVE = 0.1
 """Per cent of the pixels at either end that may be defective, and tell nothing about that range."""
 
 
-def read_grey(path: Path, size: tuple[int, int] | None = None) -> Image:
-    """(H, W), read-only.
+def read_grey(path: Path, size: tuple[int, int] | None = None, orientation: int | None = None) -> Image:
+    """(H, W), read-only; turned by EXIF's `orientation` (see orientation.py), or else by the image's own.
 
     UnreadableImage where it is missing, damaged, or not of `size` (width, height).
     """
-    return _read(path, size, cv2.IMREAD_GRAYSCALE)
+    return _read(path, size, cv2.IMREAD_GRAYSCALE, orientation)
 
 
-def read_image(path: Path, size: tuple[int, int] | None = None) -> Image:
+def read_image(path: Path, size: tuple[int, int] | None = None, orientation: int | None = None) -> Image:
     """The same, (H, W, 3) RGB where the file has colours."""
-    return _read(path, size, cv2.IMREAD_ANYCOLOR)
+    return _read(path, size, cv2.IMREAD_ANYCOLOR, orientation)
 
 
 def decode(
@@ -65,6 +66,7 @@ def decode(
     size: tuple[int, int] | None = None,
     flag: int = cv2.IMREAD_ANYCOLOR,
     span: Callable[[], tuple[float, float]] | None = None,
+    orientation: int | None = None,
 ) -> Image:
     """The image (H, W) or RGB (H, W, 3) of a file's bytes, read-only.
 
@@ -75,6 +77,7 @@ def decode(
     if claimed is None or not is_whole(content):
         raise UnreadableImage(f"{where} is not a whole image (truncated or damaged): restore it")
     _require(where, claimed, size, turned=True)
+    flag |= 0 if orientation is None else cv2.IMREAD_IGNORE_ORIENTATION
     try:
         with silenced():
             image = cv2.imdecode(np.frombuffer(content, np.uint8), flag | cv2.IMREAD_ANYDEPTH)
@@ -82,6 +85,7 @@ def decode(
         image = None
     if image is None:
         raise UnreadableImage(f"{where} is not a whole image (truncated or damaged): restore it")
+    image = image if orientation is None else oriented(np.asarray(image), orientation)
     _require(where, image.shape[1::-1], size)
     if image.dtype != np.uint8:
         image = as_bytes(image, None if span is None else span())
@@ -181,12 +185,12 @@ def those_there(listing: Path, paths: list[Path]) -> tuple[NDArray[np.int64], tu
     return found, (note,) if missing else ()
 
 
-def _read(path: Path, size: tuple[int, int] | None, flag: int) -> Image:
+def _read(path: Path, size: tuple[int, int] | None, flag: int, orientation: int | None) -> Image:
     try:
         content = read_bytes(path, MAX_BYTES)
     except InputError as fault:
         raise UnreadableImage(fault.args[0]) from None
-    return decode(content, str(path), size, flag, lambda: span_of(path.parent))
+    return decode(content, str(path), size, flag, lambda: span_of(path.parent), orientation)
 
 
 def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, turned: bool = False) -> None:

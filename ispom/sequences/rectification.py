@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.geometry import Pose
+from ispom.io.calibrations.rectified import coefficients_of, rectified
 from ispom.types import Camera, Image, Rig
 
 Maps = tuple[NDArray, NDArray]
@@ -31,7 +32,7 @@ class Rectification:
     def of(left: Camera, right: Camera, right_from_left: Pose) -> Rectification:
         """All pixels of the rectified images are inside the raw ones. ValueError where one is above the other."""
         size = (left.width, left.height)
-        turn_left, turn_right, p_left, p_right = _rectified(left, right, right_from_left)
+        turn_left, turn_right, p_left, p_right = rectified(left, right, right_from_left)
         if p_right[0, 3] == 0:
             raise ValueError("the cameras are not beside each other")
         fx, fy, cx, cy = p_left[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
@@ -56,27 +57,9 @@ class Rectification:
         )
 
 
-def _rectified(left: Camera, right: Camera, right_from_left: Pose) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Rotations and projections of cv2.stereoRectify, or of its twin for a pair of fisheye lenses."""
-    if left.lens != right.lens:
-        raise ValueError("one lens is a fisheye and the other is not")
-    k_left, k_right, size = left.matrix, right.matrix, (left.width, left.height)
-    d_left, d_right = _coefficients(left), _coefficients(right)
-    turn, shift = right_from_left.rotation, right_from_left.translation.reshape(3, 1)
-    flags = cv2.CALIB_ZERO_DISPARITY
-    if left.lens == "fisheye":
-        return cv2.fisheye.stereoRectify(k_left, d_left, k_right, d_right, size, turn, shift, flags, balance=0.0)[:4]
-    return cv2.stereoRectify(k_left, d_left, k_right, d_right, size, turn, shift, flags=flags, alpha=0)[:4]
-
-
 def _line_delay_s(left: Camera, right: Camera, fy: float) -> float:
     """From row to row of the rectified images, as it is in their middle."""
     return 0.5 * (left.line_delay_s * left.fy + right.line_delay_s * right.fy) / fy
-
-
-def _coefficients(camera: Camera) -> NDArray:
-    """As OpenCV takes them."""
-    return np.array(camera.distortion or (0.0,) * (4 if camera.lens == "fisheye" else 0), float)
 
 
 def undistortion(camera: Camera, turn: NDArray, projection: NDArray, size: tuple[int, int]) -> Maps:
@@ -84,7 +67,7 @@ def undistortion(camera: Camera, turn: NDArray, projection: NDArray, size: tuple
     the camera's, to the camera's own image."""
     # Not in fixed point: places rounded to 1/32 px are off together, and so are tracks.
     maps = cv2.fisheye.initUndistortRectifyMap if camera.lens == "fisheye" else cv2.initUndistortRectifyMap
-    first, second = maps(camera.matrix, _coefficients(camera), turn, projection[:, :3], size, cv2.CV_32FC1)
+    first, second = maps(camera.matrix, coefficients_of(camera), turn, projection[:, :3], size, cv2.CV_32FC1)
     return first, second
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError
+from ispom.io.calibrations.pair import pair_fault
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Side
 from ispom.sequences.rectification import Rectification, remapped
@@ -58,7 +59,13 @@ def _rectification(path: Path, rig: Rig) -> Rectification | None:
     """How the images become rectified; None where they are."""
     left, right = rig.camera("left"), rig.camera("right")
     right_from_left = rig.rig_from_right.inverse() @ rig.rig_from_left
-    aside = InputError(f"{path}: its rig does not put the right camera to the right of the left one: correct the rig")
+    fault = pair_fault(right_from_left.inverse())
+    why = f" ({fault})" if fault else ""
+    aside = InputError(
+        f"{path}: its rig does not put the right camera to the right of the left one{why}: correct the rig"
+    )
+    if fault:
+        raise aside
     parallel = abs(right_from_left.rotation - np.eye(3)).max() < 1e-7
     level = abs(right_from_left.translation[1:]).max() <= 1e-6 * abs(right_from_left.translation[0])
     if left == right and not left.distortion and parallel and level:

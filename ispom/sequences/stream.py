@@ -16,7 +16,6 @@ from ispom.io.mapping import finite_numbers
 from ispom.io.rows import MAX_TIME_S, increasing_times_ns, read_rows
 from ispom.types import Camera, Image
 
-CLOCK_KEYS = ("times", "rate_hz", "offset_s")
 NOMINAL_HZ = 30.0
 MIN_HZ, MAX_HZ = 1e-3, 1e5
 MAX_OFFSET_S = float(MAX_TIME_S)

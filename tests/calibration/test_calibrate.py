@@ -145,3 +145,15 @@ def test_the_rig_frame_is_centred_on_the_baseline() -> None:
     assert np.allclose(found.rig_from_right.translation[1:], 0, atol=1e-12)
     between: Pose = found.rig_from_right.inverse() @ found.rig_from_left
     assert np.allclose(between.matrix, right_from_left.matrix, atol=0.003)
+
+
+def test_images_that_are_turned_are_no_camera() -> None:
+    """Of every second view the image is upside down: each half of the views fits another principal point."""
+    camera = replace(LEFT, cx=401.0, cy=261.0)
+    detections = seen_by(BOARD, camera, board_poses(camera, BOARD.size_m, 12, 3), np.random.default_rng(3))
+    corner = np.array([camera.width - 1, camera.height - 1])
+    turned = [d if i % 2 or d.reason else replace(d, uv=corner - d.uv) for i, d in enumerate(detections)]
+    assert calibrate(BOARD, (views_of("video", camera, detections),), "radtan").verdict.level != "redo"
+    verdict = calibrate(BOARD, (views_of("video", camera, turned),), "radtan").verdict
+    assert verdict.level == "redo"
+    assert any("two halves of the views differ" in reason for reason in verdict.reasons)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ispom.calibration.detection import detect
-from ispom.calibration.detection.hint import hint
+from ispom.calibration.detection.hint import common_hint, hint
+from ispom.calibration.detection.layout import layout_fault
 from ispom.calibration.targets import parse_target
 from ispom.geometry import Pose
 from ispom.simulation.board import Exposing, board_image
@@ -90,3 +91,38 @@ def test_a_board_of_another_size_is_told() -> None:
     shown = parse_target("chessboard:8x6:0.025")
     grey = board_image(picture_of(shown), LEFT, Pose(translation=np.array([-0.09, -0.06, 0.35])))
     assert "a chessboard of 8x6 inner corners" in hint(parse_target("chessboard:9x6:0.0242"), grey)
+
+
+def test_of_boards_that_are_cut_the_size_of_most_views_is_told() -> None:
+    """The first view shows 7 of 9 columns, another one 8."""
+    shown, given = parse_target("chessboard:9x6:0.025"), parse_target("chessboard:8x5:0.025")
+    start = np.array([-0.12, -0.08, 0.4])
+    whole = [
+        board_image(picture_of(shown), LEFT, Pose(translation=start + np.array([0, 0, z]))) for z in (0, 0.01, 0.02)
+    ]
+    cut = [whole[0][:, 300:], *whole, whole[0][:, 270:]]
+    said = [hint(given, np.ascontiguousarray(image)) for image in cut]
+    assert len(set(said)) > 1 and "9x6" not in said[0]
+    assert "a chessboard of 9x6 inner corners" in common_hint(given, cut)
+    assert common_hint(given, []) == ""
+
+
+@pytest.mark.parametrize(
+    ("filmed", "given", "said", "better"),
+    [
+        ("aprilgrid:6x6:0.03:0.3", "aprilgrid:6x6:0.03:0.009", "not metres", "aprilgrid:6x6:0.03:0.3"),
+        ("aprilgrid:6x6:0.03:0.3", "aprilgrid:7x6:0.03:0.3", "has 6 tags in a row, not 7", "aprilgrid:6x6:0.03:0.3"),
+        ("aprilgrid:6x6:0.03:0.3", "aprilgrid:5x6:0.03:0.3", "has 6 tags in a row, not 5", "aprilgrid:6x6:0.03:0.3"),
+        ("apriltag:4x3:0.05:0.01", "apriltag:4x3:0.05:0.2", "in metres, not a share", "apriltag:4x3:0.05:0.01"),
+        ("aruco:5x7:0.04:0.01", "aruco:7x5:0.04:0.01", "has 5 tags in a row, not 7", "aruco:5x7:0.04:0.01"),
+        ("aprilgrid:6x6:0.03:0.3", "aprilgrid:6x6:0.03:0.3", "", ""),
+        ("aruco:5x7:0.04:0.01", "aruco:5x7:0.04:0.01", "", ""),
+        ("charuco:8x5:0.03:0.022", "charuco:8x5:0.03:0.022", "", ""),
+    ],
+)
+def test_a_target_whose_tags_sit_otherwise_is_named(filmed: str, given: str, said: str, better: str) -> None:
+    target = parse_target(filmed)
+    poses = board_poses(LEFT, target.size_m, 4, 1)
+    images = [board_image(picture_of(target), LEFT, pose) for pose in poses]
+    fault = layout_fault(parse_target(given), images)
+    assert said in fault and better in fault and bool(fault) == bool(said)

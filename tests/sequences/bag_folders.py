@@ -26,12 +26,16 @@ def make_bag(
     info: bool | str = True,
     encode: Encode = lambda image: ("mono8", image),
     stamp: Callable[[int], int] = lambda i: START_NS - DELAY_NS + i * STEP_NS,
+    baseline_m: float = 0.5,
+    binning: int = 0,
+    model: tuple[str, tuple[float, ...]] = ("plumb_bob", (0.0,) * 5),
 ) -> Path:
-    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (0.5 m between cameras).
+    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (baseline_m between cameras,
+    a sensor `binning` times as large as the images, and the distortion model and coefficients).
 
-    `info` may also be "zeros", as that of a camera without calibration, or another distortion model.
-
-    `stamp` gives the time [ns] in an image's header; compressed images are PNG files of the encoded values."""
+    `info` may also be "zeros", as that of a camera without calibration. `stamp` gives the time [ns] in an image's
+    header; compressed images are PNG files of the encoded values.
+    """
     pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -74,17 +78,17 @@ def make_bag(
             put(f"/{camera}/image_raw{'/compressed' if compressed else ''}", name, written, found)
             if not info:
                 continue
-            k_matrix = np.array([80.0, 0, 47.5, 0, 80, 31.5, 0, 0, 1])
-            p_matrix = np.array([80.0, 0, 47.5, -40.0 * k, 0, 80, 31.5, 0, 0, 0, 1, 0])
+            n = max(binning, 1)
+            k_matrix = np.array([80.0 * n, 0, 47.5 * n, 0, 80 * n, 31.5 * n, 0, 0, 1])
+            shift = -80.0 * n * baseline_m * k
+            p_matrix = np.array([80.0 * n, 0, 47.5 * n, shift, 0, 80 * n, 31.5 * n, 0, 0, 0, 1, 0])
             matrices = (k_matrix, np.eye(3).ravel(), p_matrix)
             region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-            size, model, distortion = (HEIGHT, WIDTH), info if isinstance(info, str) else "plumb_bob", np.zeros(5)
+            size = (HEIGHT * n, WIDTH * n)
             if info == "zeros":
-                size, model, matrices = (0, 0), "", tuple(np.zeros(n) for n in (9, 9, 12))
-            if info == "equidistant":
-                distortion = np.array([0.01, 0, 0, 0])
+                size, model, matrices = (0, 0), ("", ()), tuple(np.zeros(count) for count in (9, 9, 12))
             told = types["sensor_msgs/msg/CameraInfo"](
-                header(START_NS), *size, model, distortion, *matrices, 0, 0, region
+                header(START_NS), *size, model[0], np.array(model[1]), *matrices, binning, binning, region
             )
             put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [told])
     return path

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Iterable
+
 import cv2
 import numpy as np
 
@@ -12,6 +16,13 @@ from ispom.types import Image, as_grey
 
 _OTHERS = ("aprilgrid:6x6:0.088:0.3", "apriltag:6x6:0.08:0.02", "aruco:10x5:0.04:0.01", "aruco:10x10:0.04:0.01:6X6_250")
 _LEAST_TAGS = 3
+
+
+def common_hint(target: Target, images: Iterable[Image]) -> str:
+    """What most of the images in which something is known say, as `hint`: boards are cut in some. Of two that are said
+    as often, the larger board."""
+    said = Counter(text for image in images if (text := hint(target, image)))
+    return max(said, key=lambda text: (said[text], _corners_in(text)), default="")
 
 
 def hint(target: Target, image: Image) -> str:
@@ -32,6 +43,11 @@ def hint(target: Target, image: Image) -> str:
         if not same and len(decoded(other, grey)) >= _LEAST_TAGS:
             return f"the images show tags of {other.dictionary}, as of an {other.kind} target, give that as --target"
     return ""
+
+
+def _corners_in(text: str) -> int:
+    size = re.search(r"(\d+)x(\d+)", text)
+    return int(size[1]) * int(size[2]) if size else 0
 
 
 def _chessboard(grey: Image) -> tuple[int, int] | None:

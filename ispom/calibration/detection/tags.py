@@ -46,6 +46,16 @@ def decoded(target: Target, grey: Image) -> dict[int, Array]:
     }
 
 
+def single_tags(target: Target, grey: Image) -> dict[int, Array]:
+    """Refined corners (4, 2) [px] by tag number, each found by itself: wherever the target has them, or not at all."""
+    found = {}
+    for number, corners in decoded(target, grey).items():
+        cells = marker_cells(target.dictionary, number, target.border_bits)
+        if (refined_corners := _verified(target, grey, cells, corners)) is not None:
+            found[number] = refined_corners
+    return found
+
+
 def found_tags(target: Target, grey: Image, seeds: dict[int, Array]) -> dict[int, Array]:
     """Refined corners (4, 2) [px] by tag number: of the seeds that agree with each other, and of all that follow."""
     tags = {tag.number: tag for tag in target.tags}

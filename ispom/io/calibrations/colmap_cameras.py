@@ -13,8 +13,8 @@ from ispom.io.rows import read_text
 from ispom.types import Camera
 
 _COUNTS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8, "FULL_OPENCV": 12}
-_COUNTS |= {"OPENCV_FISHEYE": 8}
-_ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+_COUNTS |= {"OPENCV_FISHEYE": 8, "SIMPLE_RADIAL_FISHEYE": 4, "RADIAL_FISHEYE": 5}
+_ONE_FOCAL = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")
 
 
 def colmap_cameras_text(cameras: list[Placed]) -> str:
@@ -52,5 +52,7 @@ def _camera(path: Path, number: int, model: str, values: list[float]) -> Camera:
     if model in ("SIMPLE_RADIAL", "RADIAL"):
         distortion = [*distortion, 0.0][:2]
         distortion = [*distortion, 0.0, 0.0]
-    lens = "fisheye" if model == "OPENCV_FISHEYE" else "opencv"
+    if model in ("SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"):
+        distortion = [*distortion, 0.0, 0.0, 0.0][:4]
+    lens = "fisheye" if "FISHEYE" in model else "opencv"
     return camera_from(path, f"line {number}", np.array(size), [*focals, *centre], distortion, lens)

@@ -9,10 +9,9 @@ import numpy as np
 import yaml
 
 from ispom.errors import InputError
-from ispom.io.calibrations.placed import Placed, camera_from, distortion_name, flow, pose_of
+from ispom.io.calibrations.placed import Placed, camera_from, distortion_name, flow, placed, pose_of
+from ispom.io.lens import coefficients, lens_of
 from ispom.io.mapping import finite_numbers, read_mapping
-
-MODELS = {"none": "opencv", "radial-tangential": "opencv", "equidistant": "fisheye"}
 
 
 def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
@@ -22,7 +21,7 @@ def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
     content: dict[str, Any] = {
         "sensor_type": "camera",
         "comment": each.name,
-        "T_BS": {"cols": 4, "rows": 4, "data": each.body_from_camera.matrix.ravel().tolist()},
+        "T_BS": {"cols": 4, "rows": 4, "data": each.pose.matrix.ravel().tolist()},
         **({} if rate_hz is None else {"rate_hz": rate_hz}),
         "resolution": [camera.width, camera.height],
         "camera_model": "pinhole",
@@ -36,14 +35,13 @@ def euroc_sensor_text(each: Placed, rate_hz: float | None = None) -> str:
 def read_euroc_sensor(path: Path, name: str = "") -> Placed:
     """InputError names the entry that is missing or wrong."""
     content = read_mapping(path)
-    lens = MODELS.get(str(content.get("distortion_model", "none")))
-    if content.get("camera_model", "pinhole") != "pinhole" or lens is None:
-        raise InputError(f"{path}: give a camera of camera_model pinhole, radial-tangential or equidistant")
+    lens = lens_of(path, content)
     size = finite_numbers(path, "resolution", content.get("resolution"), 2)
     intrinsics = finite_numbers(path, "intrinsics", content.get("intrinsics"), 4)
-    distortion = finite_numbers(path, "distortion_coefficients", content.get("distortion_coefficients", []), (0, 4))
+    distortion = coefficients(path, "distortion_coefficients", content.get("distortion_coefficients", []), lens)
     pose = content.get("T_BS")
-    if not isinstance(pose, dict):
+    if pose is None:
         raise InputError(f"{path}: T_BS is missing: add the camera's pose")
     camera = camera_from(path, "the camera", np.array(size), intrinsics, distortion, lens)
-    return Placed(name or path.parent.name, camera, pose_of(path, "T_BS.data", pose.get("data")))
+    data = pose.get("data") if isinstance(pose, dict) else pose
+    return placed(path, "", name or path.parent.name, camera, pose_of(path, "T_BS.data", data))

@@ -12,7 +12,7 @@ from ispom.io.calibrations.euroc_sensor import euroc_sensor_text
 from ispom.io.calibrations.kalibr import kalibr_text
 from ispom.io.calibrations.opencv import opencv_text
 from ispom.io.calibrations.placed import Placed, flow
-from ispom.io.calibrations.ros import ros_text
+from ispom.io.calibrations.ros import ros_texts
 from ispom.io.camera import INTRINSICS, SIZES, line_delay_entry
 from ispom.types import Camera, Rig
 
@@ -53,4 +53,4 @@ def rig_files(rig: Rig, form: Format) -> dict[str, str]:
         return {"cameras.txt": colmap_cameras_text(cameras)}
     if form == "euroc":
         return {f"{each.name}/sensor.yaml": euroc_sensor_text(each) for each in cameras}
-    return {f"{each.name}.yaml": ros_text(each) for each in cameras}
+    return {f"{name}.yaml": text for name, text in ros_texts(cameras).items()}

@@ -1,4 +1,8 @@
-"""Kalibr's camchain.yaml: cam0, cam1, ... with T_cn_cnm1, the pose of each camera after the one before."""
+"""Kalibr's camchain.yaml: cam0, cam1, ... with T_cn_cnm1, the pose of each camera after the one before.
+
+Camchains of camera and IMU, and OpenVINS's, may have the cameras' places at the IMU instead: T_cam_imu (cam_from_imu),
+or T_imu_cam.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,14 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.calibrations.placed import Placed, camera_from, distortion_name, flow, matrix_of, pose_of
+from ispom.io.calibrations.pair import pair_fault
+from ispom.io.calibrations.placed import Placed, camera_from, distortion_name, flow, matrix_of, placed, pose_of
+from ispom.io.lens import coefficients, lens_of
 from ispom.io.mapping import finite_numbers, read_mapping
 
-MODELS = {"none": "opencv", "radtan": "opencv", "equidistant": "fisheye"}
+BETWEEN, OF_IMU, AT_IMU = "T_cn_cnm1", "T_cam_imu", "T_imu_cam"
+ALIKE_M = 1e-3
+"""Places that a file says twice differ by less."""
 
 
 def kalibr_text(cameras: list[Placed]) -> str:
@@ -31,34 +39,64 @@ def kalibr_text(cameras: list[Placed]) -> str:
             "rostopic": f"/{each.name}/image_raw",
         }
         if before is not None:
-            entry["T_cn_cnm1"] = matrix_of(each.body_from_camera.inverse() @ before)
+            entry["T_cn_cnm1"] = matrix_of(each.pose.inverse() @ before)
         chain[f"cam{n}"] = entry
-        before = each.body_from_camera
+        before = each.pose
     return yaml.dump(chain, Dumper=flow(), sort_keys=False, width=200)
 
 
 def read_kalibr(path: Path) -> list[Placed]:
     """The cameras; cam0 is the body. InputError names the entry that is missing or wrong."""
     content = read_mapping(path)
-    names = sorted((key for key in content if isinstance(key, str) and key.startswith("cam")), key=lambda key: key[3:])
+    names = sorted((key for key in content if isinstance(key, str) and is_camera(key)), key=lambda key: int(key[3:]))
     if not names:
         raise InputError(f"{path} holds no cam0: give a camchain of Kalibr")
     out: list[Placed] = []
+    first_from_imu: Pose | None = None
     for name in names:
         entry = content[name]
-        if not isinstance(entry, dict) or entry.get("camera_model", "pinhole") != "pinhole":
-            raise InputError(f"{path}: {name} is no pinhole camera: give one of camera_model pinhole")
-        lens = MODELS.get(str(entry.get("distortion_model", "none")))
-        if lens is None:
-            raise InputError(
-                f"{path}: {name}.distortion_model is {entry['distortion_model']}: give radtan or equidistant"
-            )
+        if not isinstance(entry, dict):
+            raise InputError(f"{path}: {name} must hold the camera's values: correct it")
+        lens = lens_of(path, entry, f"{name}.")
         size = finite_numbers(path, f"{name}.resolution", entry.get("resolution"), 2)
         intrinsics = finite_numbers(path, f"{name}.intrinsics", entry.get("intrinsics"), 4)
-        distortion = finite_numbers(path, f"{name}.distortion_coeffs", entry.get("distortion_coeffs", []), (0, 4))
-        pose = Pose()
-        if out:
-            pose = out[-1].body_from_camera @ pose_of(path, f"{name}.T_cn_cnm1", entry.get("T_cn_cnm1")).inverse()
+        distortion = coefficients(path, f"{name}.distortion_coeffs", entry.get("distortion_coeffs", []), lens)
         camera = camera_from(path, name, np.array(size), intrinsics, distortion, lens)
-        out.append(Placed(name, camera, pose))
+        from_imu = _from_imu(path, name, entry)
+        if not out:
+            first_from_imu = from_imu
+        pose, notes = (Pose(), ()) if not out else _pose(path, name, entry, out[-1].pose, first_from_imu, from_imu)
+        out.append(placed(path, name, name, camera, pose, notes))
     return out
+
+
+def is_camera(key: str) -> bool:
+    """Whether an entry is called as those of cameras are."""
+    return key.startswith("cam") and key[3:].isascii() and key[3:].isdigit() and len(key) < 7
+
+
+def _pose(
+    path: Path, name: str, entry: dict[Any, Any], before: Pose, first_from_imu: Pose | None, from_imu: Pose | None
+) -> tuple[Pose, tuple[str, ...]]:
+    """Where a camera sits in the first one, and a note where the file says two things about it."""
+    by_imu = None if first_from_imu is None or from_imu is None else first_from_imu @ from_imu.inverse()
+    if entry.get(BETWEEN) is None:
+        if by_imu is None:
+            either = f"{BETWEEN}, or with {OF_IMU} or {AT_IMU} as all the others"
+            raise InputError(f"{path}: {name} has no place: add it with {either}")
+        other_way = first_from_imu.inverse() @ from_imu  # type: ignore[union-attr,operator]
+        if not pair_fault(by_imu) or pair_fault(other_way):
+            return by_imu, ()
+        key = next(key for key in (OF_IMU, AT_IMU) if entry.get(key) is not None)
+        other = AT_IMU if key == OF_IMU else OF_IMU
+        return by_imu, (f"{path}: {name} would be to the right of the first camera if {key} were {other}: check which",)
+    found = before @ pose_of(path, f"{name}.{BETWEEN}", entry[BETWEEN]).inverse()
+    if by_imu is None or np.abs(by_imu.matrix - found.matrix).max() < ALIKE_M:
+        return found, ()
+    return found, (f"{path}: {name} has another place by {BETWEEN} than by its pose at the IMU: the first is used",)
+
+
+def _from_imu(path: Path, name: str, entry: dict[Any, Any]) -> Pose | None:
+    if entry.get(OF_IMU) is not None:
+        return pose_of(path, f"{name}.{OF_IMU}", entry[OF_IMU])
+    return pose_of(path, f"{name}.{AT_IMU}", entry[AT_IMU]).inverse() if entry.get(AT_IMU) is not None else None

@@ -1,24 +1,30 @@
-"""OpenCV's YAML files (cv2.FileStorage): camera matrices and coefficients, and the pose of the second camera.
+"""OpenCV's files (cv2.FileStorage, in YAML, XML and JSON): camera matrices and coefficients, and the pose of the second
+camera. ROS's camera_info files are of this kind, too.
 
 Written are camera_matrix and distortion_coefficients for one camera (as OpenCV's calibration sample does), and
-K1, D1, K2, D2, R, T for a pair; further cameras are K3, D3, R3, T3. Read are these, and M1, M2 for K1, K2.
+K1, D1, K2, D2, R, T for a pair; further cameras are K3, D3, R3, T3. Read are these, and the other names that samples
+and tutorials have for them; R and T may be in a file of their own.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
-from ispom.io.calibrations.placed import Placed, camera_from
-from ispom.io.files import read_bytes
-from ispom.io.mapping import MAX_BYTES, finite_numbers, parse_yaml, read_mapping
+from ispom.io.calibrations.camera_info import ImageSize, camera_info, matrix_key, values
+from ispom.io.calibrations.placed import Placed, placed
+from ispom.io.mapping import MAX_BYTES, MAX_DEPTH, read_mapping
+from ispom.io.rotations import rotation_of
+from ispom.io.rows import read_text
 from ispom.types import Camera
 
-_COUNTS = (0, 4, 5, 8, 12, 14)
+MOST_CAMERAS = 8
+XML_HEAD = "<opencv_storage"
 
 
 def opencv_text(cameras: list[Placed]) -> str:
@@ -34,56 +40,62 @@ def opencv_text(cameras: list[Placed]) -> str:
         ]
         lines += _interior(each.camera, f"K{n}", f"D{n}", str(n))
         if n > 1:
-            pose = each.body_from_camera.inverse() @ cameras[0].body_from_camera
+            pose = each.pose.inverse() @ cameras[0].pose
             suffix = "" if n == 2 else str(n)
             lines += [_matrix(f"R{suffix}", pose.rotation), _matrix(f"T{suffix}", pose.translation[:, None])]
     return "\n".join(lines) + "\n"
 
 
-def read_opencv(path: Path, size: tuple[int, int] | None = None) -> list[Placed]:
-    """The cameras, the first one being the body. `size` (width, height) counts where the file has none.
+def read_opencv(path: Path, size: ImageSize | None = None) -> list[Placed]:
+    """The cameras, the first one being the body; those that the file does not place have no pose. A camera alone is in
+    the rectified left camera of its pair, where the file says so. `size` gives that of the images, which counts where
+    the file has none.
 
     InputError names the entry that is missing or wrong.
     """
-    content = _read(path)
-    if "camera_matrix" in content:
-        keys = [("camera_matrix", "distortion_coefficients", "")]
-    else:
-        keys = [(f"{k}{n}", f"D{n}", str(n)) for n in range(1, 9) for k in "KM" if f"{k}{n}" in content]
-    if not keys:
+    content = storage(path)
+    if (key := matrix_key(content)) is not None:
+        info = camera_info(path, content, size=size)
+        name = str(content.get("camera_name", content.get("name", path.stem)))
+        return [placed(path, key, name, info.raw, info.pair_from_camera, info.notes)]
+    numbers = [n for n in map(str, range(1, MOST_CAMERAS + 1)) if matrix_key(content, n) is not None]
+    if not numbers:
         raise InputError(f"{path} holds no camera_matrix and no K1 or M1: give a calibration of OpenCV")
     out: list[Placed] = []
-    for matrix_key, distortion_key, n in keys:
-        matrix = _values(path, matrix_key, content.get(matrix_key), (9,)).reshape(3, 3)
-        distortion = _values(path, distortion_key, content.get(distortion_key), _COUNTS).tolist()
-        if any(distortion[8:]):
-            raise InputError(
-                f"{path}: {distortion_key} has a thin prism or tilted sensor: calibrate with 8 coefficients"
-            )
-        if not any(distortion[4:]):
-            distortion = distortion[:4]
-        sides = [content.get(f"image_{side}{n}", content.get(f"image_{side}")) for side in ("width", "height")]
-        if None in sides and size is None:
-            raise InputError(f"{path}: image_width and image_height are missing: add them")
-        where = finite_numbers(path, "image_width, image_height", sides, 2) if None not in sides else list(size or ())
-        intrinsics = [float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2))]
-        lens = (
-            "fisheye" if content.get(f"distortion_model{n}", content.get("distortion_model")) == "fisheye" else "opencv"
-        )
-        camera = camera_from(path, matrix_key, np.array(where), intrinsics, distortion[:8], lens)
-        out.append(Placed(str(content.get(f"name{n}", f"cam{len(out)}")), camera, _pose(path, content, len(out) + 1)))
+    for n in numbers:
+        info = camera_info(path, content, n, size=size)
+        pose = _pose(path, content, "" if n == "2" else n) if out else Pose()
+        name = str(content.get(f"name{n}", f"cam{len(out)}"))
+        out.append(placed(path, matrix_key(content, n) or n, name, info.raw, pose, info.notes))
     return out
 
 
-def _pose(path: Path, content: dict[Any, Any], n: int) -> Pose:
-    """body_from_camera of camera n, from 1 on."""
-    suffix = "" if n == 2 else str(n)
-    if n == 1 or f"R{suffix}" not in content:
-        return Pose()
-    rotation = _values(path, f"R{suffix}", content[f"R{suffix}"], (9,)).reshape(3, 3)
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
-        raise InputError(f"{path}: R{suffix} is no rotation: correct it")
-    return Pose(rotation, _values(path, f"T{suffix}", content.get(f"T{suffix}"), (3,))).inverse()
+def read_extrinsics(path: Path) -> Pose | None:
+    """The pose of the second camera of a pair in the first, by a file that holds nothing but R and T of a pair, as
+    OpenCV's sample writes one; None of other files."""
+    content = storage(path)
+    alone = matrix_key(content) is None and matrix_key(content, "1") is None
+    return _pose(path, content, "") if alone else None
+
+
+def storage(path: Path) -> dict[Any, Any]:
+    """The entries of a file of OpenCV, whichever of its kinds it is; InputError where it is none."""
+    text = read_text(path, MAX_BYTES)
+    return _of_xml(path, text) if is_xml(text) else read_mapping(path)
+
+
+def is_xml(text: str) -> bool:
+    """Whether it is OpenCV's XML."""
+    return XML_HEAD in text[:1000]
+
+
+def _pose(path: Path, content: dict[Any, Any], suffix: str) -> Pose | None:
+    """first_from_camera; None where the file does not say where it sits."""
+    r, t = f"R{suffix}", f"T{suffix}"
+    if r not in content or t not in content:
+        return None
+    rotation = rotation_of(path, r, values(path, r, content[r], 9).reshape(3, 3))
+    return Pose(rotation, values(path, t, content[t], 3)).inverse()
 
 
 def _interior(camera: Camera, matrix: str, distortion: str, n: str = "") -> list[str]:
@@ -92,26 +104,39 @@ def _interior(camera: Camera, matrix: str, distortion: str, n: str = "") -> list
     return [_matrix(matrix, camera.matrix), _matrix(distortion, coefficients), *named]
 
 
-def _matrix(name: str, values: Array) -> str:
-    data = ", ".join(repr(float(v)) for v in np.ravel(values))
-    return f"{name}: !!opencv-matrix\n   rows: {len(values)}\n   cols: {values.shape[1]}\n   dt: d\n   data: [ {data} ]"
+def _matrix(name: str, array: Array) -> str:
+    data = ", ".join(repr(float(v)) for v in np.ravel(array))
+    return f"{name}: !!opencv-matrix\n   rows: {len(array)}\n   cols: {array.shape[1]}\n   dt: d\n   data: [ {data} ]"
 
 
-def _read(path: Path) -> dict[Any, Any]:
-    """OpenCV's own tag is none that YAML knows: it is taken for a mapping."""
-    text = read_bytes(path, MAX_BYTES).decode(errors="replace")
-    if "!!opencv-matrix" not in text:
-        return read_mapping(path)
-    body = text.replace("!!opencv-matrix", "")
-    body = body.split("\n", 1)[1] if body.startswith("%YAML") else body
-    content = parse_yaml(path, body)
-    if not isinstance(content, dict):
-        raise InputError(f"{path} is not a YAML file of OpenCV: restore it")
-    return content
+def _of_xml(path: Path, text: str) -> dict[Any, Any]:
+    wrong = InputError(f"{path} is not an XML file of OpenCV: restore it, or save it as YAML")
+    if "<!" in text.replace("<!--", ""):  # entities of entities stand for billions of letters
+        raise wrong
+    try:
+        root = ElementTree.fromstring(text.encode())
+    except (ElementTree.ParseError, ValueError, LookupError):
+        raise wrong from None
+    return {element.tag: _of_element(element, wrong) for element in root}
 
 
-def _values(path: Path, where: str, entry: Any, counts: tuple[int, ...]) -> Array:
-    data = entry.get("data") if isinstance(entry, dict) else entry
-    if isinstance(data, list):  # OpenCV writes whole numbers as `0.`, and counts of zeros as text elsewhere
-        data = [float(v) if isinstance(v, str) and v.replace(".", "").lstrip("-").isdigit() else v for v in data]
-    return np.array(finite_numbers(path, where, data, counts))
+def _of_element(element: ElementTree.Element, wrong: InputError, depth: int = 0) -> Any:
+    if depth > MAX_DEPTH:
+        raise wrong
+    inner = list(element)
+    if not inner:
+        words = [_number(word) for word in (element.text or "").split()]
+        return words[0] if len(words) == 1 else words
+    if all(each.tag == "_" for each in inner):
+        return [_of_element(each, wrong, depth + 1) for each in inner]
+    found = {each.tag: _of_element(each, wrong, depth + 1) for each in inner}
+    if not isinstance(found.get("data", []), list):
+        found["data"] = [found["data"]]
+    return found
+
+
+def _number(word: str) -> float | str:
+    try:
+        return float(word)
+    except ValueError:
+        return word.strip('"')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,14 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
-from ispom.io.camera import usable
+from ispom.io.camera import doubts, usable
 from ispom.io.mapping import finite_numbers
+from ispom.io.rotations import rotation_of
 from ispom.types import Camera
 from ispom.types.camera import Lens
 
-ORTHOGONAL = 1e-3
-"""By so much a rotation in a file may not be one: files round."""
-EXACT = 1e-12
-"""Rotations nearer than this to one are taken as they stand."""
+HOMOGENEOUS = 1e-6
+"""The last row of a rigid motion is 0 0 0 1, to this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +27,31 @@ class Placed:
 
     name: str
     camera: Camera
-    body_from_camera: Pose
+    body_from_camera: Pose | None
+    """None where its file does not say where it sits."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what of the file is skipped, and what in it is likely a mistake."""
+
+    @property
+    def pose(self) -> Pose:
+        """The same, of a camera whose place is known."""
+        assert self.body_from_camera is not None
+        return self.body_from_camera
+
+    def at(self, body_from_camera: Pose | None) -> Placed:
+        return replace(self, body_from_camera=body_from_camera)
+
+
+def placed(
+    path: Path,
+    where: str,
+    name: str,
+    camera: Camera,
+    body_from_camera: Pose | None,
+    notes: tuple[str, ...] = (),
+) -> Placed:
+    """A camera that was found in a file under `where`, with notes about what in it is likely a mistake."""
+    return Placed(name, camera, body_from_camera, (*notes, *doubts(camera, f"{path}: {where}".rstrip(": "))))
 
 
 def camera_from(
@@ -38,8 +61,9 @@ def camera_from(
     width, height = (float(side) for side in size)
     if not (width > 0 and height > 0 and width == int(width) and height == int(height)):
         raise InputError(f"{path}: the size of {where} is not in whole pixels: correct it")
-    if not any(distortion) and lens == "opencv":
-        distortion = []
+    if lens == "opencv":
+        used = len(np.trim_zeros(distortion, "b"))
+        distortion = [*distortion, *(0.0,) * 8][: next(count for count in (0, 4, 5, 8) if count >= used)]
     kind: Lens = "fisheye" if lens == "fisheye" else "opencv"
     camera = Camera(int(width), int(height), *intrinsics, distortion=tuple(distortion), lens=kind)
     return usable(camera, f"{path}: {where}")
@@ -56,14 +80,11 @@ def pose_of(path: Path, where: str, value: Any) -> Pose:
     if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) for row in value):
         flat = [number for row in value for number in row]
     matrix = np.array(finite_numbers(path, where, flat, 16)).reshape(4, 4)
-    rotation = matrix[:3, :3]
-    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if off > ORTHOGONAL or np.linalg.det(rotation) < 0 or np.abs(matrix[3] - (0, 0, 0, 1)).max() > ORTHOGONAL:
-        raise InputError(f"{path}: {where} is no rigid motion: correct it")
-    if off > EXACT:
-        u, _, vt = np.linalg.svd(rotation)
-        rotation = u @ vt
-    return Pose(rotation, matrix[:3, 3])
+    if np.abs(matrix[3] - (0, 0, 0, 1)).max() > HOMOGENEOUS:
+        turned = not matrix[:3, 3].any()
+        cure = "it is transposed: exchange its rows and columns" if turned else "correct it"
+        raise InputError(f"{path}: the last row of {where} is not 0 0 0 1: {cure}")
+    return Pose(rotation_of(path, where, matrix[:3, :3]), matrix[:3, 3])
 
 
 def distortion_name(camera: Camera, names: dict[str, str], program: str, most: int) -> str:

@@ -2,73 +2,157 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
+from ispom.io.calibrations.camera_info import ImageSize, matrix_key
 from ispom.io.calibrations.colmap_cameras import read_colmap_cameras
 from ispom.io.calibrations.euroc_sensor import read_euroc_sensor
 from ispom.io.calibrations.files import placed_of
-from ispom.io.calibrations.kalibr import read_kalibr
-from ispom.io.calibrations.opencv import read_opencv
-from ispom.io.calibrations.placed import Placed
-from ispom.io.calibrations.ros import read_ros
-from ispom.io.camera import INTRINSICS, SIZES, read_camera
+from ispom.io.calibrations.kalibr import is_camera, read_kalibr
+from ispom.io.calibrations.opencv import is_xml, read_extrinsics, read_opencv
+from ispom.io.calibrations.pair import pair_fault, unit_note
+from ispom.io.calibrations.placed import Placed, placed
+from ispom.io.camera import INTRINSICS, SIZES, camera_of, skipped_note
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import MAX_BYTES, read_mapping
-from ispom.io.rig import ENTRIES, read_rig
+from ispom.io.rig import CAMERAS, ENTRIES, read_rig
 from ispom.io.rows import read_text
 from ispom.types import Camera, Rig
 
 KNOWN = (
-    "rig.yaml, camera.yaml, Kalibr's camchain, EuRoC's sensor.yaml, OpenCV's YAML, ROS's camera_info, or COLMAP's "
-    "cameras.txt"
+    "rig.yaml, camera.yaml, Kalibr's camchain, EuRoC's sensor.yaml, OpenCV's YAML, XML or JSON, ROS's camera_info, or "
+    "COLMAP's cameras.txt"
 )
+SUFFIXES = (".yaml", ".yml", ".xml", ".json")
+"""Of the files that are looked for in a folder."""
+UPSIDE_DOWN = 0.9
+"""First number of a quaternion that is likely its w."""
 _ALIASES = {"cam0": "left", "cam1": "right", "cam2": "video", "mono": "video"}
 _ORDER = {1: ("video",), 2: ("left", "right"), 3: ("left", "right", "video")}
 
 
+@dataclass(frozen=True, eq=False)
+class CalibrationFile:
+    """What one file says."""
+
+    path: Path
+    cameras: list[Placed]
+    rig: Rig | None = None
+    """Of a rig.yaml, as it stands."""
+    second: Pose | None = None
+    """first_from_second of a pair, where the file has nothing else."""
+    is_relative: bool = False
+    """Whether the places are those of one camera in another, and not on a body that the file knows."""
+    of_pair: bool = False
+    """Whether they mean something for a left and a right camera only: ROS's camera_info places any other at 0."""
+    entries: dict[Any, Any] = field(default_factory=dict)
+    """All of it, which may be more than the camera, such as the rate of its images; none where they are of several."""
+
+
 def any_camera(path: Path) -> Camera:
     """The one camera of a file; InputError where it holds several, or none."""
-    cameras, _ = _read(path)
-    if len(cameras) != 1:
-        raise InputError(f"{path} holds {len(cameras)} cameras: give the file of one camera")
-    return cameras[0].camera
+    return one_camera(path)[0]
+
+
+def one_camera(path: Path, size: ImageSize | None = None) -> tuple[Camera, dict[Any, Any], tuple[str, ...]]:
+    """The same, with all entries of the file, and notes about what is skipped or likely wrong.
+
+    `size` gives that of the images, which counts where the file has none.
+    """
+    found = _read(path, size)
+    if len(found.cameras) != 1:
+        raise InputError(f"{path} holds {len(found.cameras)} cameras: give the file of one camera")
+    return found.cameras[0].camera, found.entries, found.cameras[0].notes
 
 
 def any_rig(paths: tuple[Path, ...]) -> Rig:
     """The rig of one file, or of files of one camera each; a folder holds such files, or folders with sensor.yaml.
 
     Cameras are called by the names in the files, else left, right and video in this order; one alone is video.
-    InputError where a file is of no known format, or several cameras have no poses.
+    InputError where a file is of no known format, several cameras have no poses, or a pair is the wrong way round.
     """
-    files = tuple(file for path in paths for file in _files(path))
-    found, posed = [], True
-    for file in files:
-        cameras, has_poses = _read(file)
-        found += cameras
-        posed &= has_poses
-    if len(found) > 1 and not posed:
-        raise InputError(
-            f"{paths[0]} holds {len(found)} cameras without their poses: give a format with poses, such as "
-            "Kalibr's, or one camera"
-        )
+    return one_rig(paths)[0]
+
+
+def one_rig(
+    paths: tuple[Path, ...], every_placed: bool = True, size: ImageSize | None = None
+) -> tuple[Rig, tuple[str, ...]]:
+    """The same, with notes about what is skipped or likely wrong.
+
+    Unless `every_placed`, the video camera of a rig.yaml may be without a pose: it is then that of the rig.
+    """
+    found = [_read(file, size, every_placed) for path in paths for file in _files(path)]
+    cameras = [each for file in found for each in file.cameras]
+    if not cameras:
+        raise InputError(f"{paths[0]} has the places of cameras only: give it together with the file of their lenses")
+    called = _names(paths[0], cameras)
+    cameras = _placed(paths[0], found, dict(zip(called, cameras, strict=True)))
     fields: dict[str, object] = {}
-    for name, each in zip(_names(paths[0], found), found, strict=True):
-        fields |= {name: each.camera, f"rig_from_{name}": each.body_from_camera}
+    for name, each in zip(called, cameras, strict=True):
+        fields |= {name: each.camera, f"rig_from_{name}": each.pose}
     rig = Rig(**fields)  # type: ignore[arg-type]
-    for own in (read_rig(file) for file in files if _is_rig(file)):
-        rig = own.beside(rig)
-    return rig
+    for file in found:
+        rig = rig if file.rig is None else file.rig.beside(rig)
+    notes = tuple(dict.fromkeys(note for each in cameras for note in each.notes))
+    return rig, (*notes, *_pair_notes(paths[0], rig, notes))
+
+
+def _pair_notes(path: Path, rig: Rig, others: tuple[str, ...]) -> tuple[str, ...]:
+    """About a pair whose baseline is no such; InputError, with the `others` that may be its reason, where it is the
+    wrong way round."""
+    if not rig.has_stereo:
+        return ()
+    between = rig.rig_from_left.inverse() @ rig.rig_from_right
+    fault = pair_fault(between)
+    if fault.startswith(("both", "the cameras are exchanged")):
+        reasons = "".join(f" ({note})" for note in others)
+        raise InputError(f"{path}: {fault}: correct the calibration{reasons}")
+    unit = unit_note(float((between.translation @ between.translation) ** 0.5))
+    return tuple(f"{path}: {text}" for text in (fault, unit) if text)
+
+
+def _placed(path: Path, found: list[CalibrationFile], by_name: dict[str, Placed]) -> list[Placed]:
+    """The cameras with their places; InputError where those of several are not known."""
+    cameras = list(by_name.values())
+    if len(cameras) == 1:
+        alone = cameras[0]
+        return [alone.at(Pose()) if alone.body_from_camera is None or found[0].is_relative else alone]
+    if any(file.of_pair for file in found) and set(by_name) != {"left", "right"}:
+        cameras = [each.at(None) for each in cameras]
+    second = next((file.second for file in found if file.second is not None), None)
+    if second is not None and len(cameras) == 2:
+        cameras = [cameras[0].at(Pose()), cameras[1].at(second)]
+    lost = [name for name, each in zip(by_name, cameras, strict=True) if each.body_from_camera is None]
+    if lost:
+        raise InputError(
+            f"{path} holds {len(cameras)} cameras without their poses ({', '.join(lost)}): add them (for OpenCV R and "
+            "T), give a format with poses, such as Kalibr's, or one camera"
+        )
+    if all(file.is_relative for file in found):
+        first = by_name.get("left", cameras[0]).pose.inverse() if second is None else Pose()
+        cameras = [each.at(first @ each.pose) for each in cameras]
+    return cameras
 
 
 def _names(path: Path, found: list[Placed]) -> tuple[str, ...]:
-    own = [_ALIASES.get(each.name.lower(), each.name.lower()) for each in found]
+    own = [_role(each.name) for each in found]
     if len(own) > 1 and len(set(own)) == len(own) and set(own) <= {"left", "right", "video"}:
         return tuple(own)
     if len(found) not in _ORDER:
         raise InputError(f"{path} holds {len(found)} cameras: give one, a pair, or a pair and a video camera")
     return _ORDER[len(found)]
+
+
+def _role(name: str) -> str:
+    """Left, right or video, of names such as narrow_stereo/left, left_camera or cam0."""
+    word = name.lower().rsplit("/", 1)[-1]
+    sides = {side for side in ("left", "right") if side in re.split(r"[^a-z]+", word)}
+    return sides.pop() if len(sides) == 1 else _ALIASES.get(word, word)
 
 
 def _files(path: Path) -> tuple[Path, ...]:
@@ -77,7 +161,7 @@ def _files(path: Path) -> tuple[Path, ...]:
     inside = [path / name for name in names(path)]
     sensors = [each / "sensor.yaml" for each in inside if is_folder(each) and exists(each / "sensor.yaml")]
     sensors = [sensor for sensor in sensors if _is_of_camera(sensor)]
-    files = sensors or [each for each in inside if each.suffix.lower() in (".yaml", ".yml")]
+    files = sensors or [each for each in inside if each.suffix.lower() in SUFFIXES]
     if not files:
         raise InputError(f"{path} holds no calibration: give a file such as {KNOWN}")
     return tuple(files)
@@ -88,34 +172,53 @@ def _is_of_camera(path: Path) -> bool:
     return "intrinsics" in read_mapping(path)
 
 
-def _read(path: Path) -> tuple[list[Placed], bool]:
-    """The cameras of one file, and whether it says where they sit."""
-    text = read_text(path, MAX_BYTES)
-    if path.suffix.lower() == ".txt":
-        return _unplaced(path, read_colmap_cameras(path)), False
-    if "opencv-matrix" in text:
-        return read_opencv(path), True
-    if _is_rig(path):
-        return placed_of(read_rig(path)), True
-    keys = {key for key in read_mapping(path) if isinstance(key, str)}
-    if any(key.startswith("cam") and key[3:].isdigit() for key in keys):
-        return read_kalibr(path), True
+def _read(path: Path, size: ImageSize | None = None, every_placed: bool = True) -> CalibrationFile:
+    """What a file says, by the format that its entries show."""
+    text, suffix = read_text(path, MAX_BYTES), path.suffix.lower()
+    unknown = InputError(f"{path} is no calibration that is known: give {KNOWN}")
+    if suffix == ".txt":
+        cameras = [placed(path, "", path.stem, camera, None) for camera in read_colmap_cameras(path)]
+        return CalibrationFile(path, cameras)
+    if is_xml(text):
+        return _of_opencv(path, size)
+    try:
+        content = read_mapping(path)
+    except InputError:
+        if suffix in SUFFIXES:
+            raise
+        raise unknown from None
+    keys = {key for key in content if isinstance(key, str)}
+    if keys & set(CAMERAS) or (keys and keys <= ENTRIES):
+        rig = read_rig(path, every_placed)
+        cameras = [placed(path, p.name, p.name, p.camera, p.pose, _order_note(path, p)) for p in placed_of(rig)]
+        return CalibrationFile(path, cameras, rig)
+    if any(map(is_camera, keys)):
+        return CalibrationFile(path, read_kalibr(path))
     if "T_BS" in keys:
-        return [read_euroc_sensor(path)], True
-    if "camera_matrix" in keys:
-        return _unplaced(path, [read_ros(path)]), False
+        return CalibrationFile(path, [read_euroc_sensor(path)], entries=content)
+    if matrix_key(content) or matrix_key(content, "1") or {"R", "T"} <= keys or "opencv-matrix" in text:
+        return replace(_of_opencv(path, size), entries=content)
     if keys & {"model", *SIZES, *INTRINSICS}:
-        return _unplaced(path, [read_camera(path)]), False
-    raise InputError(f"{path} is no calibration that is known: give {KNOWN}")
+        if size is not None and not set(SIZES) & keys:
+            content = content | dict(zip(SIZES, size(), strict=True))
+        camera = placed(path, "", path.stem, camera_of(path, content), None, skipped_note(path, content))
+        return CalibrationFile(path, [camera], entries=content)
+    raise unknown
 
 
-def _is_rig(path: Path) -> bool:
-    """Whether it is a rig.yaml."""
-    if path.suffix.lower() == ".txt" or "opencv-matrix" in read_text(path, MAX_BYTES):
-        return False
-    keys = {key for key in read_mapping(path) if isinstance(key, str)}
-    return bool(keys) and keys <= ENTRIES
+def _order_note(path: Path, each: Placed) -> tuple[str, ...]:
+    """About a camera of a rig.yaml that looks backwards, upside down: 1 0 0 0 is no rotation where w comes first."""
+    x, y, z, w = each.pose.xyzw.tolist()
+    if abs(x) < UPSIDE_DOWN or max(map(abs, (y, z, w))) > 1 - UPSIDE_DOWN:
+        return ()
+    key = f"{each.name}.rig_from_{each.name}.rotation_xyzw"
+    return (
+        f"{path}: {key} turns the camera by 180 degrees about x: is its first number w? Then call it rotation_wxyz",
+    )
 
 
-def _unplaced(path: Path, cameras: list[Camera]) -> list[Placed]:
-    return [Placed(path.stem, camera, Pose()) for camera in cameras]
+def _of_opencv(path: Path, size: ImageSize | None) -> CalibrationFile:
+    second = read_extrinsics(path)
+    cameras = [] if second is not None else read_opencv(path, size)
+    of_pair = len(cameras) == 1 and cameras[0].body_from_camera is not None
+    return CalibrationFile(path, cameras, second=second, is_relative=True, of_pair=of_pair)

@@ -1,4 +1,4 @@
-"""ROS's camera_info YAML of one camera, as camera_calibration writes it; it has no pose but a rectified pair's."""
+"""ROS's camera_info YAML of one camera, as camera_calibration writes it: R and P of a pair say where the two sit."""
 
 from __future__ import annotations
 
@@ -10,17 +10,39 @@ import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Array
-from ispom.io.calibrations.placed import Placed, camera_from, flow
-from ispom.io.mapping import finite_numbers, read_mapping
+from ispom.io.calibrations.opencv import read_opencv
+from ispom.io.calibrations.placed import Placed, flow
+from ispom.io.calibrations.rectified import rectified
 from ispom.types import Camera
 
-MODELS = {"plumb_bob": "opencv", "rational_polynomial": "opencv", "equidistant": "fisheye"}
+
+def ros_texts(cameras: list[Placed]) -> dict[str, str]:
+    """One for each camera by its name. Left and right are rectified as a pair, so that P has their baseline; others
+    are not: their rectification is the identity, and their projection that of the camera itself."""
+    found = {each.name: ros_text(each) for each in cameras}
+    by_name = {each.name: each for each in cameras}
+    if {"left", "right"} <= set(by_name):
+        left, right = by_name["left"], by_name["right"]
+        try:
+            turns = rectified(left.camera, right.camera, right.pose.inverse() @ left.pose)
+        except ValueError as fault:
+            raise InputError(f"ROS has no pair of these cameras ({fault}): choose --format kalibr or opencv") from None
+        found |= {"left": _text(left, turns[0], turns[2]), "right": _text(right, turns[1], turns[3])}
+    return found
 
 
 def ros_text(each: Placed) -> str:
-    """Of the camera itself: rectification is the identity, and its projection that of the camera."""
+    """Of the camera itself, which is not of a pair."""
+    return _text(each, np.eye(3), np.hstack([each.camera.matrix, np.zeros((3, 1))]))
+
+
+def read_ros(path: Path) -> Camera:
+    """The camera as it is, before rectification; InputError names the entry that is missing or wrong."""
+    return read_opencv(path)[0].camera
+
+
+def _text(each: Placed, rectification: Array, projection: Array) -> str:
     camera = each.camera
-    projection = np.hstack([camera.matrix, np.zeros((3, 1))])
     model, count = "plumb_bob", 5
     if camera.lens == "fisheye":
         model, count = "equidistant", 4
@@ -33,32 +55,10 @@ def ros_text(each: Placed) -> str:
         "camera_matrix": _matrix(camera.matrix),
         "distortion_model": model,
         "distortion_coefficients": _matrix(np.array([[*camera.distortion, *(0.0,) * 8][:count]])),
-        "rectification_matrix": _matrix(np.eye(3)),
+        "rectification_matrix": _matrix(rectification),
         "projection_matrix": _matrix(projection),
     }
     return yaml.dump(content, Dumper=flow(), sort_keys=False, width=200)
-
-
-def read_ros(path: Path) -> Camera:
-    """The camera as it is, before rectification; InputError names the entry that is missing or wrong."""
-    content = read_mapping(path)
-    lens = MODELS.get(str(content.get("distortion_model", "plumb_bob")))
-    if lens is None:
-        raise InputError(f"{path}: distortion_model is {content['distortion_model']}: give one of {', '.join(MODELS)}")
-    size = finite_numbers(path, "image_width", [content.get("image_width"), content.get("image_height")], 2)
-    matrix = np.array(_data(path, content, "camera_matrix", (9,))).reshape(3, 3)
-    distortion = _data(path, content, "distortion_coefficients", (0, 4, 5, 8))
-    if len(distortion) == 5 and distortion[4] == 0 and lens == "opencv":
-        distortion = distortion[:4]
-    intrinsics = [float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2))]
-    return camera_from(path, "camera_matrix", np.array(size), intrinsics, distortion, lens)
-
-
-def _data(path: Path, content: dict[Any, Any], key: str, counts: tuple[int, ...]) -> list[float]:
-    entry = content.get(key)
-    if not isinstance(entry, dict):
-        raise InputError(f"{path}: {key} is missing: add it")
-    return finite_numbers(path, f"{key}.data", entry.get("data"), counts)
 
 
 def _matrix(values: Array) -> dict[str, Any]:

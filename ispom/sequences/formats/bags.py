@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.geometry import Array
-from ispom.io.calibrations.ros import MODELS
+from ispom.geometry import Array, Pose
+from ispom.io.calibrations.camera_info import camera_info
+from ispom.io.calibrations.pair import pair_fault
 from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
 from ispom.sequences.formats.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
@@ -77,6 +79,7 @@ class _Info:
     """(3, 3) rectified_from_raw."""
     projection: Array
     """(3, 4) of the rectified image; all zero where the camera was not calibrated."""
+    notes: tuple[str, ...] = ()
 
     @property
     def rectified(self) -> Camera:
@@ -86,7 +89,7 @@ class _Info:
     @property
     def is_straight(self) -> bool:
         """Whether its raw images are as rectified ones are to be."""
-        same = not any(self.raw.distortion) and (self.turn == np.eye(3)).all()
+        same = self.raw.lens == "opencv" and not any(self.raw.distortion) and (self.turn == np.eye(3)).all()
         return bool(same and (self.raw.matrix == self.rectified.matrix).all())
 
 
@@ -106,18 +109,22 @@ def open_bag(path: Path, calibration: Path | None = None) -> Recording:
     if not topics:
         raise InputError(f"{path} has no image topic: give a bag with images")
     topics = [topic for topic in topics if bag.holds(topic)] or topics
-    infos = {topic: _usable_info(bag, topic) for topic in topics}
+    infos, reasons = {topic: _usable_info(bag, topic) for topic in topics}, []
     for left in topics:
         right = next((left.replace(*names) for names in SIDES if names[0] in left), left)
         first, second = infos[left], infos.get(right)
-        if right != left and isinstance(first, _Info) and isinstance(second, _Info) and _baseline_m(first, second) > 0:
+        if right == left or not isinstance(first, _Info) or not isinstance(second, _Info):
+            continue
+        if not (fault := _pair_fault(first, second)):
             if calibration is not None:
                 raise _calibrated(path, calibration)
             return _pair(bag, (left, right), (first, second))
+        reasons.append(f"{path.name}: {left} and {right} are not used as a pair: {fault}")
     cameras = [topic for topic in topics if not _is_depth(topic)] or topics
     known = [topic for topic in cameras if isinstance(infos[topic], _Info)]
     topic = (known if known and calibration is None else cameras)[0]
-    return _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
+    alone = _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
+    return replace(alone, notes=(*alone.notes, *reasons[:1]))
 
 
 def _calibrated(path: Path, calibration: Path) -> InputError:
@@ -139,21 +146,24 @@ def _single(
     index, guess = _index(bag, topic), None
     notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
     notes += _notes(bag, index)
+    images = _Images(bag, topic, index)
     if isinstance(info, _Info):
         if calibration is not None:
             raise _calibrated(bag.path, calibration)
         camera = usable(info.rectified, f"{bag.path}: P of {topic}") if _is_rectified(topic) else info.raw
+        notes = info.notes + notes
     elif calibration is not None or exists(beside):
-        camera, _, unknown = read_settings(calibration or beside)
+        camera, _, unknown = read_settings(calibration or beside, images.first_size)
         notes += unknown
     elif info is not None:
         raise info
     else:
-        size = _Images(bag, topic, index).first_size()
+        size = images.first_size()
         guess = guessed(size, None)
         camera = guess.camera(size)
         notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {beside}",)
     images = _Images(bag, topic, index, (camera.width, camera.height))
+    images.require_size()
     times_ns = index.stamps_ns
     return Recording(
         f"bag {bag.path.name}", camera, None, times_ns, lambda _, i: images.read(i), None, notes, guess=guess
@@ -176,6 +186,8 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
         _Images(bag, topic, index, (info.raw.width, info.raw.height))
         for topic, index, info in zip(topics, (left, right), infos, strict=True)
     ]
+    for raw in raws:
+        raw.require_size()
     streams = {"left": (0, i_left), "right": (1, i_right)}
 
     def read(side: Side, i: int) -> Image:
@@ -183,7 +195,8 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
         image = raws[k].read(int(matched[i]))
         return image if _is_rectified(topics[k]) or infos[k].is_straight else remapped(image, maps[k])
 
-    notes = _notes(bag, left, right) + unmatched_note(len(left.places), len(right.places), len(i_left))
+    notes = infos[0].notes + infos[1].notes + _notes(bag, left, right)
+    notes += unmatched_note(len(left.places), len(right.places), len(i_left))
     baseline_m = _baseline_m(*infos)
     return Recording(f"bag {bag.path.name}", camera, baseline_m, left.stamps_ns[i_left], read, None, notes)
 
@@ -209,6 +222,17 @@ def _baseline_m(left: _Info, right: _Info) -> float:
     return float((p[0, 3] - q[0, 3]) / q[0, 0])
 
 
+def _pair_fault(left: _Info, right: _Info) -> str:
+    """Why the two are no rectified pair, one clause; empty where they are one."""
+    p, q = left.projection, right.projection
+    if p[0, 0] <= 0 or q[0, 0] <= 0:
+        return "a P of their camera_info is zero: calibrate them as a pair"
+    if abs(q[:, :3] - p[:, :3]).max() > 1e-6 * q[0, 0] or left.rectified != right.rectified:
+        return "their P differ by more than a baseline: calibrate them as a pair"
+    shift = [(p[i, 3] - q[i, 3]) / q[i, i] for i in (0, 1)]
+    return pair_fault(Pose(translation=np.array([*shift, 0.0])))
+
+
 def _index(bag: BagFile, topic: str) -> Index:
     index = bag.index(topic)
     if not index.places:
@@ -232,23 +256,19 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
     if message is None:
         return None
 
-    def values(key: str) -> Array:  # ROS 1 has capitals
-        return np.array(getattr(message, key, getattr(message, key.upper(), ())), float)
+    def value(key: str) -> Any:  # ROS 1 has capitals
+        found = getattr(message, key, getattr(message, key.upper(), ()))
+        return np.asarray(found, float).tolist()
 
-    k, d, r, p = values("k").reshape(3, 3), values("d"), values("r").reshape(3, 3), values("p").reshape(3, 4)
-    if not k.any() and not p.any():  # uncalibrated (sensor_msgs/CameraInfo)
+    content: dict[str, Any] = {key: value(key) for key in "kdrp"}
+    if not any(content["k"]) and not any(content["p"]):  # uncalibrated (sensor_msgs/CameraInfo)
         return None
-    good = all(np.isfinite(a).all() for a in (k, d, r, p)) and k[0, 0] > 0 and k[1, 1] > 0
-    lens = MODELS.get(message.distortion_model or "plumb_bob")
-    if not good or lens is None or len(d) not in ((0, 4) if lens == "fisheye" else (0, 4, 5, 8)):
-        model = message.distortion_model or "no"
-        raise InputError(
-            f"{bag.path}: {name} is of no camera that is known ({model} distortion model, {len(d)} coefficients): "
-            "calibrate it as a pinhole or fisheye camera, or give --camera"
-        )
-    intrinsics = k[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    raw = Camera(message.width, message.height, *intrinsics, distortion=tuple(d.tolist()), lens=lens)
-    return _Info(usable(raw, f"{bag.path}: {name}"), r, p)
+    content |= {key: getattr(message, key) for key in ("width", "height", "distortion_model", "binning_x", "binning_y")}
+    region = ("x_offset", "y_offset", "width", "height")
+    content["roi"] = {key: int(getattr(message.roi, key)) for key in region}
+    found = camera_info(bag.path, content, where=f"{name}: ")
+    projection = np.zeros((3, 4)) if found.projection is None else found.projection
+    return _Info(found.raw, found.turn, projection, found.notes)
 
 
 class _Images:
@@ -276,6 +296,11 @@ class _Images:
         image = np.ascontiguousarray(image)
         image.setflags(write=False)
         return image
+
+    def require_size(self) -> None:
+        """InputError if the first image is not as large as its calibration says: then none is."""
+        with suppress(UnreadableImage):  # a damaged image is skipped, later
+            self.read(0)
 
     def first_size(self) -> tuple[int, int]:
         """(width, height) of the first image that can be read."""

@@ -1,7 +1,7 @@
 """`sequence.yaml`: an own rig. Names the streams of its cameras, their clocks, `rig.yaml`, and perhaps the truth.
 
     name: roof, second flight        # optional
-    rig: rig.yaml                    # optional; this is the default
+    rig: rig.yaml                    # optional; this is the default; also [intrinsics.yml, extrinsics.yml] of OpenCV
     video: {source: video.mp4, rate_hz: 30, offset_s: 0.012}
     left: {source: left, times: left.txt}
     right: {source: right, times: right.txt}
@@ -24,18 +24,19 @@ from typing import Any
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.io.calibrations.recognised import any_rig
+from ispom.io.calibrations.recognised import one_rig
+from ispom.io.camera import CLOCK_KEYS
 from ispom.io.files import exists, is_folder
 from ispom.io.mapping import read_mapping
-from ispom.io.rig import is_own_rig, read_rig
 from ispom.io.tum import read_tum
 from ispom.sequences.formats.folder import TIMES, holds_images, named_images
 from ispom.sequences.formats.streams import Given, streams
 from ispom.sequences.formats.video import looks_like_video
+from ispom.sequences.guess import size_of_photo
 from ispom.sequences.matching import no_truth_note, truth_at
 from ispom.sequences.recording import Recording
 from ispom.sequences.stereo_stream import StereoStream, stereo_stream
-from ispom.sequences.stream import CLOCK_KEYS, Stream, clock_of, named_file, size_of
+from ispom.sequences.stream import Stream, clock_of, named_file, size_of
 from ispom.types import Exposure, Kind, Rig, Sequence, StereoPair, Trajectory, VideoFrame
 
 FILE = "sequence.yaml"
@@ -62,11 +63,27 @@ def is_yaml(path: Path) -> bool:
 
 
 def filmed_rig(path: Path, placed: bool = True) -> Rig:
-    """The rig as its file has it (also one of another program), its pair perhaps not rectified; `placed` as in
-    `read_rig`."""
+    """The rig as its file has it (also one of another program), its pair perhaps not rectified. Unless all cameras must
+    be `placed`, the video camera of a rig.yaml may be without a pose: it is then that of the rig."""
+    return _filmed_rig(path, placed)[0]
+
+
+def _filmed_rig(path: Path, placed: bool) -> tuple[Rig, tuple[str, ...]]:
+    """The same, with notes about what of the file is skipped or likely wrong."""
     path = path / FILE if is_folder(path) else path
-    file = named_file(path, "rig", (read_mapping(path) if exists(path) else {}).get("rig", "rig.yaml"))
-    return any_rig((file,)) if is_folder(file) or not is_own_rig(file) else read_rig(file, placed)
+    content = read_mapping(path) if exists(path) else {}
+    given = content.get("rig", "rig.yaml")
+    files = tuple(named_file(path, "rig", name) for name in (given if isinstance(given, list) and given else [given]))
+
+    def size() -> tuple[int, int]:
+        """Of the images of the first stream, where they are in a folder."""
+        entry = next((content[name] for name in ("left", "video") if name in content), "left")
+        folder = named_file(path, "source", entry.get("source") if isinstance(entry, dict) else entry)
+        if not is_folder(folder):
+            raise InputError(f"{files[0]}: image_width and image_height are missing: add them")
+        return size_of_photo(folder / named_images(folder).names[0])
+
+    return one_rig(files, placed, size)
 
 
 def _is_pair(folder: Path) -> bool:
@@ -76,7 +93,7 @@ def _is_pair(folder: Path) -> bool:
 def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     """What a sequence.yaml, or the folder that holds one, describes; a recording where no video stream is named.
 
-    InputError names the file and the entry that is missing or wrong. `placed` as in `read_rig`.
+    InputError names the file and the entry that is missing or wrong. `placed` as in `filmed_rig`.
     """
     path = path / FILE if is_folder(path) else path
     content = read_mapping(path) if exists(path) else _of_pair(path.parent)
@@ -88,7 +105,7 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
         raise InputError(f"{path} names only one of left and right: name both, or call the one camera video")
     if "video" not in content and "left" not in content:
         raise InputError(f"{path} names no camera: add video, or left and right, or all three")
-    rig = filmed_rig(path, placed)
+    rig, notes = _filmed_rig(path, placed)
     found = streams(path, {name: _given(path, name, content, rig) for name in STREAMS if name in content})
     video, stereo = found.get("video"), None
     if "left" in content:
@@ -99,6 +116,7 @@ def open_described(path: Path, placed: bool = True) -> Sequence | Recording:
     else:
         assert stereo is not None
         opened = _recording(name, stereo, truth)
+    opened = replace(opened, notes=notes + opened.notes)
     if truth is None:
         return opened
     return replace(opened, notes=opened.notes + no_truth_note(path.parent / content["truth"], opened.truth))

@@ -1,24 +1,22 @@
 """EuRoC: a folder `mav0` with cam0, cam1 and state_groundtruth_estimate0; raw stereo images, rectified here.
 
-The right camera (cam1) and the truth may be missing.
+The right camera (cam1) and the truth may be missing. Lenses may be fisheyes, as in TUM-VI, whose truth is in mocap0.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ispom.errors import InputError
 from ispom.geometry import Pose
-from ispom.io.camera import camera_of
+from ispom.io.calibrations.euroc_sensor import read_euroc_sensor
+from ispom.io.calibrations.pair import pair_fault
 from ispom.io.euroc import read_euroc
 from ispom.io.files import exists, is_folder
-from ispom.io.mapping import finite_numbers, read_mapping
 from ispom.io.rows import MAX_TIME_S, read_text
 from ispom.sequences.images import read_grey, require_size, those_there
 from ispom.sequences.matching import no_truth_note, pairs, truth_at, unmatched_note
@@ -26,7 +24,8 @@ from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import Rectification, remapped
 from ispom.types import Camera, Image, Trajectory
 
-DISTORTION_MODELS = ("radial-tangential", "radtan", "none")
+TRUTHS = ("state_groundtruth_estimate0", "mocap0")
+"""Folders that hold the body's poses, in EuRoC and in TUM-VI."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,47 +78,27 @@ def open_euroc(folder: Path) -> Recording:
 
 
 def _rectification(mav0: Path, left: _Sensor, right: _Sensor) -> Rectification:
+    left_from_right = left.body_from_camera.inverse() @ right.body_from_camera
+    file = mav0 / "cam1" / "sensor.yaml"
+    if fault := pair_fault(left_from_right):
+        raise InputError(f"{file}: T_BS does not put cam1 to the right of cam0 ({fault}): correct it")
     try:
-        found = Rectification.of(left.camera, right.camera, right.body_from_camera.inverse() @ left.body_from_camera)
-    except ValueError:
-        found = None
-    if found is None or found.baseline_m <= 0:
-        raise InputError(f"{mav0 / 'cam1' / 'sensor.yaml'}: T_BS does not put cam1 to the right of cam0: correct it")
+        found = Rectification.of(left.camera, right.camera, left_from_right.inverse())
+    except ValueError as error:
+        raise InputError(f"{file}: cam1 and cam0 are no pair ({error}): give a pair of equal cameras") from None
+    if found.baseline_m <= 0:
+        raise InputError(f"{file}: T_BS does not put cam1 to the right of cam0: correct it")
     return found
 
 
 def _sensor(folder: Path) -> _Sensor:
-    camera, body_from_camera = _calibration(folder / "sensor.yaml")
+    placed = read_euroc_sensor(folder / "sensor.yaml")
+    camera = placed.camera
     times_ns, names = _image_list(folder / "data.csv")
     there, notes = those_there(folder / "data.csv", [folder / "data" / name for name in names])
     paths = [folder / "data" / names[i] for i in there]
     require_size(paths[0], (camera.width, camera.height))
-    return _Sensor(camera, body_from_camera, times_ns[there], paths, notes)
-
-
-def _calibration(path: Path) -> tuple[Camera, Pose]:
-    content = read_mapping(path)
-    width, height = finite_numbers(path, "resolution", content.get("resolution"), 2)
-    fx, fy, cx, cy = finite_numbers(path, "intrinsics", content.get("intrinsics"), 4)
-    model = content.get("distortion_model", "none")
-    if content.get("camera_model", "pinhole") != "pinhole" or model not in DISTORTION_MODELS:
-        raise InputError(
-            f"{path}: only pinhole cameras with radial-tangential distortion are read, not "
-            f"{content.get('camera_model', 'pinhole')} with {model}: give undistorted images and their calibration"
-        )
-    values: dict[str, Any] = {"width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    if model != "none":
-        values["distortion"] = content.get("distortion_coefficients")
-    return camera_of(path, values), _body_from_camera(path, content.get("T_BS"))
-
-
-def _body_from_camera(path: Path, entry: Any) -> Pose:
-    data = entry.get("data") if isinstance(entry, dict) else entry
-    matrix = np.array(finite_numbers(path, "T_BS.data", data, 16)).reshape(4, 4)
-    rotation = matrix[:3, :3]
-    if np.linalg.det(rotation) <= 0 or abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
-        raise InputError(f"{path}: T_BS is not a rotation and a translation: correct it")
-    return Pose(Rotation.from_matrix(rotation).as_matrix(), matrix[:3, 3])
+    return _Sensor(camera, placed.pose, times_ns[there], paths, placed.notes + notes)
 
 
 def _image_list(path: Path) -> tuple[NDArray[np.int64], list[str]]:
@@ -146,8 +125,8 @@ def _fits(digits: str) -> bool:
 
 def _truth(mav0: Path, body_from_left: Pose, times_ns: NDArray[np.int64]) -> tuple[Trajectory | None, tuple[str, ...]]:
     """world_from_left at the images' times, of the body's poses, and notes about it."""
-    path = mav0 / "state_groundtruth_estimate0" / "data.csv"
-    if not exists(path):
+    path = next((mav0 / name / "data.csv" for name in TRUTHS if exists(mav0 / name / "data.csv")), None)
+    if path is None:
         return None, ()
     found = truth_at(read_euroc(path, "body"), times_ns)
     return found and found.moved(right=body_from_left, frame="left"), no_truth_note(path, found)

@@ -9,21 +9,21 @@ that are not read count as missing.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError, counted
-from ispom.io.calibrations.recognised import any_camera
-from ispom.io.camera import CAMERA_KEYS, SIZES
+from ispom.io.calibrations.recognised import one_camera
 from ispom.io.files import exists, is_folder, names
-from ispom.io.mapping import read_mapping
-from ispom.sequences.guess import guess_of_photo
+from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, read_image, require_size
 from ispom.sequences.named import Named, named, ticks_of
+from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
-from ispom.sequences.stream import CLOCK_KEYS, Clock, Stream, clock_of, size_of
+from ispom.sequences.stream import Clock, Stream, clock_of, size_of
 from ispom.types import Camera, Image
 
 CAMERA, TIMES, INNER = "camera.yaml", "times.txt", "images"
@@ -43,14 +43,14 @@ def looks_like_images(folder: Path) -> bool:
 def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
     folder = given if holds_images(given) else given / INNER
-    places = [folder / CAMERA, folder.resolve().parent / CAMERA]
-    path = calibration or next((place for place in places if exists(place)), None)
+    path = calibration or settings_in(folder) or settings_in(folder.resolve().parent)
     guess, images = None, named_images(folder)
+    paths = [folder / name for name in images.names]
     if path is None:
-        guess, camera = guess_of_photo(folder / images.names[0])
+        guess, camera = guess_of_photo(folder / images.names[0], common_orientation(paths)[0])
         clock, notes = Clock(), ()
     else:
-        camera, clock, notes = read_settings(path)
+        camera, clock, notes = read_settings(path, lambda: size_of_photo(paths[0], common_orientation(paths)[0]))
     beside = path.parent if path is not None and calibration is None else folder.resolve().parent
     times = next((place / TIMES for place in (folder, beside) if exists(place / TIMES)), None)
     if times is not None and clock.times is None:
@@ -61,14 +61,22 @@ def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     return Recording(name, camera, None, stream.times_ns, lambda _, i: stream.read(i), None, notes, guess=guess)
 
 
-def read_settings(path: Path) -> tuple[Camera, Clock, tuple[str, ...]]:
-    """The camera of a camera.yaml or of another program's file, the clock of its images, and a note about entries of a
-    camera.yaml that are not known, as a misspelt one would go unnoticed."""
-    camera, content = any_camera(path), read_mapping(path) if path.suffix.lower() != ".txt" else {}
-    known = (*CAMERA_KEYS, *CLOCK_KEYS)
-    others = [str(key) for key in content if key not in known] if set(SIZES) <= set(content) else []
-    note = f"{path}: {', '.join(others)} skipped, as the entries of a camera are {', '.join(known)}"
-    return camera, clock_of(path, content), (note,) if others else ()
+def settings_in(folder: Path, name: str = CAMERA) -> Path | None:
+    """The camera's file in a folder, by its `name` or with OpenCV's suffix .yml; None without one."""
+    places = [(folder / name).with_suffix(suffix) for suffix in (".yaml", ".yml")]
+    return next((place for place in places if exists(place)), None)
+
+
+def read_settings(
+    path: Path, size: Callable[[], tuple[int, int]] | None = None
+) -> tuple[Camera, Clock, tuple[str, ...]]:
+    """The camera of a camera.yaml or of another program's file, the clock of its images, and notes: about entries of a
+    camera.yaml that are not known, as a misspelt one would go unnoticed, and about values that are likely wrong.
+
+    `size` gives that (width, height) of the images, which counts where the file has none.
+    """
+    camera, entries, notes = one_camera(path, size)
+    return camera, clock_of(path, entries), notes
 
 
 def named_images(folder: Path) -> Named:
@@ -130,10 +138,12 @@ def folder_stream(
         notes = (*notes, *(f"{folder}: {note}" for note in images.notes))
     notes = (*notes, _unread_note(folder, images))
 
-    def read(i: int) -> Image:
-        return read_image(paths[i], size)
+    orientation, turned = common_orientation(paths)
 
-    return Stream(times_ns, read, tuple(text for text in notes if text))
+    def read(i: int) -> Image:
+        return read_image(paths[i], size, orientation)
+
+    return Stream(times_ns, read, tuple(text for text in (*notes, turned) if text))
 
 
 def _is_image(name: str) -> bool:

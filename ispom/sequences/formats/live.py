@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ispom.errors import InputError, counted
-from ispom.io.camera import read_camera
+from ispom.io.calibrations.recognised import one_camera
 from ispom.sequences.address import DEVICE, SCHEMES, is_address, is_device, scheme, without_secrets
 from ispom.sequences.decoder_output import silenced
 from ispom.sequences.spool import Spool
@@ -44,8 +44,8 @@ def open_live(source: str, calibration: Path | None, max_frames: int | None = No
         raise InputError(f"{name} has no calibration: give --camera FILE, a camera.yaml of this camera")
     if not is_device(source) and (scheme(source) not in SCHEMES or not source.isprintable()):
         raise InputError(f"{name} is no address of a stream: give one that begins with {', '.join(SCHEMES)}")
-    camera = read_camera(calibration)
-    live = _Live(name, camera, _opened(source, name, camera), max_frames)
+    camera, _, notes = one_camera(calibration)
+    live = _Live(name, camera, _opened(source, name, camera), max_frames, notes)
     sequence = live.grown(least - 1, None)
     if len(sequence) < least:
         raise InputError(f"{name} ended after {counted(len(sequence), 'image')}: give a source that goes on")
@@ -85,11 +85,13 @@ def _device(which: str, name: str) -> cv2.VideoCapture:
 class _Live:
     """One thread reads the camera into the spool; all else is safe from any thread."""
 
-    def __init__(self, name: str, camera: Camera, capture: cv2.VideoCapture, max_frames: int | None) -> None:
+    def __init__(
+        self, name: str, camera: Camera, capture: cv2.VideoCapture, max_frames: int | None, notes: tuple[str, ...]
+    ) -> None:
         self._name, self._camera, self._capture = name, camera, capture
         self._spool = Spool((camera.height, camera.width, 3), max_frames)
         self._times_ns = np.zeros(self._spool.capacity, np.int64)
-        self._notes: tuple[str, ...] = ("Times are those of each image's arrival.",)
+        self._notes: tuple[str, ...] = (*notes, "Times are those of each image's arrival.")
         self._count = 0
         self._start_ns = time.time_ns() - time.monotonic_ns()
         self._over = self._stopping = False

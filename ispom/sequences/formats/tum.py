@@ -8,10 +8,11 @@ from ispom.errors import InputError
 from ispom.io.files import exists
 from ispom.io.rows import increasing_times_ns, read_rows
 from ispom.io.tum import read_tum
-from ispom.sequences.formats.folder import read_settings
-from ispom.sequences.guess import guess_of_photo
+from ispom.sequences.formats.folder import read_settings, settings_in
+from ispom.sequences.guess import guess_of_photo, size_of_photo
 from ispom.sequences.images import read_image, require_size, those_there
 from ispom.sequences.matching import no_truth_note, truth_at
+from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording, Side
 from ispom.types import Image
 
@@ -31,18 +32,20 @@ def open_tum(folder: Path, calibration: Path | None = None) -> Recording:
     paths = [folder / words[1] for _, words in rows]
     there, notes = those_there(listing, paths)
     times_ns, paths = times_ns[there], [paths[i] for i in there]
-    path = calibration or folder / "camera.yaml"
+    orientation, turned = common_orientation(paths)
+    notes += (turned,) if turned else ()
+    path = calibration or settings_in(folder)
     guess = None
-    if calibration is None and not exists(path):
-        guess, camera = guess_of_photo(paths[0])
+    if path is None:
+        guess, camera = guess_of_photo(paths[0], orientation)
     else:
-        camera, _, others = read_settings(path)
+        camera, _, others = read_settings(path, lambda: size_of_photo(paths[0], orientation))
         notes += others
     size = (camera.width, camera.height)
     require_size(paths[0], size)
 
     def read(_: Side, i: int) -> Image:
-        return read_image(paths[i], size)
+        return read_image(paths[i], size, orientation)
 
     truth = folder / "groundtruth.txt"
     found = None

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.io.files import exists, read_head
+from ispom.io.files import read_head
 from ispom.sequences.decoder_output import film_name, silenced
-from ispom.sequences.formats.folder import CAMERA, read_settings
+from ispom.sequences.formats.folder import read_settings, settings_in
 from ispom.sequences.guess import guess_of_film, pixel_aspect
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import MAX_HZ, MIN_HZ, Clock, Stream, size_of
@@ -46,15 +46,14 @@ def looks_like_video(path: Path) -> bool:
 
 def open_video(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a video file; InputError names the file that is missing or wrong."""
-    places = [path.with_suffix(".yaml"), path.parent / CAMERA]
-    settings = calibration or next((place for place in places if exists(place)), None)
+    settings = calibration or settings_in(path.parent, f"{path.stem}.yaml") or settings_in(path.parent)
     guess, notes = None, ()
     if settings is None:
         film = _Film(path)
         guess = guess_of_film(path, film.size, film.aspect)
         camera, stream = guess.camera(film.size), _stream(film, path, Clock())
     else:
-        camera, clock, notes = read_settings(settings)
+        camera, clock, notes = read_settings(settings, lambda: _Film(path).size)
         film = _Film(path, size_of(camera))
         stream, notes = _stream(film, path, clock), (*notes, *_aspect_note(path, film, camera))
     read, notes = stream.read, (*notes, *stream.notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -83,7 +84,9 @@ def test_a_calibration_takes_the_place_of_none_that_is_good(tmp_path: Path) -> N
 
 
 def test_a_fisheye_is_read_as_in_files_of_ros(tmp_path: Path) -> None:
-    camera = open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), info="equidistant"))).rig.camera("video")
+    camera = open_sequence(
+        str(make_bag(tmp_path, "ros1", ("camera",), model=("equidistant", (0.01, 0, 0, 0))))
+    ).rig.camera("video")
     assert camera.lens == "fisheye" and camera.distortion == (0.01, 0, 0, 0)
 
 
@@ -225,3 +228,55 @@ def test_a_topic_whose_name_is_a_number_is_one_sentence(tmp_path: Path) -> None:
     (bag / "metadata.yaml").write_text(text.replace("/cam0/image_raw", "0x1F"))
     with pytest.raises(InputError, match="is not a whole bag"):
         open_sequence(str(bag))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_binned_camera_info_is_that_of_the_whole_sensor(kind: str, compressed: bool, tmp_path: Path) -> None:
+    """As ROS defines it: K and P are divided by the binning, of one camera and of a pair."""
+    path = make_bag(tmp_path / "one", kind, ("camera",), compressed, binning=2)
+    sequence = open_sequence(str(path))
+    assert sequence.rig.camera("video").fx == 80 and sequence.rig.camera("video").cx == 47.5
+    assert isinstance(sequence[0], VideoFrame) and any("binning 2 x 2" in note for note in sequence.notes)
+    pair = open_sequence(str(make_bag(tmp_path / "two", kind, ("left", "right"), compressed, binning=2)))
+    assert pair.rig.baseline_m == pytest.approx(0.5) and pair.rig.camera("left").fx == 80
+    assert isinstance(pair[0], StereoPair)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_images_of_another_size_than_their_camera_info_are_refused_when_the_bag_is_opened(
+    compressed: bool, tmp_path: Path
+) -> None:
+    """So that `sources` says what `run` does."""
+    path = make_bag(tmp_path, "ros1", ("camera",), compressed, binning=2)
+    raw = path.read_bytes()
+    path.write_bytes(raw.replace(struct.pack("<II", 2, 2), struct.pack("<II", 0, 0)))
+    with pytest.raises(InputError, match="are 96 x 64, not 192 x 128 as their camera_info says"):
+        open_sequence(str(path))
+
+
+def test_a_pair_that_is_exchanged_is_mentioned(tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_bag(tmp_path, "ros1", ("left", "right"), baseline_m=-0.5)))
+    assert not sequence.rig.has_stereo and any("the cameras are exchanged" in note for note in sequence.notes)
+
+
+def test_a_pair_without_a_baseline_is_mentioned(tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_bag(tmp_path, "ros1", ("left", "right"), baseline_m=0)))
+    assert not sequence.rig.has_stereo and any("without a baseline" in note for note in sequence.notes)
+
+
+def test_a_baseline_in_millimetres_is_mentioned(tmp_path: Path) -> None:
+    sequence = open_sequence(str(make_bag(tmp_path, "ros1", ("left", "right"), baseline_m=500.0)))
+    assert any("likely in millimetres" in note for note in sequence.notes)
+
+
+def test_fisheye_lenses_and_fourteen_coefficients(tmp_path: Path) -> None:
+    model = ("equidistant", (0.01, -0.002, 0.001, 0.0))
+    camera = open_sequence(str(make_bag(tmp_path / "a", "mcap", ("camera",), model=model))).rig.camera("video")
+    assert camera.lens == "fisheye" and camera.distortion == model[1]
+    assert open_sequence(str(make_bag(tmp_path / "b", "mcap", ("left", "right"), model=model))).rig.has_stereo
+    model = ("rational_polynomial", (0.3, -0.2, 0.0, 0.0, 0.01, 0.6, -0.1, 0.02, *(0.0,) * 6))
+    camera = open_sequence(str(make_bag(tmp_path / "c", "ros1", ("camera",), model=model))).rig.camera("video")
+    assert camera.distortion == model[1][:8]
+    with pytest.raises(InputError, match="distortion_model is omni"):
+        open_sequence(str(make_bag(tmp_path / "d", "ros1", ("camera",), model=("omni", (0.1,) * 4))))

@@ -72,9 +72,9 @@ def test_a_truth_of_another_time_is_told(tmp_path: Path) -> None:
     [
         ("cam0/sensor.yaml", "80.0, 80.0", "-80.0, 80.0", "fx is -80, not positive"),
         ("cam0/sensor.yaml", "resolution: [96, 64]", "", "resolution needs 2"),
-        ("cam0/sensor.yaml", "radial-tangential", "equidistant", "only pinhole cameras"),
+        ("cam0/sensor.yaml", "radial-tangential", "omni", "distortion_model is omni"),
         ("cam1/sensor.yaml", "0.05, 0, 0, 1", "-0.5, 0, 0, 1", "T_BS does not put cam1 to the right"),
-        ("cam1/sensor.yaml", "[0, -1", "[0, -2", "T_BS is not a rotation"),
+        ("cam1/sensor.yaml", "[0, -1", "[0, -2", "T_BS.data is no rotation"),
         ("cam1/sensor.yaml", "T_BS:", "T_BS: {", "is not valid YAML"),
         ("cam0/data.csv", f"{START_NS + STEP_NS},", "now,", "line 3 is not 'time in nanoseconds"),
         ("cam0/data.csv", f"{START_NS + STEP_NS},", f"{START_NS},", "line 3: time .* is not after"),
@@ -101,3 +101,53 @@ def test_rows_of_a_real_recording_agree() -> None:
     offsets = np.array([np.subtract(left[m.queryIdx].pt, right[m.trainIdx].pt) for m in matches])
     assert len(offsets) > 100 and np.median(abs(offsets[:, 1])) <= 0.5
     assert np.median(offsets[:, 0]) > 0
+
+
+def as_fisheye(folder: Path) -> None:
+    for sensor in folder.glob("mav0/*/sensor.yaml"):
+        text = sensor.read_text().replace("radial-tangential", "equidistant")
+        sensor.write_text(text.replace("[-0.05, 0.01, 0.0, 0.0]", "[0.01, 0.002, -0.001, 0.0]"))
+
+
+def test_fisheye_lenses_are_read_alone_and_as_a_pair(tmp_path: Path) -> None:
+    """As TUM-VI has them (`distortion_model: equidistant`)."""
+    alone = make_euroc(tmp_path / "one", right=False)
+    as_fisheye(alone)
+    camera = open_sequence(str(alone)).rig.camera("video")
+    assert camera == Camera(WIDTH, HEIGHT, 80.0, 80.0, 47.5, 31.5, (0.01, 0.002, -0.001, 0.0), "fisheye")
+    pair = make_euroc(tmp_path / "two")
+    as_fisheye(pair)
+    sequence = open_sequence(str(pair))
+    assert sequence.rig.baseline_m == pytest.approx(0.11) and sequence.rig.camera("left").lens == "opencv"
+    assert isinstance(sequence[0], StereoPair)
+
+
+def test_the_truth_of_tum_vi_is_read(tmp_path: Path) -> None:
+    folder = make_euroc(tmp_path)
+    known = open_sequence(str(folder)).truth
+    (folder / "mav0" / "state_groundtruth_estimate0").rename(folder / "mav0" / "mocap0")
+    found = open_sequence(str(folder)).truth
+    assert known is not None and found is not None
+    np.testing.assert_array_equal(known.translations, found.translations)
+
+
+def test_cameras_that_are_exchanged_are_called_so(tmp_path: Path) -> None:
+    folder = make_euroc(tmp_path)
+    sensors = [folder / "mav0" / camera / "sensor.yaml" for camera in ("cam0", "cam1")]
+    texts = [sensor.read_text() for sensor in sensors]
+    for sensor, text in zip(sensors, reversed(texts), strict=True):
+        sensor.write_text(text)
+    with pytest.raises(InputError, match="the cameras are exchanged"):
+        open_sequence(str(folder))
+
+
+def test_a_rounded_rotation_is_read_by_the_tolerance_of_all_formats(tmp_path: Path) -> None:
+    folder = make_euroc(tmp_path)
+    sensor = folder / "mav0" / "cam0" / "sensor.yaml"
+    text = sensor.read_text()
+    assert "[0, -1, 0" in text
+    sensor.write_text(text.replace("[0, -1, 0", "[0, -1.0004, 0"))
+    assert open_sequence(str(folder)).rig.has_stereo
+    sensor.write_text(text.replace("[0, -1, 0", "[0, -1.0044, 0"))
+    with pytest.raises(InputError, match="is no rotation"):
+        open_sequence(str(folder))

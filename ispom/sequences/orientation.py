@@ -1,0 +1,78 @@
+"""One orientation for all photos of a camera.
+
+Phones write in EXIF how they were held, one by one: a camera that looks down at a board says 180 degrees of half of its
+photos. The sensor is the same in all, so a camera's images are turned alike, or not at all.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Header
+
+from ispom.errors import InputError
+from ispom.io.files import opened
+
+SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp"})
+"""Of files whose EXIF OpenCV obeys."""
+SAMPLES = 200
+"""Photos of a folder that say how most of all are turned."""
+UPRIGHT = 1
+_TAG = 0x0112
+_DEGREES = {3: "180", 6: "90", 8: "270"}
+
+
+def common_orientation(paths: list[Path]) -> tuple[int | None, str]:
+    """EXIF's orientation (1 to 8) that most of one camera's images have, for all of them, and a note where they differ;
+    None where their files have no such thing."""
+    photos = [path for path in paths if path.suffix.lower() in SUFFIXES]
+    if not photos:
+        return None, ""
+    sampled = [photos[i] for i in np.unique(np.linspace(0, len(photos) - 1, SAMPLES).round().astype(int))]
+    counts = Counter(found for found in map(_orientation, sampled) if found)
+    if not counts:
+        return None, ""
+    common = max(counts, key=lambda each: (counts[each], each == UPRIGHT))
+    if len(counts) == 1:
+        return common, ""
+    listed = ", ".join(f"{n} {_turned(each)}" for each, n in counts.most_common())
+    which = "" if len(sampled) == len(photos) else f" ({len(sampled)} looked at)"
+    return common, (
+        f"{paths[0].parent}: by EXIF, images{which} are to be turned differently: {listed}; as they are of one camera, "
+        f"all are taken as {_turned(common)}"
+    )
+
+
+def _turned(orientation: int) -> str:
+    if orientation == UPRIGHT:
+        return "not turned"
+    degrees = _DEGREES.get(orientation)
+    return f"mirrored (orientation {orientation})" if degrees is None else f"turned by {degrees} degrees"
+
+
+def oriented(image: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """The image of a file whose EXIF says `orientation`, as it is looked at."""
+    if orientation in (5, 6, 7, 8):
+        image = image.swapaxes(0, 1)
+    if orientation in (2, 3, 6, 7):
+        image = image[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        image = image[::-1]
+    return np.ascontiguousarray(image)
+
+
+def _orientation(path: Path) -> int:
+    """EXIF's, 1 where it says nothing; 0 where the file cannot be read."""
+    try:
+        with warnings.catch_warnings(action="ignore"), opened(path) as file, Header.open(file) as image:
+            if "exif" not in image.info:  # getexif would decode a PNG to look behind its pixels
+                return UPRIGHT
+            found = image.getexif().get(_TAG, UPRIGHT)
+    except (InputError, OSError, ValueError, SyntaxError, Header.DecompressionBombError):
+        return 0
+    return found if isinstance(found, int) and 1 <= found <= 8 else UPRIGHT
