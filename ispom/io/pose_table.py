@@ -146,13 +146,13 @@ def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
             axes |= {(kind, axis): bare[axis] for axis in letters if axis in bare}
             bare = {axis: i for axis, i in bare.items() if axis not in "xyz"}
     axes |= {("q", axis): i for axis, i in bare.items() if axis == "w"}
-    xyz, xyzw = [axes.get(("p", a)) for a in "xyz"], [axes.get(("q", a)) for a in "xyzw"]
-    if None in xyz or None in xyzw or not times or len(lengths) > 1:
+    xyz = tuple(axes[key] for a in "xyz" if (key := ("p", a)) in axes)
+    xyzw = tuple(axes[key] for a in "xyzw" if (key := ("q", a)) in axes)
+    if len(xyz) != 3 or len(xyzw) != 4 or not times or len(lengths) > 1:
         return None
     which, unit = _best_times(times)
     metres = _METRES[lengths.pop()] if lengths else 1.0
-    order = tuple(map(int, xyz)), tuple(map(int, xyzw))  # type: ignore[arg-type]
-    return Columns(which, *order, unit, len(words), line, spaced, metres)
+    return Columns(which, xyz, xyzw, unit, len(words), line, spaced, metres)
 
 
 def _unit(word: str) -> tuple[str, str | None]:

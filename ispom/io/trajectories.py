@@ -56,7 +56,7 @@ def read_trajectory(path: Path, times_ns: NDArray[np.int64] | None = None) -> Tr
             return TrajectoryFile(path, found, read_euroc(path, every=True))
 
 
-def _format(path: Path) -> Format:
+def _format(path: Path) -> Literal["TUM", "KITTI", "EuRoC"]:
     """By the first line with values."""
     for number, line in enumerate(read_text(path).splitlines(), 1):
         text = line.strip()

@@ -92,7 +92,7 @@ def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[fl
     if (equivalent := _number(entries.get(_FOCAL_35_MM))) is not None:
         return _px_of_35_mm(equivalent, size), f"EXIF: {equivalent:g} mm on 35 mm film"
     focal_mm, per_unit = _number(entries.get(_FOCAL_MM)), _number(entries.get(_PLANE_RESOLUTION))
-    mm = _MM_OF_UNIT.get(_number(entries.get(_PLANE_UNIT, 2)) or 0)
+    mm = _MM_OF_UNIT.get(int(_number(entries.get(_PLANE_UNIT, 2)) or 0))
     if focal_mm is None or per_unit is None or mm is None:
         return None
     # The resolution is that of the image as it was taken, which may have been made smaller since.

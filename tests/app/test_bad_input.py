@@ -178,7 +178,7 @@ BROKEN = {
     "times not increasing": (edit("times.txt", lambda t: t.replace("3.0", "1.0")), "times.txt line 4: time 1.0"),
     "times missing": (remove("times.txt"), "times.txt is missing"),
     "fewer times than images": (edit("times.txt", lambda t: t.split("\n", 1)[1]), "5 times for 6 images: give"),
-    "no images": (empty("image_0"), "image_0 holds no .png image: give"),
+    "no images": (empty("image_0"), "image_0 holds no image: give"),
     "an image missing": (remove("image_0/000002.png"), "000002.png is missing: images are numbered"),
     "a right image missing": (remove("image_1/000005.png"), "image_1 holds 5 images, image_0 6: restore"),
     "first image empty": (lambda d: (d / "image_0/000000.png").write_bytes(b""), "000000.png is not a whole image"),
@@ -217,7 +217,10 @@ def test_a_bad_image_in_the_middle_loses_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drive, out = make_drive(tmp_path / "kitti"), tmp_path / "out"
-    monkeypatch.setattr("ispom.sequences.formats.kitti._count", lambda _: 6)  # it may vanish while the run goes on, too
+    listed = [f"{i:06d}.png" for i in range(6)]
+    monkeypatch.setattr(
+        "ispom.sequences.formats.kitti._images", lambda images: [images / name for name in listed]
+    )  # it may vanish while the run goes on, too
     spoil(drive / image)
     told = sentence(capsys, str(drive), "--out", str(out))
     assert f"{drive / image} {message}" in told and "restore" in told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -49,7 +50,7 @@ def make_bag(
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
     writer = Writer1(path) if upper else Writer2(path, version=9, storage_plugin=plugin)
 
-    def header(time_ns: int) -> object:
+    def header(time_ns: int) -> Any:
         stamp = types["builtin_interfaces/msg/Time"](*divmod(time_ns, 10**9))
         counter = {"seq": 0} if upper else {}
         return types["std_msgs/msg/Header"](**counter, stamp=stamp, frame_id="camera")
