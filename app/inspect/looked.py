@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from .point import PointEstimate, estimate
 from .poses import revised
 from .selection import Selection
 from .sightings import Seen, TrackLife, life, missing_tracks, seen_before, seen_by
-
-if TYPE_CHECKING:
-    from ..review.recorded_tracks import RecordedViews
 
 EXPOSURES = 60
 """Of the camera, up to the one shown: what lifetimes and residuals are drawn of."""
@@ -48,8 +44,6 @@ class Looked:
     selection: Selection | None
     camera: str
     colour_by: Colouring
-    recorded: RecordedViews | None = None
-    """Images and tracks of a stored run, where it has a recording."""
     unavailable: str = ""
     """Why a stored run cannot be computed again; empty where it can."""
 
@@ -67,7 +61,7 @@ class Looked:
     @cached_property
     def _recorded_cameras(self) -> tuple[Frame, ...]:
         """Those of a recording alone, which has no rig."""
-        kinds = self.sequence.kinds if self.recorded is not None else ()
+        kinds = self.sequence.kinds
         return (("video",) if "video" in kinds else ()) + (("left",) if "stereo" in kinds else ())
 
     @cached_property

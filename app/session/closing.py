@@ -15,8 +15,8 @@ def loss(state: State, recorded: Collection[int]) -> str:
     `recorded` has the numbers of the branches that are, or were, recorded.
     """
     own = [b for b in state.branches if b.parent is not None and not b.reproducible and b.number not in recorded]
-    names = ", ".join(branch.name for branch in own)
-    lost = [f"the branch {names}" if len(own) == 1 else f"{len(own)} branches ({names})"] if own else []
+    names = ", ".join(f"“{branch.name}”" for branch in own)
+    lost = [f"the branch {names}" if len(own) == 1 else f"the {len(own)} branches {names}"] if own else []
     if state.computed and 0 not in recorded and (is_device(state.source) or is_address(state.source)):
         lost.append(f"the live run of {state.source}")
     return " and ".join(lost)

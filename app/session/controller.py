@@ -131,13 +131,13 @@ class Controller:
             case do.Restart():
                 what, yes, recorded = "Starting again from the first frame", "Close and restart", {0, *recorded}
             case Learn() | TurnTo() if self._lessons.opens_a_run(command):
-                what, yes = "This step of the lesson", "Close and go on"
+                what, yes = "The lesson", "Close and go on"
             case _:
                 return None
         lost = loss(self._store.state, recorded)
         if not lost:
             return None
-        return f"{what} closes {lost}: this is kept nowhere else. To keep it, record it first (Record).", yes
+        return f"{what} closes {lost}. Nothing else keeps this: stay and record it first (Record), or let it go.", yes
 
     def _obey(self, command: do.Command) -> None:
         store, player = self._store, self._player

@@ -9,11 +9,12 @@ export function makePeople(send, command, tell) {
 
   const words = document.createElement("span");
 
-  function say({ people, looking }) {
+  function say({ people, looking }, { index }) {
     const { driving, others, you } = people;
-    const mine = driving ? "You drive" : `${driver(people)} drives, you ${looking === null ? "follow" : `look at exposure ${looking}`}`;
+    const away = looking !== index ? `, the panels at the left show ${index}` : "";
+    const mine = driving ? "You drive" : `${driver(people)} drives, you ${looking === null ? "follow" : `look at exposure ${looking}${away}`}`;
     words.textContent = `${mine} · ${others.length === 1 ? "1 other" : `${others.length} others`} here`;
-    words.title = `You are person ${you}. One person drives a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here. The panels at the left show what whoever drives looks at.`;
+    words.title = `You are person ${you}. One person drives a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here.`;
   }
 
   function paint({ people: { driving, others, may_drive }, looking, playing }) {
@@ -43,7 +44,7 @@ export function makePeople(send, command, tell) {
       }
       if (before && next.refused[0] > before.refused[0]) tell(next.refused[1]);
       const shown = next.look === null ? next : { ...next, ...next.look };
-      say(shown);
+      say(shown, next);
       const wanted = JSON.stringify([next.people, next.looking === null, shown.playing]);
       if (painted !== wanted) paint(shown); // not at each exposure: a button that is drawn again while it is pressed is not clicked
       painted = wanted;

@@ -2,23 +2,27 @@
 const dialog = document.getElementById("question");
 const [no, yes] = ["question-no", "question-yes"].map((id) => document.getElementById(id));
 
-// `send` gives the answer to the server, whose next state closes the dialog.
+// `send` gives the answer to the server.
 export function makeQuestion(send) {
-  let asked = null;
-  const answer = (wanted) => asked && send({ do: "confirm", number: asked.number, yes: wanted });
+  let asked = null; // the question in the dialog
+  let answered = 0; // number of the last one that was answered here
+  const answer = (wanted) => {
+    if (!asked || asked.number === answered) return;
+    answered = asked.number;
+    send({ do: "confirm", number: asked.number, yes: wanted });
+    dialog.close();
+  };
   no.addEventListener("click", () => answer(false));
   yes.addEventListener("click", () => answer(true));
-  dialog.addEventListener("cancel", (event) => {
-    event.preventDefault();
-    answer(false);
-  });
+  dialog.addEventListener("close", () => dialog.open || answer(false)); // by Escape; browsers need not ask about that
   return (question, drives) => {
-    if (question?.number === asked?.number && dialog.open === Boolean(question && drives)) return;
-    asked = question;
+    const wanted = question && drives && question.number !== answered ? question : null;
+    if (wanted?.number === asked?.number && dialog.open === Boolean(wanted)) return;
+    asked = wanted;
     if (dialog.open) dialog.close();
-    if (!question || !drives) return;
-    document.getElementById("question-text").textContent = question.text;
-    yes.textContent = question.yes;
+    if (!wanted) return;
+    document.getElementById("question-text").textContent = wanted.text;
+    yes.textContent = wanted.yes;
     dialog.showModal();
   };
 }

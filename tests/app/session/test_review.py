@@ -16,6 +16,7 @@ from ispom_app.options import SourceOptions
 from ispom_app.rerun_log.live import LiveStream
 from ispom_app.rerun_log.stored_tape import StoredTape
 from ispom_app.review.folder import read_stored
+from ispom_app.review.recorded_tracks import RecordedViews
 from ispom_app.session import commands as do
 from ispom_app.session.recording.listing import list_recordings
 from ispom_app.session.session import Session
@@ -296,6 +297,11 @@ def computed_tracks(run: Path, index: int, camera: str) -> Tracks:
     return next(step.tracks[camera] for step in event.steps if camera in step.tracks)  # type: ignore[index]
 
 
+def recorded(session: Session) -> RecordedViews | None:
+    assert session.run is not None
+    return session.run.recorded
+
+
 def columns(picture: str) -> list[float]:
     """Of the points that are drawn, in order."""
     return sorted(float(u) for u in re.findall(r"M([-\d.]+) [-\d.]+h0", picture))
@@ -316,10 +322,10 @@ def test_the_closer_look_has_the_tracks_that_the_recording_has(session: Session,
     shown = looked_at(session, replace(session.state, displayed=session.history[15], camera=camera))
     assert shown is not None and shown.index is not None and shown.pictured == camera
     live = computed_tracks(run, shown.index, camera)
-    text = track_picture(shown)
+    text = track_picture(shown, recorded(session))
     assert len(columns(text)) == len(live) > 0 and f"{len(live)} tracks, of the recording" in text
     np.testing.assert_allclose(columns(text), np.sort(live.uv[:, 0] + 0.5), atol=0.11)
-    coloured = track_picture(replace(shown, colour_by="age"))
+    coloured = track_picture(replace(shown, colour_by="age"), recorded(session))
     assert len(columns(coloured)) == (live.status < TrackStatus.LOST).sum()
 
 
@@ -333,14 +339,14 @@ def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(sess
         looked_at(session, replace(session.state, displayed=session.history[index], camera="video"))
         for index in (5, 20)
     )
-    assert before is not None and "of the recording" in track_picture(before)
-    assert own is not None and "data-pick" in track_picture(own) and not own.missing
+    assert before is not None and "of the recording" in track_picture(before, recorded(session))
+    assert own is not None and "data-pick" in track_picture(own, recorded(session)) and not own.missing
 
 
 def test_what_a_stored_run_does_not_have_of_tracks_is_said_with_what_to_do(session: Session) -> None:
     assert all("fork it at an earlier exposure" in text for text in reports(session).values())
     shown = looked_at(session, session.state)
-    assert shown is not None and "data-pick" not in track_picture(shown)
+    assert shown is not None and "data-pick" not in track_picture(shown, recorded(session))
     count = session.state.notice_count
     session.post(do.Pick("video", 15, 10.0, 10.0))
     wait_for(lambda: session.state.notice_count > count, "the refusal")
@@ -355,7 +361,7 @@ def test_without_a_recording_the_closer_look_says_what_to_do_and_not_that_there_
     session = opened(tmp_path, kept)
     shown = looked_at(session, session.state)
     assert shown is not None
-    text = track_picture(shown)
+    text = track_picture(shown, recorded(session))
     assert "<image" in text and "no tracks" not in text and not columns(text)
     assert all("fork it at an earlier exposure" in text for text in reports(session).values())
     session.close(5)
@@ -367,7 +373,7 @@ def test_a_recording_alone_is_looked_at_with_its_own_images_and_tracks(run: Path
     for camera in ("video", "left"):
         shown = looked_at(session, replace(session.state, camera=camera))
         assert shown is not None and shown.pictured == camera
-        text = track_picture(shown)
+        text = track_picture(shown, recorded(session))
         assert "<image" in text and columns(text) and "of the recording" in text
     assert all("cannot be computed again" in text for text in reports(session).values())
     session.close(5)

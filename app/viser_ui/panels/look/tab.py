@@ -74,7 +74,8 @@ class LookTab:
             return
         self._drawn = values
         looked = looked_at(self._session, state)
-        texts = (EMPTY, "") if looked is None else (track_picture(looked), self._report(state.look, looked))
+        recorded = self._session.run.recorded if self._session.run is not None else None
+        texts = (EMPTY, "") if looked is None else (track_picture(looked, recorded), self._report(state.look, looked))
         for handle, text in zip((self._picture, self._text), texts, strict=True):
             if handle.content != text:
                 handle.content = text
@@ -104,7 +105,6 @@ def looked_at(session: Session, state: State) -> Looked | None:
         parsed(state.selected),
         state.camera,
         state.colour_by,
-        run.recorded,
         run.stored.unavailable if run.stored is not None else "",
     )
 

@@ -14,7 +14,7 @@ from .... import colours
 from ....inspect.colouring import SCALES, Colouring, palette
 from ....inspect.epipolar import EpipolarLine, epipolar
 from ....inspect.looked import Looked
-from ....review.recorded_tracks import RecordedTracks
+from ....review.recorded_tracks import RecordedTracks, RecordedViews
 from ...drawing import dots, in_view, picture, polyline
 from ...markup import render
 
@@ -22,14 +22,14 @@ WIDTH = 640
 """Of the JPEG; the panel is about half as wide."""
 
 
-def track_picture(looked: Looked) -> str:
-    """As HTML."""
+def track_picture(looked: Looked, views: RecordedViews | None = None) -> str:
+    """As HTML. `views` has images and tracks of a stored run, where it has a recording."""
     known: dict[str, Any] = {"camera": looked.pictured, "index": looked.index, "image": None, "dots": (), "legend": ()}
     known |= {"moved": None, "pickable": not looked.missing}
-    if looked.index is None or (image := _image(looked)) is None:
+    if looked.index is None or (image := _image(looked, views)) is None:
         return render("track_picture.html", **known)
     known |= {"image": picture(image, WIDTH), "height": image.shape[0], "width": image.shape[1]}
-    recorded = _recorded(looked)
+    recorded = _recorded(looked, views)
     if recorded is not None:
         known |= {"dots": _grouped(recorded.uv_in(image), recorded.classes, looked.colour_by)}
         known |= {"legend": _legend(looked, recorded.counts)}
@@ -44,20 +44,20 @@ def track_picture(looked: Looked) -> str:
     return render("track_picture.html", **known, title=title, scale=scale, picked=picked)
 
 
-def _image(looked: Looked) -> Image | None:
+def _image(looked: Looked, views: RecordedViews | None) -> Image | None:
     """That of the source, or else the one in the recording."""
     assert looked.index is not None
     found = image_of(looked.sequence, looked.index)
-    if found is None and looked.recorded is not None:
-        return looked.recorded.image(looked.pictured, looked.index)
+    if found is None and views is not None:
+        return views.image(looked.pictured, looked.index)
     return found
 
 
-def _recorded(looked: Looked) -> RecordedTracks | None:
+def _recorded(looked: Looked, views: RecordedViews | None) -> RecordedTracks | None:
     """The tracks in the picture as the recording has them, where the run has none to look at one by one."""
-    if not looked.missing or looked.recorded is None or looked.index is None:
+    if not looked.missing or views is None or looked.index is None:
         return None
-    return looked.recorded.tracks(looked.pictured, looked.index, looked.colour_by)
+    return views.tracks(looked.pictured, looked.index, looked.colour_by)
 
 
 def image_of(sequence: Sequence, index: int) -> Image | None:
