@@ -64,7 +64,7 @@ def from_plain(config: type, values: Any, where: str) -> Any:
     if not isinstance(values, dict):
         raise InputError(f"{where} is {str(values)[:40]!r}, not settings by name")
     known = {setting.name: setting for setting in settings(config)}
-    if unknown := sorted(values.keys() - known.keys()):
+    if unknown := sorted(map(str, values.keys() - known.keys())):  # YAML's names may be of any kind
         raise InputError(f"{where} has {unknown[0][:60]!r}, which is no setting: choose from {', '.join(known)}")
     return config(**{name: _plain_value(known[name], value, f"{where}.{name}") for name, value in values.items()})
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.files import names, read_bytes, require_file
+from ispom.io.rows import LARGEST
 from ispom.types import Image
 
 GLTF_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]))
@@ -65,7 +66,7 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
         raise
     except Exception as error:  # its parsers raise a dozen kinds on damaged bytes
         raise InputError(f"{path} is damaged, or no mesh ({type(error).__name__}): give another file") from None
-    if not isinstance(loaded, trimesh.Trimesh) or not len(loaded.faces) or not np.isfinite(loaded.vertices).all():
+    if not isinstance(loaded, trimesh.Trimesh) or not len(loaded.faces) or not (abs(loaded.vertices) <= LARGEST).all():
         raise InputError(f"{path} holds no triangles: give a mesh, not points")
     faces = np.asarray(loaded.faces)
     triangles = np.asarray(loaded.vertices, np.float32)[faces]

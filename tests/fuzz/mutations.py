@@ -219,7 +219,10 @@ def _npz(path: Path, random: Random) -> str:
     ):
         case "nan" | "inf" | "huge":
             value = {"nan": np.nan, "inf": -np.inf, "huge": 1e30}[what]
-            arrays[name] = np.full(array.shape, value).astype(array.dtype) if array.dtype.kind == "f" else array - 10**6
+            if array.dtype.kind == "f":
+                arrays[name] = np.full(array.shape, value).astype(array.dtype)
+            else:
+                arrays[name] = array - min(10**6, np.iinfo(array.dtype).max)
         case "zero":
             arrays[name] = np.zeros_like(array)
         case "shape":

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from ispom.errors import InputError
 from ispom.io.meshes import read_coloured_mesh
 
 OBJ = "mtllib a.mtl\nv 0 0 1\nv 1 0 1\nv 0 1 1\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
@@ -47,3 +48,10 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     path = mesh(tmp_path / "mesh", "pipe.png")
     os.mkfifo(tmp_path / "mesh" / "pipe.png")
     assert len(read_coloured_mesh(path).triangles) == 1
+
+
+def test_corners_beyond_any_length_are_refused(tmp_path: Path) -> None:
+    path = mesh(tmp_path / "mesh", "none.png")
+    path.write_text(OBJ.replace("v 1 0 1", "v 1e300 0 1"))
+    with pytest.raises(InputError, match="holds no triangles"):
+        read_coloured_mesh(path)

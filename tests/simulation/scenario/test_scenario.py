@@ -80,3 +80,10 @@ def test_what_is_wrong_in_a_file_names_the_file(text: str, sentence: str, tmp_pa
     (tmp_path / "own.yaml").write_text(text)
     with pytest.raises(InputError, match=f"own.yaml.*{sentence}"):
         open_sequence(str(tmp_path / "own.yaml"))
+
+
+@pytest.mark.parametrize("name", ["null", "0", "true", "2020-01-01"])
+def test_a_setting_whose_name_is_no_word_is_one_sentence(name: str, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(f"scene: tiny\n{name}: 1\nother: 2\n")
+    with pytest.raises(InputError, match="which is no setting"):
+        scenario_of_file(tmp_path / "a.yaml")
