@@ -7,8 +7,9 @@ import { expectData } from "./render_throttle.js";
 const RETRY_MS = 1000;
 const HEAD_BYTES = 16;
 
-// `news` is called when the views may show something else.
-export function feedLive(handle, news) {
+// `news` is called when the views may show something else; `parting` before the viewer gets anything of another run, and
+// awaited: the viewer shows that run from its first byte on, and has nothing to draw of it for a while.
+export function feedLive(handle, news, parting) {
   const stage = {
     run: "",
     recording: null, // id of the run's, in the viewer
@@ -25,11 +26,11 @@ export function feedLive(handle, news) {
     ask(stage);
   };
   stage.heard = (recordings) => heard(stage, recordings);
-  connect(stage, handle, news);
+  connect(stage, handle, news, parting);
   return stage;
 }
 
-function connect(stage, handle, news) {
+function connect(stage, handle, news, parting) {
   const { run, next, serial } = stage;
   const url = new URL(`live?${new URLSearchParams({ run, next, serial })}`, document.baseURI);
   const socket = (stage.socket = new WebSocket(url.href.replace("http", "ws")));
@@ -38,12 +39,16 @@ function connect(stage, handle, news) {
     ask(stage);
     tell(stage, "more");
   };
-  socket.onmessage = ({ data }) => {
-    if (typeof data === "string") begin(stage, handle, JSON.parse(data));
-    else take(stage, handle, data);
+  let given = Promise.resolve(); // one message after the other
+  const give = async (data) => {
+    if (typeof data === "string") {
+      if (stage.run) await parting();
+      begin(stage, handle, JSON.parse(data));
+    } else take(stage, handle, data);
     news();
   };
-  socket.onclose = () => setTimeout(() => whenSeen(() => connect(stage, handle, news)), RETRY_MS);
+  socket.onmessage = ({ data }) => (given = given.then(() => give(data)));
+  socket.onclose = () => setTimeout(() => whenSeen(() => connect(stage, handle, news, parting)), RETRY_MS);
 }
 
 function begin(stage, handle, { run, recording }) {

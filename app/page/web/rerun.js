@@ -11,6 +11,7 @@ const APPLICATION = "ispom";
 // curves of the run (see live.js), and never comes near.
 const MEMORY = "1500MB";
 const REVEAL_MS = 3000;
+const STILL_MS = 2000;
 const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
@@ -26,7 +27,7 @@ export function openViewer(dark, seek, drawn) {
     start(canvas, dark, (event) => viewer.cursor.heard(event)).then(
       (handle) => {
         viewer.handle = handle;
-        viewer.stage = feedLive(handle, () => watch(viewer));
+        viewer.stage = feedLive(handle, () => watch(viewer), () => keepStill(viewer, canvas));
         afterData(() => watch(viewer));
         setInterval(() => watch(viewer), WATCH_MS);
       },
@@ -86,11 +87,11 @@ function say(text, ended = false) {
   at("restart").hidden = !ended;
 }
 
-// A copy of what the viewer shows; null where it shows nothing, or draws nothing for too long.
-async function pictureOf({ handle, state, cursor }, canvas) {
+// A copy of what the viewer shows; null where it shows nothing, or draws nothing for so long.
+async function pictureOf({ handle, state, cursor }, canvas, patience = PICTURE_MS) {
   if (!handle || handle.has_panicked() || !at("cover").hidden) return null;
   return new Promise((done) => {
-    setTimeout(done, PICTURE_MS, null);
+    setTimeout(done, patience, null);
     afterFrames(() => {
       const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
       const ink = copy.getContext("2d", { willReadFrequently: true });
@@ -119,12 +120,13 @@ function watch(viewer) {
     playing: state.playing,
     wanted: state.index,
     shown: isShown && recording ? stage.shown : null,
+    coming: stage.unread.find(({ index }) => index >= 0)?.index ?? stage.shown?.index,
     other: stage.shown && !isShown ? (viewer.source === state.source ? "branch" : "source") : null,
     curves: recording?.newest ?? -1,
   });
   if (!viewer.source) at("viewer").classList.add("starting");
   if (!isShown || !recording) return;
-  if (!viewer.source) reveal(viewer);
+  if (at("viewer").classList.contains("starting")) reveal(viewer);
   viewer.source = state.source;
   close(viewer, found.recordings.filter((each) => each !== recording));
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
@@ -133,10 +135,22 @@ function watch(viewer) {
 }
 
 // The viewer takes in a little of the stream with each frame that it draws, and where graphics are software a frame takes
-// long: up to the first exposure it draws a tiny one under the cover, which is lifted with the next frame.
+// long. Until it has a first exposure it draws a tiny one: under the cover, or under a still picture of the run before.
+async function keepStill(viewer, canvas) {
+  const picture = at("viewer").classList.contains("starting") ? null : await pictureOf(viewer, canvas, STILL_MS);
+  if (!picture) return;
+  at("still").replaceChildren(picture);
+  at("viewer").classList.add("starting");
+}
+
+// Lifts both with the next frame.
 function reveal(viewer) {
   at("viewer").classList.remove("starting");
-  const lift = () => viewer.died || (at("cover").hidden = true);
+  const lift = () => {
+    if (!viewer.died) at("cover").hidden = true;
+    if (!at("viewer").classList.contains("starting")) at("still").replaceChildren();
+    return true;
+  };
   afterFrames(lift);
   setTimeout(lift, REVEAL_MS);
 }

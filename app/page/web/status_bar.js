@@ -24,7 +24,7 @@ export function showState(state) {
 }
 
 // What the Rerun views show, where that is not what the page shows: `shown` is their exposure, null before this run's first;
-// `other` says what they still show of another run; `curves` is the last exposure of their curves. Null where they are gone.
+// `coming` the one that they are taking in, `other` says what they still show of another run, and `curves` is the last exposure of their curves. Null where they are gone.
 export function showViewer(views) {
   const late = views ? lateness(views) : "";
   const behind = views?.shown ? Math.max(0, views.wanted - views.curves) : 0;
@@ -36,10 +36,11 @@ export function showViewer(views) {
   at("viewer").dataset.views = views?.other === "source" ? "other" : late ? "late" : "current";
 }
 
-function lateness({ shown, wanted, other }) {
+function lateness({ shown, wanted, coming, other }) {
   if (other) return "loading this run: the views still show the one before";
   if (!shown) return "";
-  if (shown.index !== wanted) return `loading exposure ${wanted}: the views show ${shown.index}`;
+  const loading = shown.index === wanted ? coming : wanted; // what comes is on the views in part, until it is there
+  if (loading !== shown.index) return `loading exposure ${loading}: the views show ${shown.index}`;
   return shown.complete ? "" : `loading the images of exposure ${wanted}`;
 }
 

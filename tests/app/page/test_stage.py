@@ -28,7 +28,11 @@ from tests.app.page.test_browser import (  # noqa: F401 - fixtures
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
 SEQUENCE = doubles.sequence(40)
 VIDEO, STEREO = ([i for i, kind in enumerate(SEQUENCE.kinds) if kind == each] for each in ("video", "stereo"))
-SHOWN = "`${window.ispom.viewer.stage.shown.recording} ${window.ispom.viewer.stage.shown.index}`"
+SHOWN = """(() => {
+  const { shown, unread } = window.ispom.viewer.stage;
+  return [shown.recording, shown.index, unread.find(({ index }) => index >= 0)?.index ?? shown.index].join(" ");
+})()"""
+"""The recording and exposure that the views show, and the exposure that they are taking in."""
 SHORT_OF_MEMORY = """
 const Whole = wasm_bindgen.WebHandle;
 wasm_bindgen.WebHandle = class extends Whole {
@@ -121,9 +125,9 @@ def test_after_a_loop_the_images_are_still_those_of_their_exposures(stage: Stage
 def assert_named(stage: Stage, views: dict[str, View]) -> str:
     """What is drawn is what the views were said to show before the screenshot or after it, which is returned."""
     before, screen, after = stage.tab.evaluate(SHOWN), screen_of(stage.tab), stage.tab.evaluate(SHOWN)
-    first, last = sorted(int(each.split()[1]) for each in (before, after))
+    indices = [int(index) for each in (before, after) for index in each.split()[1:]]
     found, score = views["video"].frame(screen, image, VIDEO)
-    named = {newest(VIDEO, index) for index in range(first, last + 1)}
+    named = {newest(VIDEO, index) for index in range(min(indices), max(indices) + 1)}
     assert found in named and score > SAME, f"{found} is drawn ({score:.2f}), named are {before} and {after}"
     return after
 
