@@ -14,7 +14,7 @@ from rich.console import Console
 from ispom.child import PYTHON, Child
 from ispom.stop import wait_or_stop
 
-ONE_THREAD = dict.fromkeys(
+ONE_THREAD: dict[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 """For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""

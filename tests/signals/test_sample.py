@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.sequences.kitti_folder import make_drive
-
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="processes are found by /proc"),
     pytest.mark.timeout(1800),
@@ -22,7 +20,7 @@ def test_a_signal_at_any_moment_ends_a_command_in_good_order(count: int, tmp_pat
 
     names = ("run", "fork", "repair")
     (tmp_path / "inputs").mkdir()
-    inputs = made_inputs(tmp_path / "inputs", str(make_drive(tmp_path / "drive", frames=40)), 80, ("stereo.paper",))
+    inputs = made_inputs(tmp_path / "inputs", methods=("stereo.paper",))
     chosen, takes_s = cases(count, 0, names), dict[str, float]()
     for name in {case.name for case in chosen}:
         (tmp_path / name).mkdir()
