@@ -106,7 +106,7 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     if waits:
         if not enough.passed:
             return _restarted(start, frame, sigma, enough, tests)
-        tests = (replace(tests[0], consequence="place held, waiting for parallax"), *tests[1:])
+        tests = (replace(tests[0], consequence="the position is held"), *tests[1:])
         return Progress(waiting, tests, held)
     found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
@@ -137,5 +137,5 @@ def _restarted(
 ) -> Progress:
     """Too few of the reference's points are left: this frame becomes the reference."""
     new, gone = start.restarted(frame, sigma)
-    few = replace(few, consequence="begins again from here")
+    few = replace(few, consequence="initialisation starts again from this frame")
     return Progress(new, (*others, few), new.base, settled=gone)
