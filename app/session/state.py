@@ -11,6 +11,7 @@ from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
 from ..expressions.parser import Expression
+from ..features.events.commands import NextEvent
 from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from ..run.beside.placed import Beside
@@ -139,8 +140,8 @@ class State:
     progress: Mapping[str, int] = field(default_factory=dict)
     """By lesson: the steps whose answer was revealed."""
     loop: Loop | None = None
-    until: Expression | None = None
-    """The condition that a run goes on towards."""
+    until: Expression | NextEvent | None = None
+    """The condition, or the event, that a run goes on towards."""
     marked: Expression | None = None
     """The condition that was asked for last: where it holds is marked on the time axis."""
     bookmarks: tuple[Bookmark, ...] = ()

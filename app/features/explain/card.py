@@ -1,9 +1,9 @@
-"""A method's card: what it did at an exposure, in order, what it checked, and what came out; values, no HTML."""
+"""A method's card: its verdict, the checks that failed, and all that it did at the frame; values, no HTML."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,29 +14,34 @@ from ispom.methods import method as registered
 from ispom.types import Check, Decision, Step, Tracks, TrackStatus
 
 from ... import colours
-from ...decisions import SIGNS, answers, margin, mark, number, sentence
+from ...decisions import answers, limit, margin, mark, sentence
 from ...run.history.quantities import DROPPED
 from ...run.history.record import ExposureRecord
 from ...run.model.drawn_size import unit_in_metres
 from ...texts import length
 from ...uncertainty import describe
+from .verdict import Severity, Verdict, verdict, waiting
 
-TINTS = {
-    "✓": "light-dark(#00795a, #2bb58d)",
-    "✕": "light-dark(#c62828, #ff7b70)",
-    "●": "light-dark(#0072b2, #56b4e9)",
-    "!": "light-dark(#8a5a00, #f0b429)",
-}
 HINTS = {
-    "✓": "required: passed",
-    "✕": "required: failed",
+    "✓": "requirement: passed",
+    "✕": "requirement: failed",
     "●": "trigger: fired",
     "○": "trigger: did not fire",
-    "·": "measurement: neither pass nor fail",
-    "!": "measurement: doubtful, beyond its limit",
+    "·": "measurement: neither good nor bad",
+    "!": "warning: beyond its limit",
 }
+TINTS = {"✓": "good", "✕": "lost", "●": "keyframe", "!": "warning"}
 KEYS = {status: key for key, status in DROPPED.items()} | {TrackStatus.ALIVE: "alive", TrackStatus.NEW: "new"}
 """Under which key the tracks of a status are counted."""
+TAGS = {
+    Severity.OK: "",
+    Severity.KEYFRAME: "keyframe",
+    Severity.PROVISIONAL: "initialising",
+    Severity.WARNING: "warning",
+    Severity.LOST: "lost",
+}
+CROWD = 6
+"""From so many measurements behind one question on, those that are not significant share a line."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +61,9 @@ class CheckRow:
     tint: str
     hint: str
     sentence: str
-    compared: str
-    margin: str
+    numbers: str
+    """The threshold, as the values that are good, and the margin."""
+    name: str
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,8 @@ class Group:
     question: str
     text: str
     checks: tuple[CheckRow, ...]
+    crowd: tuple[CheckRow, ...] = ()
+    """Measurements that are not significant, of many."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +86,9 @@ class Fact:
 
 
 @dataclass(frozen=True)
-class Card:
-    label: str
-    colour: str
-    status: str
+class Details:
+    """What a method did at a frame, in order."""
+
     uses: str
     """The methods that it builds on."""
     stages: tuple[Stage, ...]
@@ -89,36 +96,97 @@ class Card:
     facts: tuple[Fact, ...]
 
 
-def cards(record: ExposureRecord) -> list[Card]:
-    """Of the methods that used the exposure, and of those that ran inside them alone."""
+@dataclass(frozen=True)
+class Card:
+    label: str
+    colour: str
+    verdict: Verdict
+    tag: str
+    """The words in the corner: "warning · keyframe"."""
+    when: str
+    """The frame of the verdict, where it is not the frame shown."""
+    decisive: CheckRow | None
+    """The failed check that decided the verdict, which says it in its words."""
+    failed: tuple[CheckRow, ...]
+    """The other failed checks, the most severe first."""
+    details: Details | None
+    """None of a method that did not step at the frame shown."""
+
+
+def cards(
+    record: ExposureRecord, methods: Iterable[str] = (), latest: Mapping[str, ExposureRecord] | None = None
+) -> list[Card]:
+    """Of the methods of a run, and of those that ran inside them alone; where one did not step on this frame, of its
+    step in `latest`."""
+    found = {step.method: _card(step, record, record.index) for step in _own(record)}
+    for name in methods:
+        earlier = (latest or {}).get(name)
+        step = None if earlier is None else next((s for s in _own(earlier) if s.method == name), None)
+        if name in found:
+            continue
+        if earlier is not None and step is not None:
+            found[name] = _card(step, earlier, record.index)
+        else:
+            needs = " or ".join(sorted(registered(name).needs))
+            found[name] = Card(colours.label(name), _css(name), waiting(name, needs), "waiting", "", None, (), None)
+    order = {name: place for place, name in enumerate(methods)}
+    return sorted(found.values(), key=lambda card: order.get(card.verdict.method, len(order)))
+
+
+def _own(record: ExposureRecord) -> list[Step]:
+    """Each method's step once, the parts of a step after it: a part that is a step of its own as well is that step."""
     asked = {step.method for step in record.steps}
-    found: dict[str, Card] = {}
+    found: dict[str, Step] = {}
     for step in record.steps:
-        found[step.method] = card(step, record)
+        found[step.method] = step
         for part in step.parts:
             if part.method not in asked:
-                found.setdefault(part.method, card(part, record))
+                found.setdefault(part.method, part)
     return list(found.values())
 
 
-def card(step: Step, record: ExposureRecord) -> Card:
+def _css(method: str) -> str:
+    return colours.css(colours.of(method))
+
+
+def _card(step: Step, record: ExposureRecord, shown: int) -> Card:
     own = registered(step.method)
+    found = verdict(step, record.index, record.said.get(step.method, {}))
+    rows = [_check(step.method, d, own.checks) for d in found.failed]
+    others = tuple(row for d, row in zip(found.failed, rows, strict=True) if d is not found.decisive)
+    failed = found.decisive if found.decisive in found.failed else None
     return Card(
         colours.label(step.method),
-        colours.css(colours.of(step.method)),
-        f"{step.status}{' · key frame' if step.key_frame else ''}{' · new world' if step.restarted else ''}",
+        _css(step.method),
+        found,
+        " · ".join(dict.fromkeys(filter(None, (TAGS[found.severity], "keyframe" if step.key_frame else "")))),
+        "" if record.index == shown else f"at frame {record.index}",
+        None if failed is None else _check(step.method, failed, own.checks),
+        others,
+        details(step, record) if record.index == shown else None,
+    )
+
+
+def details(step: Step, record: ExposureRecord) -> Details:
+    """All that a step says."""
+    own = registered(step.method)
+    return Details(
         ", ".join(colours.label(part.method) for part in step.parts),
         tuple(_stages(step, own)),
-        tuple(
-            Group(a.question, a.text, tuple(_check(step.method, d, own.checks) for d in a.checks))
-            for a in answers(step.decisions)
-        ),
+        tuple(_group(step.method, a.question, a.text, a.checks, own.checks) for a in answers(step.decisions)),
         tuple(_facts(step, record)),
     )
 
 
+def _group(method: str, question: str, text: str, made: tuple[Decision, ...], checks: Mapping[str, Check]) -> Group:
+    measured = [d for d in made if d.kind == "finding" and not d.passed]
+    crowd = measured if len(measured) >= CROWD else []
+    rows = tuple(_check(method, d, checks) for d in made if d not in crowd)
+    return Group(question, text, rows, tuple(_check(method, d, checks) for d in crowd))
+
+
 def _stages(step: Step, own: Method) -> Iterator[Stage]:
-    """Its own; those of the methods that it asks are on their cards."""
+    """Its own; those of the methods that it depends on are on their cards."""
     theirs = tuple(f"{part.method}: " for part in step.parts)
     for name, seconds in step.seconds.items():
         if not name.startswith(theirs):
@@ -126,17 +194,16 @@ def _stages(step: Step, own: Method) -> Iterator[Stage]:
 
 
 def _check(method: str, decision: Decision, checks: Mapping[str, Check]) -> CheckRow:
-    sign, unit = mark(decision), f" {decision.unit}" if decision.unit else ""
-    relation = SIGNS.get(decision.relation, decision.relation)
+    sign = mark(decision)
     about = f" ({decision.about})" if decision.about else ""
     return CheckRow(
         f"{method}.{decision.key}",
         sign,
-        TINTS.get(sign, "inherit"),
+        TINTS.get(sign, "quiet"),
         f"{decision.name}{about}; {HINTS[sign]}",
         sentence(decision, checks.get(decision.key)),
-        f"{number(decision.value)} {relation} {number(decision.threshold)}{unit}",
-        margin(decision),
+        " · ".join(filter(None, (limit(decision), margin(decision)))),
+        decision.name,
     )
 
 
@@ -162,7 +229,7 @@ def _facts(step: Step, record: ExposureRecord) -> Iterator[Fact]:
 
 
 def _tracks(method: str, camera: str, tracks: Tracks) -> Iterator[Fact]:
-    """How many there were, came, went and why, and are there now: the sum is right."""
+    """The numbers of tracks before, new, dropped and now, whose sum is right; and why they were dropped."""
     ended = np.array([TrackStatus(s).dropped for s in tracks.status], bool)
     began = (tracks.status == TrackStatus.NEW) | (ended & np.isnan(tracks.uv_prev[:, 0]))
     before, new, dropped = int((~began).sum()), int(began.sum()), int(ended.sum())
