@@ -15,20 +15,21 @@ from .state import Displayed, Event, NoticeAdded, State, changed
 
 
 def to_event(state: State, run: CurrentRun | None, *, forwards: bool, alarming: bool) -> tuple[Event, ...]:
-    """Pause, and show the nearest frame with an event. Forwards, the run goes on until there is one.
+    """Pause, and show the nearest frame with an event, or say that there is none. Forwards, the run goes on until there
+    is one.
 
-    InputError where there is none in this direction.
+    InputError where nothing is open.
     """
     if run is None:
         raise InputError("there are no events yet: open a source first")
     known = with_bookmarks(run.events.events, state.bookmarks)
     found = nearest((e for e in known if e.frame < state.computed), state.index, forwards=forwards, alarming=alarming)
     if found:
-        shown = Displayed(run.history[found[0].frame])
-        return changed(playing=False, target=None), shown, told(found)
+        shown = changed(playing=False, target=None), Displayed(run.history[found[0].frame])
+        return (*shown, told(found)) if alarming else shown  # the list of events says it of the others
     if forwards and state.computed <= run.last:
         return (changed(playing=False, target=run.last, until=NextEvent(alarming)),)
-    raise InputError(none_left(known, state.index, forwards=forwards, alarming=alarming))
+    return (NoticeAdded(none_left(known, state.index, forwards=forwards, alarming=alarming), "info"),)
 
 
 def after_step(state: State, run: CurrentRun, wanted: NextEvent) -> tuple[Event, ...]:

@@ -11,7 +11,7 @@ PARALLAX = Check(
     "trigger",
     KEY_FRAME,
     unit="deg",
-    passes="New keyframe: parallax {value} deg since the last one (keyframe from {threshold} deg).",
+    passes="New keyframe: parallax {value} deg (limit {threshold} deg).",
     fails="No keyframe: parallax {value} deg since the last one (keyframe from {threshold} deg).",
 )
 POINTS_LEFT = Check(
@@ -20,6 +20,6 @@ POINTS_LEFT = Check(
     "trigger",
     KEY_FRAME,
     "<",
-    passes="New keyframe: {value:.0%} of the last one's points are still tracked (keyframe below {threshold:.0%}).",
+    passes="New keyframe: {value:.1%} of the last one's points are still tracked (limit {threshold:.0%}).",
     fails="No keyframe: {value:.0%} of the last one's points are still tracked (keyframe below {threshold:.0%}).",
 )

@@ -104,5 +104,7 @@ class EventKind:
     event begins where a sentence follows on False."""
     scope: Scope = "method"
     """Asked for each step of a method, once for each frame, or made by a person."""
+    lasts: bool = False
+    """Whether it goes on for a while, from a first frame to a last one; else it happens at one frame."""
     quiet_frames: int = 0
     """One that holds again so few frames after it ended is still the same event."""

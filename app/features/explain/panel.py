@@ -18,6 +18,7 @@ from ...session.branching.branches import changes
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...templating import environment
+from ..events.event import RunEvent
 from ..events.find import with_bookmarks
 from ..events.registry import event_kinds
 from .card import Card, cards
@@ -41,7 +42,7 @@ class ExplainPanel:
             with gui.add_folder(label, expand_by_default=False):
                 self._details[template] = gui.add_html("")
         hint = "The next frame with a warning or a loss. Frames are computed until there is one."
-        self._next = gui.add_button("Run to the next anomaly", icon=viser.Icon.ALERT_TRIANGLE, hint=hint)
+        self._next = gui.add_button("Run to the next anomaly", icon=viser.Icon.ALERT_TRIANGLE, hint=hint, color="gray")
         self._next.on_click(lambda _: session.post(do.StepToEvent(alarming=True)))
         self._events = gui.add_html("")
         self._shown: tuple[object, ...] = ()
@@ -116,7 +117,7 @@ def event_values(state: State, run: CurrentRun | None) -> dict[str, Any]:
                 "event": event,
                 "label": colours.label(event.method) if event.method else "",
                 "help": event_kinds()[event.kind].help,
-                "frames": str(event.frame) if event.length <= 1 else f"{event.frame}–{event.frame + event.length - 1}",
+                "frames": _frames(event),
                 "here": event.frame == state.index,
             }
             for event in events[start:stop]
@@ -126,6 +127,13 @@ def event_values(state: State, run: CurrentRun | None) -> dict[str, Any]:
         "omitted": 0 if run is None else run.events.omitted,
         "computed": state.computed,
     }
+
+
+def _frames(event: RunEvent) -> str:
+    """Its frame, or its first and last one."""
+    if not event_kinds()[event.kind].lasts or event.length == 1:
+        return str(event.frame)
+    return f"{event.frame}–" + (str(event.until - 1) if event.until is not None else "")
 
 
 def _put(handle: viser.GuiHtmlHandle, template: str, values: Mapping[str, Any]) -> None:

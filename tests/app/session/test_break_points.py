@@ -119,7 +119,8 @@ def test_the_end_of_the_events_is_said_with_how_many_there_were(session: Session
     assert session.state.index == 43
     session.post(do.ToggleBookmark())
     session.post(do.Seek(42))
-    assert "Bookmark" in asked(session, do.StepToEvent()) and session.state.index == 43
+    session.post(do.StepToEvent())
+    wait_for(lambda: session.state.index == 43, "the bookmark")
 
 
 def test_a_run_that_ends_without_another_event_says_so(session: Session) -> None:

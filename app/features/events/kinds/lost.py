@@ -12,4 +12,4 @@ def detect(moment: Moment) -> str | bool | None:
     return moment.verdict.sentence if moment.now.get("status") == Status.LOST else False
 
 
-KIND = EventKind("lost", "Lost", Severity.LOST, "A method has no pose at a frame that it used.", detect)
+KIND = EventKind("lost", "Lost", Severity.LOST, "A method has no pose at a frame that it used.", detect, lasts=True)

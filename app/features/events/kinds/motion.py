@@ -16,5 +16,6 @@ KIND = EventKind(
     Severity.WARNING,
     "Another rigid motion explains many points, so a moving object may be taken for the scene.",
     detect,
+    lasts=True,
     quiet_frames=30,
 )

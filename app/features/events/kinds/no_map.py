@@ -21,4 +21,6 @@ def detect(moment: Moment) -> str | bool | None:
     return f"No map after {LONG} frames: {detail}." if detail else f"No map after {LONG} frames."
 
 
-KIND = EventKind("no_map", "No map", Severity.WARNING, f"A method has had no map for {LONG} frames.", detect)
+KIND = EventKind(
+    "no_map", "No map", Severity.WARNING, f"A method has had no map for {LONG} frames.", detect, lasts=True
+)

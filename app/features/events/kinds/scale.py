@@ -10,4 +10,6 @@ def detect(moment: Moment) -> str | bool | None:
     return moment.worst(moment.about("scale"))
 
 
-KIND = EventKind("scale", "Scale", Severity.WARNING, "The scale of a trajectory is doubtful.", detect, quiet_frames=30)
+KIND = EventKind(
+    "scale", "Scale", Severity.WARNING, "The scale of a trajectory is doubtful.", detect, lasts=True, quiet_frames=30
+)

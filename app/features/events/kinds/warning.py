@@ -16,4 +16,6 @@ def detect(moment: Moment) -> str | bool | None:
     return moment.worst([d for d in moment.step.decisions if d.kind == "warning" and id(d) not in theirs])
 
 
-KIND = EventKind("warning", "Warning", Severity.WARNING, "Another check of a method failed.", detect, quiet_frames=30)
+KIND = EventKind(
+    "warning", "Warning", Severity.WARNING, "Another check of a method failed.", detect, lasts=True, quiet_frames=30
+)

@@ -56,7 +56,7 @@ VIEW_ANGLE = Check(
     "trigger",
     KEY_FRAME,
     unit="deg",
-    passes="New keyframe: rotated {value} deg since the last one (keyframe from {threshold} deg).",
+    passes="New keyframe: rotated {value} deg (limit {threshold} deg).",
     fails="No keyframe: rotated {value} deg since the last one (keyframe from {threshold} deg).",
 )
 INTERVAL = Check(
@@ -65,7 +65,7 @@ INTERVAL = Check(
     "trigger",
     KEY_FRAME,
     unit="s",
-    passes="New keyframe: {value} s since the last one, with some parallax (keyframe from {threshold} s).",
+    passes="New keyframe: {value} s since the last one, with some parallax (limit {threshold} s).",
     fails="No keyframe: {value} s since the last one (keyframe from {threshold} s and with some parallax).",
 )
 OUTLIERS = Check(

@@ -82,7 +82,7 @@ DISPLACEMENT = Check(
     "trigger",
     KEY_FRAME,
     unit="px",
-    passes="New keyframe: features moved {value} px since the last one (keyframe from {threshold} px).",
+    passes="New keyframe: features moved {value} px (limit {threshold} px).",
     fails="No keyframe: features moved {value} px since the last one (keyframe from {threshold} px).",
 )
 ADJUSTED_ERROR = Check(
