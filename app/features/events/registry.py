@@ -7,6 +7,7 @@ from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 
+from ..explain.verdict import Severity
 from . import kinds
 from .event import EventKind
 
@@ -16,7 +17,7 @@ def event_kinds() -> Mapping[str, EventKind]:
     """All kinds by name, the most severe first."""
     modules = [import_module(f"{kinds.__name__}.{found.name}") for found in iter_modules(kinds.__path__)]
     found = [module.KIND for module in modules]
-    order = list(type(found[0].severity))
+    order = list(Severity)
     found.sort(key=lambda kind: (-order.index(kind.severity), kind.name))
     by_name = {kind.name: kind for kind in found}
     if len(by_name) < len(found):
