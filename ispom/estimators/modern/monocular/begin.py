@@ -107,7 +107,7 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     if waits:
         if not enough.passed:
             return _restarted(start, frame, sigma, enough, tests)
-        tests = (replace(tests[0], consequence="the position is held"), *tests[1:])
+        tests = (replace(tests[0], consequence="the position is held, waiting for parallax"), *tests[1:])
         return Progress(waiting, tests, held)
     found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
