@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import _signal
 import os
 import sys
-from io import TextIOWrapper
-
-from .lasting import lasting
 
 
 def main() -> int:
     """As `cli.main` of the words on the command line."""
+    _end_silently()
     _complete_streams()
+    from .obeyed_files import refusal
+
+    if sentence := refusal():
+        sys.stderr.write(f"ispom: {sentence}\n")
+        return 2
+    from .lasting import lasting
+
     words = sys.argv[1:]
     if words[:1] == ["demo"] or (words[:1] == ["app"] and any(word.startswith("sim:") for word in words)):
         from ispom.simulation.cache import anything_rendered
@@ -31,12 +37,26 @@ def main() -> int:
     return run(words)
 
 
+def _end_silently() -> None:
+    """From here on SIGTERM and Ctrl-C end the process without a word, until a command begins to write. Nothing that
+    takes time comes before, the module `signal` included: Python prints a traceback for Ctrl-C."""
+
+    def end(number: int, _: object) -> None:
+        os._exit(128 + number)
+
+    for number, usual in ((_signal.SIGINT, _signal.default_int_handler), (_signal.SIGTERM, _signal.SIG_DFL)):
+        if _signal.getsignal(number) == usual:  # one that is ignored stays so
+            _signal.signal(number, end)
+
+
 def _complete_streams() -> None:
     """Standard streams that were closed lead nowhere: else the first files opened would get their numbers, and what
     is printed would land in them. Python's standard error gets a descriptor of its own, away from C libraries'."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)
+    from io import TextIOWrapper
+
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (until the end)
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):

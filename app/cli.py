@@ -21,6 +21,7 @@ from .experiment.options import Experiment
 from .map.options import Map
 from .options import App, Demo, Diff, Evaluate, Export, Fork, Learn, Perturb, Repair, Report, Run, Sources
 from .run.playback import Builder
+from .run.signals import INTERRUPTED
 
 Command = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
@@ -41,7 +42,7 @@ Command = (
     | Annotated[Repair, tyro.conf.subcommand("repair")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
-MISUSE, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+MISUSE, BROKEN_PIPE = 2, 141
 """Exit codes; those after signals as shells give them."""
 
 
@@ -75,7 +76,17 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
         what, reason = error.filename or "standard output", error.strerror or str(error)
         return _misuse(printable(f"{what} cannot be used ({reason}): check the path, its permissions and free space"))
     except KeyboardInterrupt:
+        _end_rendering()
         return INTERRUPTED
+    except SystemExit:
+        _end_rendering()
+        raise
+
+
+def _end_rendering() -> None:
+    """Else Python waits at its end for an image that nobody wants."""
+    if (process := sys.modules.get("ispom.simulation.process")) is not None:
+        process.render_pool().end()
 
 
 def _misuse(sentence: str) -> int:

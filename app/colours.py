@@ -32,6 +32,8 @@ OTHERS: tuple[Rgb, ...] = (
 """Of methods of other packages, in turn; with more of them than these, some share one."""
 BESIDE: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 140, 20))
 """Of trajectories of other programs, in turn."""
+PROVISIONAL: Rgb = (150, 150, 150)
+"""Of a camera whose pose waits for the first fit of an integration."""
 TRUTH: Rgb = (138, 138, 138)
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)

@@ -15,7 +15,7 @@ from ispom.io.ply import ply_bytes
 from ispom.io.rig import read_rig
 from ispom.io.tables import landmarks_csv, trajectory_csv
 from ispom.io.tum import read_tum, seconds_text, tum_text
-from ispom.io.whole import write_whole
+from ispom.io.whole import require_no_links, write_whole
 from ispom.methods import method as registered
 from ispom.methods import names
 from ispom.types import Frame, Trajectory
@@ -49,8 +49,11 @@ def export(options: Export) -> int:
         except InputError as error:
             failures.append(error)
             continue
+        if options.out is None:
+            require_no_links(run, folder / "any")
         claim_folder(folder, f"export {options.format}")
         for name, content in files.items():
+            require_no_links(run if options.out is None else folder, folder / name)
             write_whole(folder / name, content)
         _print(f"{method}: {summary}: {', '.join(files)}")
     if len(failures) < len(methods):

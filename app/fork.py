@@ -31,8 +31,7 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
         raise InputError(f"--at is {options.at}: give an exposure of the run, counted from 0")
     stages = tuple(stage for stage in run.earlier if stage.until < options.at)
     here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_asked(run.methods), config))
-    if options.at:
-        stages = (*stages, replace(here, until=options.at))
+    stages = (*stages, replace(here, until=options.at))
     again = Run(
         source=source_of(run, options.source),
         methods=options.methods or run.methods,

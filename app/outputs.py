@@ -10,6 +10,8 @@ from ispom.io.whole import write_whole
 MARKER = ".written-by-ispom"
 """In a folder that a command may write again; what `ispom run` marks so is called INCOMPLETE, until it is complete."""
 _HEAD_BYTES = 4096
+MARK_BYTES = 64 << 10
+"""Of a mark as much is read: somebody else's may have any size."""
 
 
 def write_file(path: Path, content: str | bytes, signature: str) -> None:
@@ -46,7 +48,13 @@ def signature(command: str) -> str:
 
 def is_signed(mark: Path, command: str) -> bool:
     """Whether this file is there, and says that its folder belongs to the command. OSError where unreadable."""
-    return mark.is_file() and signature(command) in mark.read_text(encoding="utf-8", errors="replace")
+    return mark.is_file() and signature(command) in mark_text(mark)
+
+
+def mark_text(mark: Path) -> str:
+    """The beginning of a mark. OSError where it cannot be read."""
+    with mark.open("rb") as file:
+        return file.read(MARK_BYTES).decode(errors="replace")
 
 
 def claim_folder(path: Path, command: str) -> None:

@@ -28,10 +28,12 @@ from .run import warmup
 from .run.console import progress, wait_for_compiler
 from .run.folder.run_file import read_run_file
 from .run.playback import Builder, Playback
+from .run.signals import terminable
 from .sensitivity.predictor import Prediction, Predictor
 from .sensitivity.ran import ran_in
 from .sensitivity.rerun import Compared, compared
-from .sensitivity.words import UNIT_STEPS, column, said
+from .sensitivity.words import UNIT_STEPS, cell, said, unit_of
+from .texts import length, length_unit
 
 WIDTH = 120
 
@@ -47,7 +49,8 @@ def perturb(options: Perturb, builder: Builder = build) -> int:
         _print(_each(predictor))
         return 0
     predictions = predictor.predict(wrong)
-    again = _rerun(options, builder) if options.rerun else {}
+    with terminable():
+        again = _rerun(options, builder) if options.rerun else {}
     outcomes = {each.prediction.method: each for each in compared(predictor, predictions, again, wrong)}
     _print(_of(predictions, outcomes, wrong))
     if options.out is not None:
@@ -84,12 +87,14 @@ def _of(predictions: Iterable[Prediction], outcomes: dict[str, Compared], wrong:
     names = ["method", "moves by", "ATE of the run", "predicted ATE", "linear"]
     for name in names + ["rerun moves by", "its ATE", "predicted / rerun"] * bool(outcomes):
         table.add_column(name, justify="left" if name == "method" else "right")
+    predictions = list(predictions)
+    unit = unit_of(predictions, outcomes.values())
     for each in predictions:
-        cells = [each.method, column(each.shift_m), column(each.rmse_m), column(each.predicted_rmse_m)]
+        cells = [each.method, *(cell(value, unit) for value in (each.shift_m, each.ate_m, each.predicted_ate_m))]
         cells.append("rough" if each.left_out else "yes" if each.linear else f"no ({each.nonlinearity:.1f})")
         outcome = outcomes.get(each.method)
         if outcome is not None:
-            cells += [column(outcome.shift_m), column(outcome.rmse_m), f"{outcome.ratio:.2f}"]
+            cells += [cell(outcome.shift_m, unit), cell(outcome.ate_m, unit), f"{outcome.ratio:.2f}"]
         table.add_row(*cells)
     return table
 
@@ -101,22 +106,27 @@ def _each(predictor: Predictor) -> Table:
     methods = [each.method for each in predictor.predict(Perturbation())]
     for method in methods:
         table.add_column(method, justify="right")
-    for field in fields(Perturbation):
-        wrong = Perturbation(**{field.name: UNIT_STEPS[field.name]})
-        table.add_row(said(wrong), *(column(each.shift_m) for each in predictor.predict(wrong)))
+    wrongs = [Perturbation(**{field.name: UNIT_STEPS[field.name]}) for field in fields(Perturbation)]
+    shifts = [[each.shift_m for each in predictor.predict(wrong)] for wrong in wrongs]
+    unit = length_unit(shift for row in shifts for shift in row)
+    for wrong, row in zip(wrongs, shifts, strict=True):
+        table.add_row(said(wrong), *(length(shift, unit) for shift in row))
     return table
 
 
 def _numbers(each: Prediction, outcome: Compared | None) -> dict[str, Any]:
-    found: dict[str, Any] = {name: getattr(each, name) for name in ("method", "shift_m", "rmse_m", "predicted_rmse_m")}
-    found |= {
+    found: dict[str, Any] = {
+        "method": each.method,
+        "shift_m": each.shift_m,
+        "rmse_m": each.ate_m,
+        "predicted_rmse_m": each.predicted_ate_m,
         "rough": bool(each.left_out),
         "left_out": each.left_out,
         "linear": each.linear,
         "nonlinearity": each.nonlinearity,
     }
     if outcome is not None:
-        found |= {"rerun_shift_m": outcome.shift_m, "rerun_rmse_m": outcome.rmse_m, "held": outcome.held}
+        found |= {"rerun_shift_m": outcome.shift_m, "rerun_rmse_m": outcome.ate_m, "held": outcome.held}
     return found
 
 

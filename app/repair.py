@@ -8,6 +8,7 @@ from pathlib import Path
 from ispom.errors import InputError, printable
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum, tum_text
+from ispom.stop import check_stop
 from ispom.types import Rig, Trajectory
 
 from .options import Repair
@@ -17,14 +18,22 @@ from .run.folder.run_file import RunFile, read_run_file
 from .run.folder.run_folder import DECISIONS, METRICS, RIG, RUN, STEPS, TRUTH, RunFolder, is_incomplete, trajectory_file
 from .run.folder.step_log import counted
 from .run.folder.table import cut_to_rows, read_table
+from .run.signals import terminable
 
 Found = tuple[list[str], list[str]]
 """What was done, and what could not be: a line each."""
 
 
 def repair(options: Repair) -> int:
-    """Repairs a run's folder, or a folder of recordings and runs; InputError where something cannot be repaired."""
-    folder = options.folder
+    """Repairs a run's folder, or a folder of recordings and runs; InputError where something cannot be repaired.
+
+    A signal ends it between two files.
+    """
+    with terminable():
+        return _repair(options.folder)
+
+
+def _repair(folder: Path) -> int:
     try:
         if not folder.is_dir():
             raise InputError(f"{folder} is no folder: give that of a run, or of recordings")
@@ -45,6 +54,7 @@ def _finish_recordings(folder: Path) -> Found:
 
     lines, problems = [], []
     for path in unfinished(folder):
+        check_stop()
         try:
             done = finish(path)
             said = f"{done}: recording finished, up to where its writer came" if done else f"{path}: empty, removed"
@@ -58,6 +68,7 @@ def _repair_recordings(folder: Path) -> Found:
     """The recordings in a folder, and the runs in its folders."""
     lines, problems = _finish_recordings(folder)
     for inner in sorted(path for path in folder.iterdir() if path.is_dir() and is_incomplete(path)):
+        check_stop()
         try:
             done, failed = _repair_run(inner)
         except InputError as problem:

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from ispom.geometry import Array, Pose
 from ispom.types import Step
 
-from .texts import length
+from .texts import angle, length
 
 CHI2_95_OF_3 = float(chdtri(3, 0.05))
 """What a chi-square variable with 3 degrees of freedom stays below with 95 %."""
@@ -63,6 +63,6 @@ def describe(step: Step, unit_m: float | None) -> str:
     if found is None or step.covariance is None:
         return ""
     variance = max(float(np.linalg.eigvalsh(step.covariance[3:, 3:]).max()), 0.0)
-    size, angle_deg = float(found.half_sizes.max()), np.degrees(np.sqrt(CHI2_95_OF_3 * variance))
+    size, angle_deg = float(found.half_sizes.max()), float(np.degrees(np.sqrt(CHI2_95_OF_3 * variance)))
     position = f"{size:.3g} of its own unit" if unit_m is None else length(unit_m * size)
-    return f"95 % confidence: {position}, {angle_deg:.2g}° (largest axis)"
+    return f"95 % confidence: {position}, {angle(angle_deg)} (largest axis)"

@@ -9,11 +9,14 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import BinaryIO
 
+PYTHON = (sys.executable, "-P")
+"""How each child is started. Without -P, `-m` and `-c` import from the working directory first: a stranger's folder."""
 KEPT_BYTES = 8192
 """Of what a child writes on standard error, the end."""
 
@@ -25,7 +28,8 @@ class Child:
         """Starts it with more variables in its environment. OSError where that fails."""
         pipe = subprocess.PIPE
         env = {**os.environ, **(environment or {})}
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=env)
+        # In a process group of its own: a terminal sends Ctrl-C to the whole group of the one that started it.
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=env, process_group=0)
         assert self._process.stdin is not None and self._process.stdout is not None
         self.requests: BinaryIO = self._process.stdin  # type: ignore[assignment]
         self.answers: BinaryIO = self._process.stdout  # type: ignore[assignment]
@@ -97,13 +101,17 @@ class Child:
                 self._kept = (self._kept + some)[-KEPT_BYTES:]
 
 
-def end_with_parent() -> None:
-    """Called in a child that reads nothing from standard input: from now on it ends when its parent does."""
+def end_with_parent(last: Callable[[], None] = lambda: None) -> None:
+    """Called in a child that reads nothing from standard input: from now on it ends when its parent does, after
+    `last`."""
 
     def watch() -> None:
         with suppress(OSError):
             while os.read(0, 4096):
                 pass
-        os._exit(1)
+        try:
+            last()
+        finally:
+            os._exit(1)
 
     threading.Thread(target=watch, name="end-with-parent", daemon=True).start()

@@ -23,6 +23,18 @@ OWN = (
 )
 
 
+CTRL_C = """
+import os, signal, sys, time
+from ispom.child import Child
+signal.signal(signal.SIGINT, lambda *_: None)
+child = Child([sys.executable, "-c", "print('up', flush=True); input()"])
+child.answers.readline()
+os.killpg(0, signal.SIGINT)
+print(child.wait(0.5), child.last_words(), flush=True)
+child.stop()
+"""
+
+
 def python(script: str) -> Child:
     return Child([sys.executable, "-c", script])
 
@@ -31,6 +43,13 @@ def test_a_child_ends_when_its_parent_is_killed() -> None:
     command = [sys.executable, "-c", PARENT, "-c", OWN]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert_gone(int(done.stdout))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no process groups")
+def test_ctrl_c_in_a_terminal_does_not_come_to_a_child() -> None:
+    command = [sys.executable, "-c", CTRL_C]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, process_group=0)
+    assert (done.stdout.strip(), done.stderr) == ("False", "")
 
 
 def test_the_end_of_what_it_says_is_kept() -> None:

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LAYERS = (
     {"lean_scipy"},
-    {"blas", "caches", "child", "errors", "geometry", "operators", "parts"},
+    {"blas", "caches", "child", "errors", "geometry", "operators", "parts", "stop"},
     {"kept_code"},
     {"runtime"},
     {"kernels", "settings", "types"},
@@ -35,6 +35,7 @@ APP_LAYERS = (
         "decisions",
         "external",
         "lasting",
+        "obeyed_files",
         "options",
         "outputs",
         "subscribers",

@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ispom.child import end_with_parent
 from ispom.geometry import so3_exp
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_simulated
@@ -189,4 +190,5 @@ def main(argument: str) -> int:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     sys.exit(main(sys.argv[1]))

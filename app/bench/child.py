@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+
+from ispom.child import PYTHON, Child
+from ispom.stop import wait_or_stop
 
 ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
@@ -18,27 +20,33 @@ ONE_THREAD = dict.fromkeys(
 """For numerical libraries; OpenCV is told in the process itself. The estimators compile nothing parallel."""
 
 
-def found(module: str, task: dict[str, Any], one_thread: bool = True) -> Any:
-    """What another process found out; {"error": ...} where it could not."""
-    command = [sys.executable, "-m", f"{__package__}.{module}", json.dumps(task)]
-    environment = {**os.environ, **(ONE_THREAD if one_thread else {})}
-    done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
-    )
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or [f"it ended with code {done.returncode}"])[-1]
-        return {"error": f"failed, please report it: {last}"}
-    return json.loads(done.stdout.splitlines()[-1])
+END_S = 10.0
+"""For a process to end after its answer."""
 
 
-def told(console: Console, what: str, module: str, task: dict[str, Any]) -> list[dict[str, Any]] | None:
-    """The rows that another process found; None, and said so, where it could not."""
-    with progress(what):
-        rows = found(module, task)
-    if isinstance(rows, dict):
-        console.print(f"{what}: {rows['error']}")
-        return None
-    return rows
+def found(module: str, task: dict[str, Any], one_thread: bool = True, path: Path | None = None) -> Any:
+    """What `python -m MODULE TASK` prints, from JSON; {"error": ...} if it fails.
+
+    `module` is a module's full name, and `path` a folder to import it from if it is not installed.
+    """
+    command = [*PYTHON, "-m", module, json.dumps(task)]
+    environment = {"PYTHONPATH": str(path)} if path is not None else {}
+    child = Child(command, environment | (ONE_THREAD if one_thread else {}))
+    try:
+        with ThreadPoolExecutor(1) as pool:
+            answer = pool.submit(child.answers.read)
+            try:
+                wait_or_stop(lambda seconds: bool(wait([answer], seconds).done))
+            except BaseException:
+                child.stop()  # else the pool waits for its answer
+                raise
+        child.wait(END_S)
+        if not child.succeeded:
+            last = (child.last_words().splitlines() or [child.ending()])[-1]
+            return {"error": f"failed, please report it: {last}"}
+        return json.loads(answer.result().splitlines()[-1])
+    finally:
+        child.stop()
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import platform
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -16,10 +15,11 @@ from rich.console import Console
 from ispom.errors import InputError
 
 from ..outputs import require_own, write_file
+from ..run.signals import terminable
 from . import child
 from .options import Bench
 from .plan import CASES, Case, found_below
-from .row import Row
+from .row import Row, plain
 from .soak import MIN_EXPOSURES
 from .studies import STUDIES
 from .tables import print_blocks, print_case, print_unit
@@ -37,8 +37,6 @@ def bench(options: Bench) -> int:
         raise InputError(f"--runs is {options.runs}, give a value from 1 to 100")
     if options.json is not None and not options.json.parent.is_dir():
         raise InputError(f"{options.json.parent} is no folder: make it, or give another --json")
-    if not 2 <= options.seeds <= 1000:
-        raise InputError(f"--seeds is {options.seeds}, give a value from 2 to 1000")
     if not MIN_EXPOSURES <= options.soak_exposures <= 10_000_000:
         raise InputError(f"--soak-exposures is {options.soak_exposures}, give a value from {MIN_EXPOSURES} to 10000000")
     if not MIN_PAGE <= options.page_exposures <= 100_000:
@@ -48,12 +46,13 @@ def bench(options: Bench) -> int:
     console = Console(highlight=False, markup=False, soft_wrap=True)
     chosen, report = _chosen(options), _about(options)
     study = next((name for name in STUDIES if getattr(options, name)), None)
-    if study is None:
-        _rows_and_blocks(console, chosen, options, report)
-    else:
-        report[study] = STUDIES[study](console, options)
+    with terminable():
+        if study is None:
+            _rows_and_blocks(console, chosen, options, report)
+        else:
+            report[study] = STUDIES[study](console, options)
     if options.json is not None:
-        write_file(options.json, json.dumps(_plain(report), indent=2, allow_nan=False) + "\n", JSON_HEAD)
+        write_file(options.json, json.dumps(plain(report), indent=2, allow_nan=False) + "\n", JSON_HEAD)
     return 0
 
 
@@ -71,7 +70,7 @@ def _rows_and_blocks(console: Console, chosen: list[Case], options: Bench, repor
             report["rows"] += [asdict(row) for row in rows]
     if options.blocks:
         with child.progress("building blocks"):
-            blocks = child.found("blocks", {"pair": _texts(pair)})
+            blocks = child.found(f"{__package__}.blocks", {"pair": _texts(pair)})
         print_blocks(console, blocks)
         report["blocks"] = blocks
     print_unit(console, report["rows"])
@@ -88,10 +87,10 @@ def _rows(case: Case, methods: list[str], options: Bench, pair: tuple[Path, ...]
     task: dict[str, Any] = {"case": case.key, "source": case.source, "pair": _texts(pair), "runs": options.runs}
     if case.simulated:
         with child.progress(f"{case.title}: rendering, where that was not done before"):
-            child.found("measure", task | {"method": None}, one_thread=False)
+            child.found(f"{__package__}.measure", task | {"method": None}, one_thread=False)
     for method in methods:
         with child.progress(f"{case.title}: {method}, {options.runs} runs"):
-            yield Row(case.key, method, child.found("measure", task | {"method": method}))
+            yield Row(case.key, method, child.found(f"{__package__}.measure", task | {"method": method}))
 
 
 def _unit_pair(data: Path) -> tuple[Path, ...]:
@@ -113,21 +112,7 @@ def _about(options: Bench) -> dict[str, Any]:
         "runs": options.runs,
         "rows": [],
         "blocks": [],
-        "consistency": [],
-        "gaps": [],
-        "loops": [],
-        "starts": [],
-        "cameras": [],
         "soak": [],
         "page": {},
         "skipped": [],
     }
-
-
-def _plain(value: Any) -> Any:
-    """With null for what is no number: JSON has no word for that."""
-    if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble, build
 from ispom.errors import InputError
 from ispom.evaluation import metrics
@@ -137,4 +138,5 @@ def answer(task: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     sys.stdout.write(json.dumps(answer(json.loads(sys.argv[1]))) + "\n")

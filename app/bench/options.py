@@ -23,23 +23,6 @@ class Bench:
     """Runs of each; the medians of their times are reported."""
     blocks: bool = True
     """Measure the building blocks, too: bundle adjustment of a window, rendering, logging, opening."""
-    consistency: bool = False
-    """Measure, instead of all else, whether the covariances of the poses agree with their errors, over seeds of
-    three simulations: with exact cameras, and with ones that are off by what the methods allow for."""
-    seeds: int = 20
-    """Number of seeds for --consistency and --loops."""
-    gaps: bool = False
-    """Measure, instead of all else, whether monocular and stereo know where they are after 1-7 s without images, in
-    which the camera may turn: in sim:city (three seeds), sim:town, and in KITTI 06 where it is in --data."""
-    loops: bool = False
-    """Measure, instead of all else, whether monocular and stereo find a loop after 541 m through sim:town, what they
-    are off by there, with and without; and whether they find false ones where houses are alike and nothing returns."""
-    starts: bool = False
-    """Measure, instead of all else, whether the monocular method's first map is right, started at many places of
-    sim:city, sim:indoor and sim:tiny, and of KITTI 06, KITTI 00 and handheld_board where they are in --data."""
-    cameras: bool = False
-    """Measure, instead of all else, the errors of the modern methods on one flight (16 seeds) as cameras of other kinds
-    film it: 4K, 12 bits, variable rate, portrait, fisheye, rolling shutter. Rendering takes half an hour."""
     soak: bool = False
     """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
     soak_exposures: int = 20_000

@@ -16,6 +16,7 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
+from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.methods import Config, in_order, with_asked
 from ispom.methods import method as registered
@@ -122,4 +123,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

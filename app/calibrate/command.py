@@ -13,8 +13,11 @@ from ispom.calibration.motion.verdict import clock_of, verdict_of
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets import Target, parse_target
 from ispom.errors import InputError, UnreadableImage, printable
+from ispom.stop import check_stop
+from ispom.types import Image
 
 from ..outputs import require_own, write_file
+from ..run.signals import Signals, terminable
 from .choose import best_frames, near
 from .convert import convert
 from .detecting import bar, detected, moving_views
@@ -38,6 +41,11 @@ def calibrate(options: Calibrate) -> int:
     """Calibrates, prints and writes; InputError where the images or the target are not what they are said to be."""
     if options.what == "convert":
         return convert(options)
+    with terminable() as signals:
+        return _calibrate(options, signals)
+
+
+def _calibrate(options: Calibrate, signals: Signals) -> int:
     if options.from_motion:
         return _from_motion(options)
     if options.target is None:
@@ -50,7 +58,7 @@ def calibrate(options: Calibrate) -> int:
     _require_range(options)
     _require_outputs(options)
     made = simulated(options.what, options.images[0], target) if is_simulated(options.images) else None
-    sources = made.sources if made is not None else _opened(options, target)
+    sources = made.sources if made is not None else _opened(options, target, signals)
     given = sources
     sources = _chosen(given, options)
     views = detected(target, sources)
@@ -117,7 +125,7 @@ def _require_range(options: Calibrate) -> None:
         raise InputError(f"--clock-within is {options.clock_within:g}: give 0 to {MOST_WITHIN_S:g} seconds")
 
 
-def _opened(options: Calibrate, target: Target) -> tuple[Source, ...]:
+def _opened(options: Calibrate, target: Target, signals: Signals) -> tuple[Source, ...]:
     """Images and films, or what is filmed now."""
     if not is_camera(options.images):
         return open_sources(options.what, options.images)
@@ -125,14 +133,29 @@ def _opened(options: Calibrate, target: Target) -> tuple[Source, ...]:
     if options.what != "video":
         raise InputError(f"{name} is one camera: film with it as video, or give the images of all cameras")
     with camera_frames(name) as read, Console(file=sys.stderr).status("filming; Ctrl-C ends it") as status:
-        return (filmed(target, name, read, lambda said: status.update(f"{said} (Ctrl-C: enough)"), options.max_views),)
+
+        def read_on() -> Image | None:
+            if signals.take_interrupt():
+                raise KeyboardInterrupt
+            check_stop()
+            return read()
+
+        def show(advice: str) -> None:
+            status.update(f"{advice} (Ctrl-C: enough)")
+
+        return (filmed(target, name, read_on, show, options.max_views),)
 
 
 def _solved(target: Target, views: tuple[Views, ...], options: Calibrate, around: Views | None) -> Calibration:
     """The pair first: it is the frame of the rig."""
     order = sorted(views, key=lambda each: each.name == "video")
     with Console(file=sys.stderr).status("solving") as status:
-        return solve(target, tuple(order), options.model, options.joint, status.update, options.clock_within, around)
+
+        def progress(doing: str) -> None:
+            status.update(doing)
+            check_stop()
+
+        return solve(target, tuple(order), options.model, options.joint, progress, options.clock_within, around)
 
 
 def _chosen(sources: tuple[Source, ...], options: Calibrate) -> tuple[Source, ...]:

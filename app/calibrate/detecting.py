@@ -16,6 +16,7 @@ from ispom.calibration.detection import Detection, detect
 from ispom.calibration.result import Views
 from ispom.calibration.targets import Target
 from ispom.errors import InputError, UnreadableImage
+from ispom.stop import check_stop
 from ispom.types import Image
 
 from .choose import around
@@ -24,12 +25,20 @@ from .images import Source
 
 @contextmanager
 def bar(what: str, total: int | None) -> Iterator[Callable[[], None]]:
-    """A line on the terminal, and what moves it on by one; where standard error is no terminal there is none."""
+    """A line on the terminal, and what moves it on by one; where standard error is no terminal there is none.
+
+    What moves it raises what ends the command, as `check_stop`.
+    """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(file=sys.stderr)
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as shown:
         task = shown.add_task(what, total=total)
-        yield lambda: shown.advance(task)
+
+        def advance() -> None:
+            shown.advance(task)
+            check_stop()
+
+        yield advance
 
 
 def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
@@ -42,13 +51,17 @@ def detected(target: Target, sources: tuple[Source, ...]) -> tuple[Views, ...]:
             try:
                 image = source.read(i)
             except UnreadableImage as fault:
-                step()
                 return None, Detection(reason=str(fault))
-            found = detect(target, image)
-            step()
-            return _size(image), found
+            return _size(image), detect(target, image)
 
-        results = list(pool.map(one, jobs))
+        results: list[tuple[tuple[int, int] | None, Detection]] = []
+        try:
+            for result in pool.map(one, jobs):
+                results.append(result)
+                step()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     out, at = [], 0
     for source in sources:
         part = results[at : at + len(source)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock, Thread
@@ -12,7 +13,7 @@ from ispom.calibration.calibrate import calibrate, require_found
 from ispom.calibration.result import Calibration, Redo, Views
 from ispom.calibration.targets import parse_target
 from ispom.errors import InputError
-from ispom.types import Rig
+from ispom.types import Image, Rig
 
 from .choose import best_frames
 from .detecting import detected, moving_views
@@ -58,9 +59,18 @@ class Progress:
 class Job:
     """One calibration at a time; the newest counts."""
 
-    def __init__(self, check: Callable[[str], None] = lambda _: None, folder: Path | None = None) -> None:
-        """`check` raises InputError for a path that may not be opened; results are written below the folder."""
+    def __init__(
+        self,
+        check: Callable[[str], None] = lambda _: None,
+        folder: Path | None = None,
+        bounds: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        """`check` raises InputError for a path that may not be opened; results are written below the folder.
+
+        The images are read within `bounds`: no link inside such a path leads out of what is allowed.
+        """
         self._check, self.folder, self._lock, self.progress = check, folder, Lock(), Progress()
+        self._bounds = bounds
         self._thread: Thread | None = None
 
     def start(self, asked: Asked) -> None:
@@ -78,7 +88,8 @@ class Job:
 
     def _run(self, asked: Asked) -> None:
         try:
-            self._calibrate(asked)
+            with self._bounds():
+                self._calibrate(asked)
         except (InputError, Redo) as fault:
             self._tell(fault=str(fault))
         except Exception as fault:
@@ -100,7 +111,7 @@ class Job:
         else:
             for text in asked.images:
                 self._check(text)
-            sources = open_sources(asked.what, given)
+            sources = tuple(self._bounded(source) for source in open_sources(asked.what, given))
         self._tell(doing="choosing images")
         given = paired(sources)
         index = best_frames(given[0], MOST_VIEWS)
@@ -116,6 +127,15 @@ class Job:
         self._tell(found=found)
         if self.folder is not None:
             self._tell(kept=keep(found, self.folder))
+
+    def _bounded(self, source: Source) -> Source:
+        """The same images, read within the bounds in whatever thread."""
+
+        def read(i: int) -> Image:
+            with self._bounds():
+                return source.read(i)
+
+        return replace(source, read=read)
 
     def _tell(self, **values: object) -> None:
         self.progress = replace(self.progress, **values)  # type: ignore[arg-type]

@@ -6,12 +6,15 @@ import json
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from ispom.calibration.result import Calibration
-from ispom.errors import InputError
-from ispom.io.whole import write_whole
+from ispom.errors import InputError, is_text
+from ispom.io.rows import read_text
+from ispom.io.whole import require_no_links, write_whole
 
+from .images import CAMERAS
 from .numbers import numbers_text
 from .report import page
 from .saved import save
@@ -19,6 +22,10 @@ from .saved import save
 RIG, NUMBERS, REPORT = "rig.yaml", "calibration.json", "report.html"
 FILES = (RIG, NUMBERS, REPORT)
 MOST_LISTED = 50
+MOST_READ = 500
+"""Folders that are looked into."""
+MOST_BYTES, LONGEST_TEXT = 16 << 20, 300
+"""Of a file of numbers, and characters of what is shown of it."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,7 @@ class Kept:
 
 def keep(found: Calibration, folder: Path) -> str:
     """Writes them below the folder and says the name; the rig only where it is usable. InputError where that fails."""
+    require_no_links(folder.parent, folder / "any")
     name = _free(folder, time.strftime("%Y-%m-%d %H.%M.%S"))
     place = folder / name
     if found.verdict.level != "redo":
@@ -47,17 +55,25 @@ def keep(found: Calibration, folder: Path) -> str:
 
 
 def kept_in(folder: Path) -> tuple[Kept, ...]:
-    """The newest ones first; folders that hold something else are left out."""
-    found = []
-    for numbers in sorted(folder.glob(f"*/{NUMBERS}"), reverse=True)[:MOST_LISTED]:
-        try:
-            content = json.loads(numbers.read_text(encoding="utf-8"))
-            what = f"{content['target']}, {' '.join(content['cameras'])}"
-            files = tuple(name for name in FILES if (numbers.parent / name).is_file())
-            found.append(Kept(numbers.parent.name, str(content["verdict"]), what, files))
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
-    return tuple(found)
+    """The newest ones first; folders that hold something else are left out, and all where the folder is a link."""
+    places = [] if folder.is_symlink() else sorted(folder.glob(f"*/{NUMBERS}"), reverse=True)
+    found = (_kept(place.parent) for place in places[:MOST_READ])
+    return tuple(islice(filter(None, found), MOST_LISTED))
+
+
+def _kept(place: Path) -> Kept | None:
+    """None for what is not as `keep` writes it: of these folders somebody else may have put some there."""
+    try:
+        content = json.loads(read_text(place / NUMBERS, MOST_BYTES))
+        target, cameras, level = (content[name] for name in ("target", "cameras", "verdict"))
+        files = tuple(name for name in FILES if (place / name).is_file())
+    except (InputError, OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    words = isinstance(cameras, dict) and all(isinstance(word, str) for word in (target, level, *cameras))
+    if not words or len(cameras) > len(CAMERAS["rig"]) or not is_text(place):
+        return None
+    what = f"{target}, {' '.join(cameras)}"
+    return Kept(place.name, level, what, files) if len(level) + len(what) < LONGEST_TEXT else None
 
 
 def files_of(folder: Path) -> Iterable[str]:

@@ -11,6 +11,7 @@ from ispom.errors import InputError, printable
 from ispom.io.calibrations.files import placed_of, rig_files
 from ispom.io.camera import LINE_DELAY
 from ispom.io.rig import SIGMAS, rig_text
+from ispom.io.whole import require_no_links
 from ispom.types import Rig
 
 from ..outputs import require_own, write_file
@@ -62,6 +63,7 @@ def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) 
     if path.suffix:
         raise InputError(f"--format {form} makes {len(files)} files: give --out the name of a folder")
     for name, text in files.items():
+        require_no_links(path, path / name)
         write_file(path / name, _commented(text, comment), SIGNATURE)
 
 

@@ -61,7 +61,7 @@ def _how(settings: str) -> How:
         try:
             switched = kinds[name] is bool and not value
             found = replace(found, **{name: True if switched else kinds[name](float(value))})
-        except (KeyError, ValueError):
+        except (KeyError, ValueError, OverflowError):
             raise InputError(f"{NAME} has no {name[:40]}={value[:40]}: use {', '.join(kinds)}") from None
     check(found, f"{NAME} ")
     return found

@@ -6,13 +6,14 @@ from importlib.util import find_spec
 
 from ispom.errors import InputError
 from ispom.evaluation.association import associate
-from ispom.evaluation.comparison import MIN_POSES, Comparison, compare
+from ispom.evaluation.comparison import Comparison, compare
+from ispom.evaluation.trajectory_error import MIN_POSES
 from ispom.io.kitti import read_times
 from ispom.io.trajectories import TrajectoryFile, read_trajectory
 
 from ..options import Evaluate
 from ..outputs import require_own, write_file
-from .evaluated import Evaluated, distinct_names
+from .evaluated import Evaluated, distinct_names, repeated_note
 from .output import CSV_HEAD, JSON_HEAD, csv_text, json_text, print_table
 from .protocol import protocol_of
 
@@ -39,7 +40,8 @@ def evaluate(options: Evaluate) -> int:
     names = distinct_names([file.path for file in files])
     items = [Evaluated(n, f, _compare(f, reference, options)) for n, f in zip(names, files, strict=True)]
     protocol = protocol_of(reference, files, options)
-    notes = [note for item in items for note in item.notes(options.alignment)]
+    notes = repeated_note(str(options.reference), reference)
+    notes += [note for item in items for note in item.notes(options.alignment)]
     print_table(protocol, items, notes)
     if options.json is not None:
         write_file(options.json, json_text(reference, protocol, items, notes), JSON_HEAD)

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from ispom.errors import counted
 from ispom.evaluation.ate import Alignment
 from ispom.evaluation.comparison import Comparison, measures
 from ispom.io.trajectories import TrajectoryFile
@@ -27,12 +30,21 @@ class Evaluated:
 
     def notes(self, kind: Alignment) -> list[str]:
         """What keeps the numbers from meaning what they seem to."""
+        found = repeated_note(self.name, self.file)
         if kind in ("se3", "sim3") and self.found.straight:
-            return [
+            found.append(
                 f"{self.name}: the compared path is nearly straight: the alignment hardly fixes the turn about it, "
                 "on which the rotation of ATE depends; --alignment first fixes it by the first pose"
-            ]
-        return []
+            )
+        return found
+
+
+def repeated_note(name: str, file: TrajectoryFile) -> list[str]:
+    """How many poses of a file have the time of another one; nothing where none has."""
+    count = len(file.trajectory)
+    repeated = count - len(np.unique(file.trajectory.times_ns))
+    what = counted(repeated, "pose has", "poses have")
+    return [f"{name}: {what} the time of another one, of {count}; each is compared by itself"] if repeated else []
 
 
 def distinct_names(paths: Sequence[Path]) -> list[str]:

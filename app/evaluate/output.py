@@ -14,21 +14,24 @@ from ispom.errors import printable
 from ispom.evaluation.comparison import local_scale
 from ispom.io.trajectories import TrajectoryFile
 
+from ..texts import length_unit
 from .evaluated import Evaluated
 from .protocol import frame_of
 
 JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
 """How the files begin: by this they are known as ours."""
+LENGTH = "length"
+"""A row of lengths, in a unit that it shares with the others of the same error."""
 ROWS = {
     "poses_given": ("poses compared", "d"),
     "poses_asked": ("  of asked", "d"),
     "longest_gap_s": ("longest gap [s]", ".2f"),
     "alignment_scale": ("scale of the alignment", ".4f"),
-    "ate_rmse_m": ("ATE, RMS [m]", ".4f"),
-    "ate_median_m": ("  median [m]", ".4f"),
-    "ate_max_m": ("  largest [m]", ".4f"),
+    "ate_rmse_m": ("ATE, RMS", LENGTH),
+    "ate_median_m": ("  median", LENGTH),
+    "ate_max_m": ("  largest", LENGTH),
     "ate_rmse_deg": ("  rotation, RMS [deg]", ".4f"),
-    "rpe_rmse_m": ("RPE, RMS [m]", ".4f"),
+    "rpe_rmse_m": ("RPE, RMS", LENGTH),
     "rpe_rmse_deg": ("  rotation, RMS [deg]", ".4f"),
     "kitti_t_percent": ("KITTI t_err [%]", ".3f"),
     "kitti_r_deg_per_100m": ("KITTI r_err [deg/100 m]", ".3f"),
@@ -50,7 +53,12 @@ def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[st
     columns = [item.measures for item in items]
     for key, (title, form) in ROWS.items():
         values = [column[key] for column in columns]
-        table.add_row(title, *("-" if value is None else format(value, form) for value in values))
+        if form == LENGTH:
+            error = key.partition("_")[0]
+            unit = length_unit(c[k] for c in columns for k in ROWS if k.startswith(error) and ROWS[k][1] == LENGTH)
+            table.add_row(f"{title} [{unit.name}]", *("-" if v is None else unit.of(v) for v in values))
+        else:
+            table.add_row(title, *("-" if value is None else format(value, form) for value in values))
     console.print(table)
     for note in notes:
         console.print(_plain(note))

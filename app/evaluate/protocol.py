@@ -32,8 +32,8 @@ def protocol_of(reference: TrajectoryFile, files: list[TrajectoryFile], options:
     seconds = (reference.trajectory.times_ns[-1] - reference.trajectory.times_ns[0]) * 1e-9
     span = f" over {seconds:.1f} s" if reference.timed else ""
     return {
-        "reference": f"{reference.path} ({reference.format}, {poses} poses, {path_m:.1f} m{span})",
-        "estimates": ", ".join(f"{f.path} ({f.format}, {len(f.trajectory)} poses)" for f in files),
+        "reference": f"{reference.path} ({_kind(reference)}, {poses} poses, {path_m:.1f} m{span})",
+        "estimates": ", ".join(f"{f.path} ({_kind(f)}, {len(f.trajectory)} poses)" for f in files),
         "frames": f"poses are compared as the files have them{warning}; {frame}",
         "association": time if reference.timed else row,
         "alignment": ALIGNMENTS[options.alignment],
@@ -41,3 +41,8 @@ def protocol_of(reference: TrajectoryFile, files: list[TrajectoryFile], options:
         "KITTI": "mean over 100 to 800 m from every tenth pose; below 200 m over 5 to 40 m from every pose",
         "local scale": "path in the estimate, before alignment, over path in the reference, in ten windows along it",
     }
+
+
+def _kind(file: TrajectoryFile) -> str:
+    """The format, and the unit of times that the file does not say itself."""
+    return f"{file.format} with times in {file.unit}" if file.unit else file.format

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ispom.evaluation.association import associate
-from ispom.evaluation.metrics import MIN_POSES
+from ispom.evaluation.trajectory_error import MIN_POSES
 from ispom.io.files import exists
 from ispom.io.tum import read_tum
 from ispom.types import Trajectory

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ispom.errors import InputError
+from ispom.stop import check_stop
 
 from .execute import execute
 from .plan import Plan, Run
@@ -60,6 +61,7 @@ def rows(
 
         submit(first)
         while asked:
+            check_stop()
             if local is not None:
                 local.keep()
             try:

@@ -68,16 +68,18 @@ def completed(
     write_whole(options.out / PLAN, yaml.safe_dump(_plain(asdict(plan)), sort_keys=False, allow_unicode=True))
     left, rows = [run for run in runs if run not in before], list(before.values())
     outcomes: Sequence[Outcome] = ()
-    for line in {run.line for run in left}:
-        warmup.start([line.method], config_of(line))
-        wait_for_compiler()  # once, not in each worker
-    try:
-        with terminable() as signals, closing(_scheduled(plan, left, options, workers, builder, watcher)) as done:
-            for row in watcher.rows(done, len(runs), len(before)):
-                rows.append(row)
-                signals.check()
-    finally:
-        outcomes = write_output(options.out, plan, by_plan(plan, rows))
+    with terminable() as signals:
+        for line in {run.line for run in left}:
+            warmup.start([line.method], config_of(line))
+            wait_for_compiler()  # once, not in each worker
+        try:
+            with closing(_scheduled(plan, left, options, workers, builder, watcher)) as done:
+                for row in watcher.rows(done, len(runs), len(before)):
+                    rows.append(row)
+                    signals.check()
+        finally:
+            signals.hold()
+            outcomes = write_output(options.out, plan, by_plan(plan, rows))
     return rows, outcomes
 
 

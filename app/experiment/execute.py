@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
+from ispom.io.whole import require_no_links
 from ispom.methods import with_asked
 
 from ..headless.command import completed
@@ -36,6 +37,7 @@ def execute(
         max_exposures=plan.max_exposures,
     )
     try:
+        require_no_links(out, folder / "any")
         completed(options, builder, progress=progress)
         row = row_of(run, folder)
     except InputError as error:

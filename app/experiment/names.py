@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..colours import METHOD, OTHERS, css
+from ..texts import METRE, Unit
 from .plan import Plan
 
 LABELS = {
@@ -31,9 +32,13 @@ COLOURS = tuple(map(css, (*METHOD.values(), *OTHERS)))
 DASHES = ("solid", "dashed", "dotted", "dashdot")
 
 
-def label(quantity: str) -> str:
-    """With its unit; the key itself for one that is not known here."""
-    return LABELS.get(quantity, quantity)
+def label(quantity: str, unit: Unit = METRE) -> str:
+    """With its unit, lengths in that which is given; the key itself for one that is not known here."""
+    return LABELS.get(quantity, quantity).replace("[m]", f"[{unit.name}]")
+
+
+def is_length(quantity: str) -> bool:
+    return LABELS.get(quantity, "").endswith("[m]")
 
 
 @dataclass(frozen=True)

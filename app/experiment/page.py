@@ -9,7 +9,8 @@ from typing import Any
 
 from ..report.html import own_text, shown
 from ..templating import environment
-from .names import label, styles
+from ..texts import METRE, Unit, length_unit
+from .names import is_length, label, styles
 from .plan import Plan
 from .row import Row
 from .statistics import MIN_PAIRS, Outcome, Paired, Spread, value_of
@@ -27,7 +28,12 @@ def page(
 ) -> str:
     """`figures`: SVG by name. Everything of the plan and the runs is escaped."""
     made = environment(__name__.rpartition(".")[0])
-    made.filters |= {"shown": shown, "label": label}
+    units = {q: _unit(q, rows) for q in plan.quantities}
+    made.filters |= {
+        "shown": shown,
+        "label": lambda quantity: label(quantity, units[quantity]),
+        "of": lambda value, quantity: shown(value if value is None else value / units[quantity].size),
+    }
     failed = [row for row in rows if row.failure is not None]
     expected = sum(1 for _ in plan.runs())
     return made.get_template("experiment.html").render(
@@ -46,6 +52,11 @@ def page(
         rows=[_cells(plan, row) for row in rows],
         several=len(plan.sources) > 1,
     )
+
+
+def _unit(quantity: str, rows: Sequence[Row]) -> Unit:
+    """In which a column is printed: of lengths, one that suits them all."""
+    return length_unit(value_of(row, quantity) for row in rows) if is_length(quantity) else METRE
 
 
 def _medians(plan: Plan, spreads: Sequence[Spread]) -> list[tuple[str, str, list[Spread]]]:
@@ -85,5 +96,5 @@ def _cells(plan: Plan, row: Row) -> dict[str, Any]:
         "run": row.run,
         "link": PurePath(row.run.folder).as_posix(),
         "failure": row.failure,
-        "values": [value_of(row, quantity) for quantity in plan.quantities],
+        "values": [(quantity, value_of(row, quantity)) for quantity in plan.quantities],
     }

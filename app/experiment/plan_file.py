@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import yaml
 
 from ispom.errors import InputError
 from ispom.io.files import exists, expanded
-from ispom.io.mapping import read_mapping
+from ispom.io.mapping import parse_yaml, read_mapping
 from ispom.methods import method, with_asked
 from ispom.sequences.address import MAX_SEED
 from ispom.settings import check, from_plain
@@ -70,7 +69,7 @@ def read_plan(options: Experiment) -> Plan:
     """The plan that the command asks for; InputError with the place in the file for what is wrong with it."""
     known, asked = built_in(), options.plan
     if asked in known:
-        plan = _plan(asked, asked, yaml.safe_load(known[asked].read_text(encoding="utf-8")))
+        plan = _plan(asked, asked, parse_yaml(asked, known[asked].read_text(encoding="utf-8")))
     elif exists(expanded(asked)):
         plan = _plan(Path(asked).stem, asked, read_mapping(expanded(asked)))
     else:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import shutil
 import signal
 import sys
-import tempfile
 import threading
 from typing import Any
 
@@ -19,34 +19,38 @@ import psutil
 
 from ispom.child import end_with_parent
 
-LOCAL = "127.0.0.1:0"
-"""For the HTTP server that Dask always starts: any free port, of this machine alone."""
 OUT_OF_MEMORY = 77
 """Exit code."""
 LOOK_S = 0.3
 """Between two looks at the memory."""
 
 
-async def serve(address: str, name: str, keys: dict[str, str]) -> None:
-    """Works for the scheduler until that ends."""
+def without_pages() -> None:
+    """Has the nodes of Dask in this process start no HTTP server: every user of the machine could read its pages."""
+    from distributed.node import ServerNode
+
+    ServerNode.start_http_server = lambda *_, **__: None  # type: ignore[method-assign]
+
+
+async def serve(address: str, name: str, keys: dict[str, str], scratch: str) -> None:
+    """Works for the scheduler until that ends. `scratch` is a folder of the process that started this one."""
     from distributed import Worker
     from distributed.security import Security
 
+    without_pages()
     security = Security(require_encryption=True, **keys)
-    with tempfile.TemporaryDirectory(prefix="ispom-worker-") as scratch:
-        worker = Worker(
-            address,
-            nthreads=1,
-            name=name,
-            security=security,
-            memory_limit=0,  # watched here: with the processes that render
-            local_directory=scratch,
-            host="127.0.0.1",
-            dashboard=False,
-            dashboard_address=LOCAL,
-        )
-        async with worker:
-            await worker.finished()
+    worker = Worker(
+        address,
+        nthreads=1,
+        name=name,
+        security=security,
+        memory_limit=0,  # watched here: with the processes that render
+        local_directory=scratch,
+        host="127.0.0.1",
+        dashboard=False,
+    )
+    async with worker:
+        await worker.finished()
 
 
 def watch_memory(limit_bytes: float) -> None:
@@ -72,10 +76,11 @@ def _resident(process: psutil.Process) -> int:
 def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all of a terminal's processes; the first one decides
     task: dict[str, Any] = json.loads(os.fdopen(os.dup(0), "rb", buffering=0).readline())
-    end_with_parent()
+    # Where the parent was killed, nobody else removes the folder.
+    end_with_parent(lambda: shutil.rmtree(task["scratch"], ignore_errors=True))
     watch_memory(1e9 * task["memory_gb"])
     sys.path[:] = task["path"]
-    asyncio.run(serve(task["address"], task["name"], task["keys"]))
+    asyncio.run(serve(task["address"], task["name"], task["keys"], task["scratch"]))
 
 
 if __name__ == "__main__":

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import json
 import logging
+import os
+import re
+import shutil
 import sys
 from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
 
-from ispom.child import Child
+import psutil
+
+from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 
-from .worker import LOCAL, OUT_OF_MEMORY
+from .worker import OUT_OF_MEMORY, without_pages
 
-COMMAND = [sys.executable, "-m", __name__.rpartition(".")[0] + ".worker"]
+COMMAND = [*PYTHON, "-m", __name__.rpartition(".")[0] + ".worker"]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+SCRATCH = "ispom-worker-"
+"""How the temporary folder of workers begins; the id of the process that started them comes next."""
 ENVIRONMENT = {**dict.fromkeys(THREADS, "1"), "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
@@ -26,6 +35,9 @@ class Workers:
         from distributed import LocalCluster
         from distributed.security import Security
 
+        remove_abandoned()
+        self._scratch = TemporaryDirectory(prefix=f"{SCRATCH}{os.getpid()}-", ignore_cleanup_errors=True)
+        without_pages()
         self._security, self._memory_gb, self._left = Security.temporary(), memory_gb, most_deaths
         self.cluster: Any = LocalCluster(
             n_workers=0,
@@ -33,7 +45,7 @@ class Workers:
             protocol="tls://",
             security=self._security,
             dashboard_address=None,  # type: ignore[arg-type]
-            scheduler_kwargs={"dashboard_address": LOCAL},
+            scheduler_kwargs={"dashboard": False},
             silence_logs=logging.CRITICAL,
         )
         self._children = [self._started(n) for n in range(count)]
@@ -54,6 +66,7 @@ class Workers:
         for child in self._children:
             child.stop()
         self.cluster.close()
+        self._scratch.cleanup()
 
     def _started(self, n: int) -> Child:
         child = Child(COMMAND, ENVIRONMENT)
@@ -63,7 +76,7 @@ class Workers:
             "tls_worker_cert": self._security.tls_worker_cert,
         }
         task = {"address": self.cluster.scheduler_address, "name": f"worker-{n}-{child.pid}", "keys": keys}
-        task |= {"memory_gb": self._memory_gb, "path": sys.path}
+        task |= {"memory_gb": self._memory_gb, "path": [*filter(None, sys.path)], "scratch": self._scratch.name}
         with suppress(OSError):  # it has ended already: `keep` finds out, and says why
             child.requests.write(json.dumps(task).encode() + b"\n")
             child.requests.flush()
@@ -72,3 +85,11 @@ class Workers:
     def _cause(self, child: Child) -> str:
         how = child.ending()
         return f"took more than {self._memory_gb:g} GB" if f"exit code {OUT_OF_MEMORY}" in how else how
+
+
+def remove_abandoned() -> None:
+    """Removes the folders of workers that were killed together with the process that started them."""
+    for path in Path(gettempdir()).glob(f"{SCRATCH}*"):
+        found = re.fullmatch(rf"{SCRATCH}(\d+)-\w+", path.name)
+        if found is not None and not psutil.pid_exists(int(found[1])):
+            shutil.rmtree(path, ignore_errors=True)  # a link is left alone, and so is what another user owns

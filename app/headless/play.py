@@ -5,6 +5,8 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+from ispom.stop import LOOK_S
+
 from ..run.console import wait_for_compiler
 from ..run.events import Finished
 from ..run.folder.journal import PoseJournal
@@ -14,7 +16,7 @@ from ..run.folder.step_log import StepLog
 from ..run.memory import give_back, give_back_after, know_libraries
 from ..run.model.corrections import CorrectionMemory
 from ..run.model.map_memory import MapCollectors
-from ..run.signals import Signals, ended_by_interrupt
+from ..run.signals import Signals
 from .job import Job
 from .output import write_results
 from .recording import NoRecording, Recording
@@ -66,13 +68,16 @@ def play(job: Job, signals: Signals) -> Played:
         total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures
         try:
             wait_for_compiler()
-            with ended_by_interrupt(playback.sequence), job.progress(total) as advance:
-                while playback.more():
+            with signals.first_ends(playback.sequence.stop), job.progress(total) as advance:
+                while not playback.done:
+                    signals.check()
+                    if not playback.more(LOOK_S):
+                        continue
                     steps.step()
                     advance()
-                    signals.check()
                     if job.watch.stop is not None:
                         playback.end()
+                signals.check()
         finally:
             signals.hold()
             finished = playback.finish()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +23,10 @@ from .knowledge import Knowledge, known_from
 from .point import PointEstimate, estimate
 from .poses import revised
 from .selection import Selection
-from .sightings import Seen, TrackLife, life, seen_before, seen_by
+from .sightings import Seen, TrackLife, life, missing_tracks, seen_before, seen_by
+
+if TYPE_CHECKING:
+    from ..review.recorded_tracks import RecordedViews
 
 EXPOSURES = 60
 """Of the camera, up to the one shown: what lifetimes and residuals are drawn of."""
@@ -44,6 +48,10 @@ class Looked:
     selection: Selection | None
     camera: str
     colour_by: Colouring
+    recorded: RecordedViews | None = None
+    """Images and tracks of a stored run, where it has a recording."""
+    unavailable: str = ""
+    """Why a stored run cannot be computed again; empty where it can."""
 
     @property
     def rig(self) -> Rig:
@@ -57,10 +65,17 @@ class Looked:
         return video + left
 
     @cached_property
+    def _recorded_cameras(self) -> tuple[Frame, ...]:
+        """Those of a recording alone, which has no rig."""
+        kinds = self.sequence.kinds if self.recorded is not None else ()
+        return (("video",) if "video" in kinds else ()) + (("left",) if "stereo" in kinds else ())
+
+    @cached_property
     def pictured(self) -> Frame:
         """The camera whose picture is shown."""
-        wanted = self.camera or (self.cameras[0] if self.cameras else "video")
-        return "left" if wanted == "left" and "left" in self.cameras else "video"
+        cameras = self.cameras or self._recorded_cameras
+        wanted = self.camera if self.camera in cameras else (cameras[0] if cameras else "video")
+        return "left" if wanted == "left" else "video"
 
     @cached_property
     def index(self) -> int | None:
@@ -76,6 +91,13 @@ class Looked:
             return None
         record, method = self.records[self.index], self.selection.method if self.selection else ""
         return seen_by(record, method, self.pictured) or seen_by(record, camera=self.pictured)
+
+    @cached_property
+    def missing(self) -> str:
+        """Why the tracks in the picture are not known one by one, and what to do; empty where they are."""
+        if self.index is None or (self.seen is not None and len(self.seen.tracks)):
+            return ""
+        return missing_tracks(self.records[self.index], self.unavailable)
 
     @cached_property
     def recent(self) -> tuple[Seen, ...]:

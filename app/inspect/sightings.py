@@ -85,6 +85,26 @@ def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen 
     return None
 
 
+def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
+    """Why an exposure's tracks are not known one by one, and what to do about it; empty where it simply has none.
+
+    `unavailable` says why a stored run cannot be computed again.
+    """
+    if record.stored is not None and unavailable:
+        return f"A stored run keeps no single tracks, and they cannot be computed again: {unavailable}"
+    if record.stored is not None:
+        return (
+            "A stored run keeps no single tracks: fork it at an earlier exposure, or apply and restart (Methods); "
+            "exposures that are computed then have them."
+        )
+    if record.thinned:
+        return (
+            "The tracks of this exposure were discarded to save disk space: fork at an earlier exposure (Methods) to "
+            "compute them again."
+        )
+    return ""
+
+
 def seen_before(
     records: Records, index: int, method: str = "", camera: str = "", most: int = SEARCHED
 ) -> Iterator[Seen]:

@@ -9,9 +9,9 @@ from string import Formatter
 from typing import Any
 
 import msgspec
-import yaml
 
 from ispom.errors import InputError
+from ispom.io.mapping import parse_yaml
 from ispom.methods import Config, in_order, method
 from ispom.settings import check, from_plain
 
@@ -23,6 +23,7 @@ from .track_facts import TRACK
 
 FRONT = re.compile(r"---\r?\n(.*?)\r?\n---\r?\n(.*)", re.DOTALL)
 SECTION = re.compile(r"^## +", re.MULTILINE)
+FENCE = re.compile(r"^```step\r?$", re.MULTILINE)
 BLOCK = re.compile(r"^```step\r?\n(.*?)^```\r?$", re.DOTALL | re.MULTILINE)
 CALL = re.compile(r"([a-z_]+)\(([^()]*)\)")
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -99,20 +100,19 @@ def read_lesson(name: str, text: str) -> Lesson:
 
 def _convert(where: str, text: str, kind: type) -> Any:
     try:
-        return msgspec.convert(yaml.safe_load(text), kind)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1} of its YAML" if mark else ""
-        raise InputError(f"{where}{line}: this is not valid YAML: correct it") from None
+        return msgspec.convert(parse_yaml(f"{where}: its YAML", text), kind)
+    except InputError:
+        raise
     except (msgspec.ValidationError, ValueError) as error:
         raise InputError(f"{where}: {error}: correct it") from None
 
 
 def _step(where: str, front: FrontEntry, section: str) -> Step:
     title, _, body = section.partition("\n")
-    blocks = list(BLOCK.finditer(body))
+    count = len(FENCE.findall(body))  # before BLOCK, which looks for the end of each: of thousands for minutes
+    blocks = list(BLOCK.finditer(body)) if count == 1 else []
     if len(blocks) != 1:
-        raise InputError(f"{where} has {len(blocks)} blocks ```step: give it one")
+        raise InputError(f"{where} has {len(blocks) if count == 1 else count} blocks ```step: give it one")
     entry = _convert(where, blocks[0][1], StepEntry)
     base = RunEntry(source=front.source, methods=front.methods, settings=front.settings)
     own = _asked(where, base, entry)

@@ -12,11 +12,12 @@ from rich.table import Table
 
 from ispom.errors import InputError, printable
 from ispom.io.open3d import open3d
-from ispom.io.whole import write_whole
+from ispom.io.whole import require_no_links, write_whole
 
 from ..outputs import claim_folder
 from ..run.console import progress
 from ..run.folder.made_map import MAP
+from ..run.signals import terminable
 from .dense import Dense, dense
 from .inputs import Ran, read_ran
 from .laser import Placed, measured, placed
@@ -33,12 +34,19 @@ def make_map(options: Map) -> int:
     take."""
     if not options.dense and options.laser is None:
         raise InputError("--no-dense without --laser leaves nothing to do: give one of them")
+    with terminable():
+        return _make_map(options)
+
+
+def _make_map(options: Map) -> int:
     ran = read_ran(options.run, options.source)
     method = ran.method(options.method)
     open3d()  # before long work
     settings = _settings(options, ran) if options.dense else None
     laser = None if options.laser is None else measured(ran, options.laser, int(ran.file.options.get("seed") or 0))
     folder = options.out or options.run / MAP
+    if options.out is None:
+        require_no_links(options.run, folder / "any")
     claim_folder(folder, "map")
     found = None
     if settings is not None:

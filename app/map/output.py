@@ -15,7 +15,7 @@ from ispom.io.files import exists
 from ispom.io.meshes import glb_bytes
 from ispom.io.ply import surface_ply
 from ispom.io.timed_points import timed_points_csv
-from ispom.io.whole import part_of, write_whole
+from ispom.io.whole import create_file, part_of, write_whole
 from ispom.reconstruction.model import Mesh, simplified
 from ispom.types import TimedPoints
 
@@ -66,6 +66,7 @@ def write_recording(folder: Path, run: Path, method: str, found: Dense | None, l
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
     part = part_of(folder / MAP_RECORDING)
     try:
+        create_file(part).close()  # Rerun itself would follow a link
         stream.save(str(part))
     except (OSError, RuntimeError) as error:
         raise InputError(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from aiohttp import web
 
+from ispom.io.files import bounded
 from ispom.sequences.policy import SourcePolicy
 
 from ..calibrate.job import Job
@@ -75,7 +76,8 @@ class Gateway:
         self.app.on_shutdown.append(self._close_sockets)
         base = access.base
         calibration = CalibrationPage(
-            Job(self._check, self._to.recordings / CALIBRATIONS), lambda request: self._person(request).may_drive
+            Job(self._check, self._to.recordings / CALIBRATIONS, lambda: bounded(self._policy.places)),
+            lambda request: self._person(request).may_drive,
         )
         self.app.add_routes(
             [
@@ -145,7 +147,11 @@ class Gateway:
 
     def _check(self, path: str) -> None:
         """InputError for images where nobody at the page may look."""
-        SourcePolicy(self._to.session.folders.root).check(path)
+        self._policy.check(path)
+
+    @property
+    def _policy(self) -> SourcePolicy:
+        return SourcePolicy(self._to.session.folders.root)
 
     @property
     def _person_cookie(self) -> str:

@@ -20,7 +20,7 @@ from ..session.learning.learning import covered
 from ..session.sources.known import run_name
 from ..session.state import State
 from ..sweep.values import shown
-from ..texts import length, size
+from ..texts import ALIGNED, PROVISIONAL, length, size
 
 STATUS = {
     "waiting": "no exposure for this method yet",
@@ -51,6 +51,11 @@ class Given:
 
     answer: Any
     """As it was sent."""
+
+
+@dataclass(frozen=True)
+class FollowAgain:
+    """The page shows again what the session shows, and nothing of its own."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +109,19 @@ def message_of(state: State) -> dict[str, Any]:
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
         else None,
+        "question": None
+        if state.question is None
+        else {"number": state.question.number, "text": state.question.text, "yes": state.question.yes},
         "notices": [{"number": n.number, "text": n.text, "kind": n.kind} for n in state.notices],
     }
+
+
+def own_view(local: State, state: State) -> dict[str, Any] | None:
+    """What a page that looks around by itself shows otherwise than the session; None where it follows."""
+    if local is state:
+        return None
+    shared = message_of(state)
+    return {name: value for name, value in message_of(local).items() if value != shared[name]}
 
 
 def _flicker(state: State) -> list[Any] | None:
@@ -134,13 +150,19 @@ def _sweep(state: State) -> dict[str, Any] | None:
 
 
 def _method(method: str, state: State) -> dict[str, Any]:
-    """Whether it tracks, and (another thing) how far from the truth it is, where there is a truth."""
+    """Whether it tracks, and (another thing) its error: the ATE of the table of branches, where there is a truth."""
     now, label = state.statuses.get(method), colours.label(method)
-    error = "" if now is None or now.error_m is None else length(now.error_m)
     status = str(now.status) if now else "waiting"
-    hint = [f"{label}: {STATUS[status]}."]
-    if error:
-        hint.append(f"Position error at this exposure: {error} from the ground truth.")
+    hint, error = [f"{label}: {STATUS[status]}."], ""
+    shown = next((b for b in state.branches if b.number == state.branch), None)
+    if shown is not None and (known := shown.measured.errors.get(method)) is not None:
+        error, how = length(known.ate_m), ALIGNED[known.alignment]
+        hint.append(f"ATE: {error} from the ground truth over {len(known.estimate)} poses, as known now, {how}.")
+    if now is not None and now.provisional:
+        error = error or PROVISIONAL
+        hint.append("Its pose at this exposure is provisional: the first fit replaces it.")
+    if now is not None and now.error_m is not None:
+        hint.append(f"Live error at this exposure: {length(now.error_m)}, by the pose as given then, not aligned.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
         "label": label,
@@ -151,7 +173,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
     }
 
 
-def command_of(text: str) -> do.Command | Pane | Wheel | Given | None:
+def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | None:
     """What a page's message says; None for anything that is not understood."""
     try:
         message = json.loads(text)
@@ -162,6 +184,8 @@ def command_of(text: str) -> do.Command | Pane | Wheel | Given | None:
                 return do.Plot(str(message["name"]))
             case "record":
                 return do.Record("")
+            case "confirm":
+                return do.Confirm(int(message["number"]), message["yes"] is True)
             case "open_named":
                 return do.OpenNamed(str(message["run"]))
             case "show_branch":
@@ -170,6 +194,8 @@ def command_of(text: str) -> do.Command | Pane | Wheel | Given | None:
                 return do.Hide(frozenset(map(str, message["names"])) & {*LAYERS, *names()})
             case "pane":
                 return Pane(bool(message["wide"]), str(message.get("tab", "")))
+            case "follow":
+                return FollowAgain()
             case "take_over":
                 return Wheel()
             case "hand_over":

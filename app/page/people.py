@@ -26,7 +26,8 @@ class People:
     """Who has a page open, and who drives. Used in the loop of the server alone.
 
     The first one drives, until they hand over, or another who may drive takes over. Somebody whose pages are all closed
-    drives on when they come back (a reload), unless another gave a command meanwhile.
+    drives on when they come back (a reload), unless another gave a command meanwhile. Meanwhile the only one who is
+    left of those who may, drives.
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
@@ -65,20 +66,35 @@ class People:
     def hand_over(self, person: Person, number: int) -> None:
         """Person `number` drives from now on, where `person` does, and that one is there and may."""
         heir = next((p for p in self._pages if self._numbers[p.key] == number and p.may_drive), None)
-        if heir is not None and person == self._driver:
+        if heir is not None and person == self._at_the_wheel:
             self.take_over(heir)
 
     def seen_by(self, person: Person) -> dict[str, Any]:
         """What a page of theirs shows: numbers of people from 1 on."""
         others = {self._numbers[p.key]: p.may_drive for p in self._pages if p.key != person.key}
-        driver = self._driver if self._driver in self._pages else None
+        driver = self._at_the_wheel
         return {
             "you": self._numbers[person.key],
             "may_drive": person.may_drive,
-            "driving": person == self._driver,
+            "driving": person == driver,
             "driver": None if driver is None else self._numbers[driver.key],
             "others": [{"number": number, "may_drive": may} for number, may in sorted(others.items())],
         }
+
+    @property
+    def _at_the_wheel(self) -> Person | None:
+        """Who drives of those who have a page open; None where nobody does, and several may."""
+        if self._driver in self._pages:
+            return self._driver
+        able = [person for person in self._pages if person.may_drive]
+        return able[0] if len(able) == 1 else None
+
+    def refusal(self, person: Person) -> str:
+        """What somebody is told whose command would change what others see."""
+        driver = self._at_the_wheel
+        who = "Nobody" if driver is None else f"Person {self._numbers[driver.key]}"
+        cure = "; take over to change it" if person.may_drive else ""
+        return f"{who} drives this session{cure}. You can look around: play, step, loop, and the time axis."
 
     def passes(self, person: Person, viser_message: bytes) -> bool:
         """Whether a message of their page may reach viser: of one who does not drive, only where they look from."""
@@ -87,5 +103,5 @@ class People:
         try:
             kind = msgspec.msgpack.decode(viser_message)["type"]
         except (msgspec.DecodeError, KeyError, TypeError, UnicodeDecodeError):
-            return True  # viser closes the connection for it
-        return kind in LOOKING or self.drives(person)
+            return False
+        return (isinstance(kind, str) and kind in LOOKING) or self.drives(person)

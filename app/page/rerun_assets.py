@@ -1,78 +1,115 @@
-"""The Rerun web viewer out of the installed wheel: script and WebAssembly, read once, kept in the user's cache."""
+"""The Rerun web viewer out of the installed wheel: script and WebAssembly, read once, kept in the user's cache.
+
+The wheel keeps both files as plain bytes within its compiled module, and gives them out by a server of its own only,
+which listens to every machine of the network. So they are cut out of the module: nothing listens, nothing is started.
+"""
 
 from __future__ import annotations
 
 import os
-import socket
-import sys
+import re
 import tempfile
-import time
-import urllib.request
+from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import version
+from importlib.util import find_spec
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 from ispom.caches import cache_folder
-from ispom.child import Child
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
-TIMEOUT_S = 30.0
-SERVE = """
-import sys, threading
-import rerun
-from ispom.child import end_with_parent
-end_with_parent()
-rerun.serve_web_viewer(web_port=int(sys.argv[1]), open_browser=False)
-threading.Event().wait()
-"""
-
-
-def free_port(host: str = "127.0.0.1") -> int:
-    """A port that nobody listens on at the moment."""
-    with socket.socket() as probe:
-        probe.bind((host, 0))
-        return probe.getsockname()[1]
+ORIGIN = "origin.txt"
+"""In the cache: the module that the files come from. Without it they are nobody's, and are read again."""
+SCRIPT = re.compile(
+    rb"let wasm_bindgen = \(function\(exports\) \{\n.{100000,1000000}?\n\}\)\(\{ __proto__: null \}\);\n", re.S
+)
+MAGIC = b"\0asm\1\0\0\0"
+LEAST_BYTES = 1 << 20
+"""Of the viewer's WebAssembly; smaller modules are something else."""
+_ORDER = {1: 1, 2: 2, 3: 3, 4: 4, 5: 5, 13: 6, 6: 7, 7: 8, 8: 9, 9: 10, 12: 11, 10: 12, 11: 13}
+"""By number of a section of WebAssembly: its place among the others. Section 0 may be anywhere, and has a name."""
 
 
 def viewer_assets(cache: Path | None = None) -> Path:
-    """The folder that holds NAMES. OSError, one sentence, where the viewer does not start, or cannot be stored."""
+    """The folder that holds NAMES. OSError, one sentence, where the wheel lacks them, or they cannot be stored."""
     parent = cache or cache_folder("rerun-viewer")
     if parent is None:
         raise OSError("the Rerun viewer must be unpacked: make the home folder or the temporary one writable")
-    folder = parent / version("rerun-sdk")
-    if not all((folder / name).is_file() for name in NAMES):
+    folder, module = parent / version("rerun-sdk"), _module()
+    origin = os.fsencode(f"{module} {module.stat().st_size} {module.stat().st_mtime_ns}\n")
+    if not all((folder / name).is_file() for name in NAMES) or not _is_from(folder, origin):
         folder.mkdir(parents=True, exist_ok=True)
-        _extract(folder)
+        for name, content in zip(NAMES, _assets(module), strict=True):
+            _store(content, folder / name)
+        _store(origin, folder / ORIGIN)
     return folder
 
 
-def _extract(folder: Path) -> None:
-    """Has the wheel serve its viewer for a moment, in a process of its own: it keeps the files inside its module.
-
-    Not by the wheel's program `rerun`: that loads libraries of the system (udev) that slim machines lack.
-    """
-    port = free_port()
-    with tempfile.TemporaryDirectory() as home:
-        # A home of its own: it never gets past its first session, which sends nothing.
-        quiet = {"HOME": home, "XDG_CONFIG_HOME": home, "APPDATA": home, "TELEMETRY_ENABLED": "false"}
-        server = Child([sys.executable, "-c", SERVE, str(port)], quiet)
-        try:
-            for name in NAMES:
-                _store(_read(f"http://127.0.0.1:{port}/{name}", server), folder / name)
-        finally:
-            server.stop()
+def _module() -> Path:
+    """The compiled part of the wheel, which is not loaded for this."""
+    spec = find_spec("rerun_bindings")
+    for folder in (spec.submodule_search_locations or ()) if spec is not None else ():
+        for path in sorted(Path(folder).glob("rerun_bindings*")):
+            if path.suffix in (".so", ".pyd"):
+                return path
+    raise OSError("the Rerun viewer cannot be unpacked: rerun-sdk has no compiled module: install it again")
 
 
-def _read(url: str, server: Child) -> bytes:
-    until = time.monotonic() + TIMEOUT_S
-    while True:
-        try:
-            return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(url, timeout=TIMEOUT_S).read()
-        except OSError as fault:
-            if not server.running:
-                raise OSError(f"the Rerun viewer cannot be unpacked: its process {server.ending()}") from fault
-            if time.monotonic() > until:
-                raise OSError(f"the Rerun viewer cannot be unpacked: no answer in {TIMEOUT_S:.0f} s") from fault
-            time.sleep(0.05)
+def _is_from(folder: Path, origin: bytes) -> bool:
+    with suppress(OSError):
+        return (folder / ORIGIN).read_bytes() == origin
+    return False
+
+
+def _assets(module: Path) -> tuple[bytes, bytes]:
+    """Script and WebAssembly; OSError where the module has them in another form."""
+    with module.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        script = SCRIPT.search(content)
+        for start in _places(content, MAGIC):
+            size = _wasm_size(content, start)
+            if script is not None and size >= LEAST_BYTES:
+                return script[0], content[start : start + size]
+    raise OSError(
+        f"the Rerun viewer cannot be unpacked: {module} does not hold it: install the rerun-sdk that is named"
+    )
+
+
+def _places(content: mmap, wanted: bytes) -> Iterator[int]:
+    at = content.find(wanted)
+    while at >= 0:
+        yield at
+        at = content.find(wanted, at + 1)
+
+
+def _wasm_size(content: mmap, start: int) -> int:
+    """Of the WebAssembly that begins there [bytes]: its header and all sections that follow each other in order."""
+    end, last = start + len(MAGIC), 0
+    while end < len(content):
+        kind = content[end]
+        size, body = _number(content, end + 1)
+        if kind and not last < _ORDER.get(kind, 0):
+            break
+        if body + size > len(content) or (not kind and not _is_named(content, body, size)):
+            break
+        last = _ORDER[kind] if kind else last
+        end = body + size
+    return end - start
+
+
+def _is_named(content: mmap, body: int, size: int) -> bool:
+    length, name = _number(content, body)
+    return 0 < length <= size - (name - body) and content[name : name + length].isascii()
+
+
+def _number(content: mmap, at: int) -> tuple[int, int]:
+    """A number of up to 32 bits (LEB128), and where what follows it begins."""
+    value = 0
+    for count, byte in enumerate(content[at : at + 5]):
+        value |= (byte & 0x7F) << 7 * count
+        if byte < 0x80:
+            return value, at + count + 1
+    return len(content), at  # no such number: longer than everything
 
 
 def _store(content: bytes, path: Path) -> None:

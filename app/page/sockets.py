@@ -11,12 +11,16 @@ from dataclasses import asdict
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from ispom.errors import InputError
+
 from ..session.session import Session
-from ..viser_ui.portless import PortlessViser
+from ..viser_ui.portless import PortlessViser, understood
 from .answers import Answers
 from .check_plot import plot_of
 from .lesson import LessonNews
-from .messages import KEYS, Given, Pane, Wheel, command_of, message_of
+from .looking import PLAYING_S as LOOKING_S
+from .looking import Looking
+from .messages import KEYS, FollowAgain, Given, Pane, Wheel, command_of, message_of, own_view
 from .people import People, Person
 from .time_axis import AxisNews
 from .wakeup import Wakeup
@@ -54,6 +58,9 @@ class Talk:
         """`see` is told what of viser this page of `person` has in sight."""
         self._session, self._news, self._see = session, news, see
         self._people, self._person, self._answers = people, person, answers
+        self._looking = Looking(time.monotonic)
+        self._refused: tuple[int, str] = (0, "")
+        """How many commands of this page were refused, and why the last one was."""
 
     async def serve(self, socket: web.WebSocketResponse) -> None:
         """Until the page goes away."""
@@ -82,28 +89,48 @@ class Talk:
                 self._people.hand_over(self._person, heard.to)
         elif isinstance(heard, Given):
             self._answers.put(self._person.key, self._session.state.lesson, heard.answer)
+        elif isinstance(heard, FollowAgain):
+            self._looking.follow()
+            self._news.ring()
         elif heard is not None and self._people.drives(self._person):
             self._session.post(heard)  # type: ignore[arg-type]
+        elif heard is not None:
+            self._look(heard)
+
+    def _look(self, command: object) -> None:
+        """What somebody asks for who does not control the session: they may look at all that is there."""
+        try:
+            if not self._looking.obey(command, self._session.state, self._session.run):
+                raise InputError(self._people.refusal(self._person))
+        except InputError as reason:
+            self._refused = self._refused[0] + 1, str(reason)
+        self._news.ring()
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, keys, axis, people, answers, lesson = None, KEYS, AxisNews(), {}, 0, LessonNews()
+        shown, keys, axis, lesson = (), KEYS, AxisNews(), LessonNews()
+        looking = self._looking
         with suppress(ConnectionError):  # the browser went away
             while True:
                 news = self._news.next()
-                state, seen = self._session.state, self._people.seen_by(self._person)
-                answered = self._answers.version
-                if state is not shown or axis.behind or seen != people or answers != answered:
-                    shown, people, answers = state, seen, answered
-                    message = message_of(state) | {"keys": keys, "people": people}
-                    run = self._session.run
-                    plot = plot_of(state, run)
+                state, run, seen = self._session.state, self._session.run, self._people.seen_by(self._person)
+                if seen["driving"]:
+                    looking.follow()
+                looking.turn(state, run)
+                local = looking.shown(state)
+                now = (state, looking.version, seen, self._answers.version, self._refused)
+                if now != shown or axis.behind:
+                    shown = now
+                    message = message_of(state) | {"keys": keys, "people": seen}
+                    plot = plot_of(local, run)
                     message |= {"axis": axis.since(state, run), "plot": None if plot is None else asdict(plot)}
+                    message |= {"looking": looking.index, "look": own_view(local, state), "refused": self._refused}
                     message |= lesson.since(state, run, self._answers, self._person.key)
                     keys = None
                     await socket.send_str(json.dumps(message))
-                    await asyncio.sleep(PLAYING_S if state.playing else REFRESH_S)
+                    await asyncio.sleep(PLAYING_S if local.playing else REFRESH_S)
                 else:
-                    await news.wait()
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(news.wait(), LOOKING_S if looking.playing else None)
 
 
 async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser, passes: Callable[[bytes], bool]) -> None:
@@ -112,7 +139,11 @@ async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser, passe
     closing = asyncio.create_task(_close_after(line.served, socket))
     try:
         async for message in socket:
-            if message.type is WSMsgType.BINARY and passes(message.data):
+            if message.type is not WSMsgType.BINARY:
+                continue
+            if not understood(message.data):
+                await socket.close(code=WSCloseCode.INVALID_TEXT, message=b"this is no message of viser's page")
+            elif passes(message.data):
                 await line.put(message.data)
     finally:
         line.hang_up()

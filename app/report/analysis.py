@@ -8,12 +8,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ispom.evaluation.association import associate
-from ispom.evaluation.ate import alignment, placed
-from ispom.evaluation.metrics import MIN_POSES
+from ispom.evaluation.ate import placed
+from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError, alignment_of, trajectory_error
 from ispom.geometry import rotation_angle_rad
 from ispom.methods import method as registered
 from ispom.types import Trajectory
 
+from ..texts import ALIGNED
 from .folder import Run
 from .steps import DecisionRow, Steps
 
@@ -43,12 +44,16 @@ def plotted(run: Run, method: str) -> tuple[Trajectory, str]:
     reference = run.truth if run.truth is not None else _metric(run, method)
     if reference is None:
         return estimate, "its own world" + (" and unit" if registered(method).unit == "own" else "")
-    kind = "sim3" if registered(method).unit == "own" else "se3"
-    own, true = associate(estimate, reference)
-    if len(own) < MIN_POSES:
+    error = _error(estimate, reference, method)
+    if error is None:
         return estimate, "not aligned: too few poses in common"
     of = "truth" if run.truth is not None else "the metric trajectory"
-    return placed(estimate, alignment(own, true, kind)), f"{kind} to {of}, {len(own)} poses"
+    how = f"{ALIGNED[error.alignment]} to {of}, {len(error.estimate)} poses"
+    return placed(estimate, error.reference_from_estimate), how
+
+
+def _error(estimate: Trajectory, reference: Trajectory, method: str) -> TrajectoryError | None:
+    return trajectory_error(estimate, reference, alignment_of(registered(method).unit == "metric"))
 
 
 def _metric(run: Run, method: str) -> Trajectory | None:
@@ -62,14 +67,14 @@ def errors(run: Run, method: str) -> Errors | None:
     """None without truth, or with too few poses."""
     if run.truth is None:
         return None
-    own, true = associate(plotted(run, method)[0], run.truth)
-    if len(own) < MIN_POSES:
+    error = _error(run.trajectories[method], run.truth, method)
+    if error is None:
         return None
-    away = np.linalg.norm(own.translations - true.translations, axis=1)
+    own, true = error.aligned, error.reference
     # Positions leave the turn about a straight path open: orientations are aligned by themselves.
     differences = true.rotations @ np.swapaxes(own.rotations, 1, 2)
     turned = rotation_angle_rad(_mean_rotation(differences).T @ differences)
-    return Errors(own.times_ns, away, np.rad2deg(turned))
+    return Errors(own.times_ns, error.position_errors_m, np.rad2deg(turned))
 
 
 def _mean_rotation(rotations: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from ispom.sequences import open_sequence
 from ispom.types import Image, StereoPair, TrackStatus
 
 from .. import colours
+from ..texts import computing_time, length
 from .folder import Run
 from .steps import Steps
 
@@ -71,7 +72,8 @@ def _candidates(run: Run) -> Iterator[tuple[Steps, int, str]]:
             values = sign * steps.columns[name]
             if np.isfinite(values).any():
                 row = int(np.nanargmax(values))
-                yield steps, row, f"{method}: {what}, {_with_unit(steps.columns[name][row], unit)}"
+                value = float(steps.columns[name][row])
+                yield steps, row, f"{method}: {what}, {length(value) if unit == 'm' else _with_unit(value, unit)}"
     for method, steps in run.steps.items():
         alive = steps.columns["alive"]
         share = steps.dropped / np.maximum(steps.dropped + alive, 1)
@@ -80,7 +82,7 @@ def _candidates(run: Run) -> Iterator[tuple[Steps, int, str]]:
             yield steps, row, f"{method}: most tracks ended, {_with_unit(100 * share[row], '%')}"
     for method, steps in run.steps.items():
         row = int(np.nanargmax(steps.columns["seconds"])) if np.isfinite(steps.columns["seconds"]).any() else 0
-        yield steps, row, f"{method}: slowest, {_with_unit(1e3 * steps.columns['seconds'][row], 'ms')}"
+        yield steps, row, f"{method}: slowest, {computing_time(float(steps.columns['seconds'][row]))}"
 
 
 def _with_unit(value: float, unit: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ..texts import Unit, length_unit
 from .blocks import Block, Compared, Group, MethodName, Paragraph, Table
 from .folder import Run
 
@@ -21,19 +22,21 @@ class Score:
     """Where the value is in a method's part of metrics.json."""
     title: str
     best: Best = ""
+    metres: bool = False
+    """Whether it is a length, whose unit is that of the row."""
 
 
 SCORES = (
     Score(("poses",), "poses", "most"),
     Score(("lost",), "exposures lost", "least"),
     Score(("aligned",), "aligned by"),
-    Score(("ate_m",), "ATE (RMS) [m]", "least"),
-    Score(("rpe_m",), "RPE, pose to pose [m]", "least"),
+    Score(("ate_m",), "ATE (RMS)", "least", metres=True),
+    Score(("rpe_m",), "RPE, pose to pose", "least", metres=True),
     Score(("rpe_deg",), "RPE, pose to pose [deg]", "least"),
     Score(("t_err_percent",), "KITTI drift [%]", "least"),
     Score(("r_err_deg_per_100m",), "KITTI drift [deg / 100 m]", "least"),
-    Score(("between_stereo_rmse_m",), "between stereo poses, RMS [m]", "least"),
-    Score(("spline_between_stereo_rmse_m",), "– of a spline through them [m]"),
+    Score(("between_stereo_rmse_m",), "between stereo poses, RMS", "least", metres=True),
+    Score(("spline_between_stereo_rmse_m",), "– of a spline through them", metres=True),
     Score(("step_scale_end_over_start",), "step scale, end / start [1]", "nearest to 1"),
     Score(("ms_per_exposure", "median"), "time per exposure, median [ms]", "least"),
     Score(("ms_per_exposure", "p95"), "time per exposure, 95th percentile [ms]", "least"),
@@ -47,7 +50,9 @@ def results(runs: list[Run]) -> list[Block]:
     for score in SCORES:
         values = [_value(run.metrics[method], score.path) for _, run, method in columns]
         if any(value is not None for value in values):
-            rows.append([_title(score, len(runs)), *_compared(score, values, [kind for kind, _, _ in columns])])
+            unit = length_unit(values) if score.metres else None
+            values = [v if unit is None or v is None else v / unit.size for v in values]
+            rows.append([_title(score, len(runs), unit), *_compared(score, values, [kind for kind, _, _ in columns])])
     if len(runs) == 1:
         return [Table(["", *(MethodName(method) for _, _, method in columns)], rows)]
     kinds = dict.fromkeys(kind for kind, _, _ in columns)
@@ -84,8 +89,9 @@ def _value(entry: Mapping[str, Any], path: tuple[str, ...]) -> Any:
     return found if isinstance(found, int | float | str) else None
 
 
-def _title(score: Score, runs: int) -> str:
-    return f"{score.title} – best: {score.best}" if score.best and runs > 1 else score.title
+def _title(score: Score, runs: int, unit: Unit | None) -> str:
+    title = score.title if unit is None else f"{score.title} [{unit.name}]"
+    return f"{title} – best: {score.best}" if score.best and runs > 1 else title
 
 
 def _compared(score: Score, values: list[Any], kinds: list[str]) -> Iterator[Any]:

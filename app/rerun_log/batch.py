@@ -21,13 +21,15 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A whole final trajectory: world_from_frame at many exposures."""
+    """A whole final trajectory: world_from_frame at many exposures; or `values` at these."""
 
     path: str
     trajectory: Trajectory
     indices: np.ndarray
     """(N,) of its exposures in the sequence."""
     first_ns: int
+    values: np.ndarray | None = None
+    """(N,) numbers of a curve, which are sent instead of the poses."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ PLOTS = {
     "residual": "residual [px]",
     "ms": "time [ms]",
 }
-LEGENDS = {"scale", "ms"}
+LEGENDS = {"error", "scale", "ms"}
 """Plots with more than a line per method: the others' colours are the methods', which the page shows all the time."""
 MARGIN = 0.4
 """Room for a legend at the left, as a fraction of the run."""
@@ -125,6 +125,8 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     position, target = looking_at(truth)
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, -1, 0))
     unit = "m" if any(method(name).unit == "metric" for name in opened.methods) else "own unit, not metres"
+    if opened.truth is not None and truth is None:
+        unit += "; true path aligned by Sim(3)"
     view = rrb.Spatial3DView(
         origin="/world", name=f"world [{unit}]", overrides=_hide(hidden), eye_controls=eye, line_grid=False
     )

@@ -14,6 +14,8 @@ from io import FileIO
 from pathlib import Path
 from threading import Condition, Thread
 
+from ispom.io.whole import create_file
+
 from .rrd import whole_bytes
 
 PIPES = Path("/dev/fd").exists()
@@ -39,8 +41,10 @@ class PipedFile:
         self._storing = False
         self.target = str(path)
         """What the writer opens for writing."""
-        if PIPES:
-            file = FileIO(path, "wb")
+        file = create_file(path)
+        if not PIPES:
+            file.close()  # Rerun opens it by its name
+        else:
             self._source, self._sink = os.pipe()
             self.target = f"/dev/fd/{self._sink}"
             self._thread = Thread(target=self._copy, args=(self._source, file), name="recording file", daemon=True)

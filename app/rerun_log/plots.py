@@ -7,14 +7,18 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import rerun as rr
 
+from ispom.evaluation.trajectory_error import alignment_of, error_against_truth
 from ispom.geometry import Similarity
 from ispom.methods import method as registered
+from ispom.solvers.trajectory.alignment import RunningAlignment
 from ispom.types import Step
 
 from .. import colours
-from ..run.events import Opened, Stepped
+from ..run.events import Finished, Opened, Stepped
 from ..run.model.run_model import RunModel
-from .batch import Entry
+from ..run.model.true_path import FIRST
+from ..texts import ALIGNED
+from .batch import Columns, Entry
 
 NO_ERROR = "plots/error/none"
 """Where it stands why there is no position error."""
@@ -29,6 +33,9 @@ class Plots:
         self._opened = opened
         self._drifts: set[str] = set()
         """Methods that tell how far their unit may have drifted."""
+        single = opened.truth is not None and all(registered(m).unit == "own" for m in opened.methods)
+        self._aligning = {m: RunningAlignment() for m in opened.methods if single}
+        """Methods whose unit nothing fixes, where there is a truth."""
         self._stages: dict[str, list[str]] = {m: [] for m in opened.methods}
 
     def opening(self) -> Iterator[Entry]:
@@ -38,7 +45,11 @@ class Plots:
         for method in self._opened.methods:
             colour = colours.of(method)
             for kind in ("error", "inliers", "residual"):
-                yield Entry(f"plots/{kind}/{method}", _series(_name(method), colour), static=True)
+                name = f"{_name(method)}: live" if kind == "error" else _name(method)
+                yield Entry(f"plots/{kind}/{method}", _series(name, colour), static=True)
+            if method in self._aligning:
+                name = f"{_name(method)}: newest pose, Sim(3) over the poses so far"
+                yield Entry(f"plots/error/{method}/sim3", _series(name, colour), static=True)
             for kind, name, pale in (
                 ("transferred", registered(method).scale, 0.5),
                 ("of_truth", "step / true step", 0.0),
@@ -56,8 +67,38 @@ class Plots:
                 yield Entry(f"plots/residual/{step.method}", rr.Scalars(float(np.median(step.residuals_px))))
             yield from self._times(step.method, step.seconds)
 
+    def finished(self, event: Finished, model: RunModel, first_ns: int) -> Iterator[Entry | Columns]:
+        """The aligned error curves of the final trajectories, whose root mean square is the ATE."""
+        truth, rig = self._opened.truth, self._opened.sequence.rig
+        for method, trajectory in event.trajectories.items():
+            kind = alignment_of(registered(method).unit == "metric")
+            error = error_against_truth(trajectory, truth, rig, kind) if truth is not None else None
+            if error is None:
+                continue
+            path, name = f"plots/error/{method}/aligned", f"{_name(method)}: {ALIGNED[kind]}, at the end"
+            colour = colours.shade(colours.of(method), (128, 128, 128), 0.5)
+            yield Entry(path, _series(name, colour, 2.5), static=True)
+            indices = model.times.indices(model.times.rows(error.estimate.times_ns))
+            yield Columns(path, error.estimate, indices, first_ns, error.position_errors_m)
+
+    def _newest(self, step: Step) -> Iterator[Entry]:
+        """Of a single camera: how far its newest pose is from the truth, with all its poses so far, as they were given,
+        aligned by Sim(3). At the same cost for each exposure: it is made of sums."""
+        running, truth = self._aligning.get(step.method), self._opened.truth
+        pose = truth.at(step.time_ns) if truth is not None else None
+        if running is None or pose is None or step.world_from_frame is None:
+            return
+        true = (pose @ self._opened.sequence.rig.rig_from(step.frame)).translation
+        if step.restarted:
+            running = self._aligning[step.method] = RunningAlignment()  # another world, in another unit
+        running.add(step.world_from_frame.translation, true)
+        if running.count >= FIRST:
+            away = running.target_from_source.apply(step.world_from_frame.translation) - true
+            yield Entry(f"plots/error/{step.method}/sim3", rr.Scalars(float(np.linalg.norm(away))))
+
     def _errors(self, step: Step, event: Stepped, model: RunModel, placement: Similarity) -> Iterator[Entry]:
         method = step.method
+        yield from self._newest(step)
         if method in event.errors_m:
             yield Entry(f"plots/error/{method}", rr.Scalars(event.errors_m[method]))
             ratio = self._step_of_truth(step, model, placement)
@@ -104,11 +145,6 @@ def why_no_error(opened: Opened) -> str:
     """Why a run has no position error to plot; empty where it has."""
     if opened.truth is None:
         return "No position error: this source has no ground truth."
-    if all(registered(method).unit == "own" for method in opened.methods):
-        return (
-            "No position error: a single camera's trajectory has no metric unit, so the true path is not drawn either. "
-            "To compare them, use ispom run, then ispom evaluate with --alignment sim3, which estimates the scale."
-        )
     return ""
 
 

@@ -2,7 +2,8 @@
 
 Entities, below the shared world (the rig at the first stereo exposure: x right, y down, z forward):
 
-    /world/truth/{path,rig}                  the whole true path (static); the true pose now
+    /world/truth/{path,rig}                  the whole true path (static); the true pose now. Of a single camera
+                                             /world/truth brings them to its path, by Sim(3)
     /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
     /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it
                                              changed (key frames and clouds: every MAP_EVERY exposures)
@@ -13,6 +14,8 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /video, /left                            image, tracks, moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
+    /plots/error/METHOD, .../sim3, .../aligned  live error; of a single camera's newest pose, the poses so far aligned
+                                             by Sim(3); at the end, the whole aligned curve whose RMS is the ATE
     /decisions, /log, /log/bookmarks         text
     /start                                   the first exposure's time [ns] (static)
 
@@ -73,7 +76,8 @@ class Recorder:
             time_ns = event.exposure.time_ns - self.first_ns
             return Batch(event.index, time_ns, tuple(self._pictured(event)))
         if isinstance(event, Finished):
-            return Batch(*self._now, tuple(self._world.finished(event)))
+            found = self._world.finished(event)
+            return Batch(*self._now, (*found, *self._plots.finished(event, self._world.model, self.first_ns)))
         self._now = (event.index, event.exposure.time_ns - self.first_ns)
         return Batch(*self._now, tuple(self._stepped(event)))
 

@@ -32,6 +32,8 @@ def finish(path: Path) -> Path | None:
 
     InputError where it is still being written, or the disk does not take it; the file stays then.
     """
+    if path.is_symlink():
+        raise InputError(f"{path} is a link: repair the file that it leads to, or remove it")
     final = whole_of(path)
     try:
         with locked(final):

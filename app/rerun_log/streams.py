@@ -27,5 +27,8 @@ def _send_columns(stream: rr.RecordingStream, columns: Columns) -> None:
         rr.TimeColumn("exposure", sequence=columns.indices),
         rr.TimeColumn("time", duration=(trajectory.times_ns - columns.first_ns).astype("timedelta64[ns]")),
     ]
+    if columns.values is not None:
+        stream.send_columns(columns.path, times, rr.Scalars.columns(scalars=columns.values))
+        return
     poses = rr.Transform3D.columns(translation=trajectory.translations, quaternion=trajectory.xyzw)
     stream.send_columns(columns.path, times, poses)

@@ -10,7 +10,7 @@ import rerun as rr
 
 from ispom.geometry import Array, Similarity
 from ispom.methods import method as registered
-from ispom.types import Frame, Step
+from ispom.types import Frame, Step, Trajectory
 
 from .. import colours, uncertainty
 from ..run.events import Finished, Opened, Stepped
@@ -19,6 +19,7 @@ from ..run.model.placing import same_place
 from ..run.model.points import PointMap
 from ..run.model.poses import PoseHistory
 from ..run.model.run_model import RunModel
+from ..run.model.true_path import TruePath
 from . import entities
 from .batch import Columns, Entry
 from .beside import BesideLog
@@ -35,6 +36,7 @@ class World:
     def __init__(self, opened: Opened, first_ns: int) -> None:
         self._opened, self._first_ns = opened, first_ns
         self._truth = drawn_truth(opened.truth, opened.methods)
+        self._true_path, self._truth_placed = TruePath(opened), None
         self.model = RunModel.start(opened.methods)
         self.placements: dict[str, Similarity] = {}
         self._sizes: dict[str, DrawnSize] = {}
@@ -45,6 +47,8 @@ class World:
         """Poses that the key frames were drawn from."""
         self._map_drawn: dict[str, int] = {}
         """Exposure at which key frames and points were drawn last."""
+        self._provisional: set[str] = set()
+        """Methods whose pose now is drawn as one that waits for a first fit."""
         self._ellipsoids: set[str] = set()
         """Methods whose ellipsoid is drawn now."""
         self._beside = BesideLog(opened)
@@ -55,8 +59,7 @@ class World:
         truth = self._truth
         if truth is not None:
             yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
-            rig = self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
-            yield Entry("world/truth/rig", rig, static=True)
+            yield Entry("world/truth/rig", self._true_frusta(truth), static=True)
         yield from self._beside.opening()
 
     def stepped(self, event: Stepped) -> Iterator[Entry]:
@@ -78,6 +81,8 @@ class World:
                 yield from self._map(step.method, resized)
         outlines = self._outlines("rig", true_size(self._truth) or 1.0, main_camera=True)
         yield from self._beside.stepped(event, self.model, self.placements, outlines)
+        if not self._true_path.fixed:
+            yield from self._place_truth(event.exposure.time_ns)
 
     def finished(self, event: Finished) -> Iterator[Entry | Columns]:
         yield from self._place(event.placements)
@@ -93,6 +98,8 @@ class World:
             yield Entry(f"world/{method}/path/final", line)
             indices = times.indices(times.rows(trajectory.times_ns))
             yield Columns(f"world/{method}/final", trajectory, indices, self._first_ns)
+        if not self._true_path.fixed:
+            yield from self._place_truth(None)
 
     def _changed(self, method: str, before: RunModel) -> set[int]:
         return self.model.methods[method].poses.changed_blocks(before.methods[method].poses)
@@ -108,6 +115,26 @@ class World:
                 yield from self._path_blocks(method, self.model.methods[method].poses.drawn_blocks())
                 yield from self._map(method, anew=True)
 
+    def _true_frusta(self, truth: Trajectory) -> rr.LineStrips3D:
+        return self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
+
+    def _place_truth(self, time_ns: int | None) -> Iterator[Entry]:
+        """The true path beside a single camera's own, aligned by Sim(3) to its poses so far; at the end (None) to all
+        of them."""
+        truth, before = self._opened.truth, self._truth_placed
+        found = self._true_path.at(self.model, self.placements, ended=time_ns is None)
+        if truth is None or found is None:
+            return
+        if before is None:
+            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0))
+            yield Entry("world/truth/rig", self._true_frusta(truth))
+        if found is not before:
+            self._truth_placed = found
+            yield Entry("world/truth", entities.placement(found))
+        pose = truth.at(time_ns) if time_ns is not None else None
+        if pose is not None:
+            yield Entry("world/truth/rig", entities.transform(pose))
+
     def _truth_now(self, time_ns: int) -> Iterator[Entry]:
         pose = self._truth.at(time_ns) if self._truth is not None else None
         if pose is not None:
@@ -117,7 +144,9 @@ class World:
         method, frame = step.method, self.model.methods[step.method].poses.frame
         if step.world_from_frame is not None:
             yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
-            if resized or self._drawn_frames.get(method) != frame:
+            marked = step.provisional != (method in self._provisional)
+            (self._provisional.add if step.provisional else self._provisional.discard)(method)
+            if resized or marked or self._drawn_frames.get(method) != frame:
                 self._drawn_frames[method] = frame
                 yield self._camera(method)
         elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
@@ -132,7 +161,8 @@ class World:
         (self._ellipsoids.discard if found is None else self._ellipsoids.add)(step.method)
 
     def _camera(self, method: str) -> Entry:
-        frame, colour = self.model.methods[method].poses.frame, colours.of(method)
+        frame = self.model.methods[method].poses.frame
+        colour = colours.PROVISIONAL if method in self._provisional else colours.of(method)
         main = "video" in registered(method).needs
         return Entry(f"world/{method}/camera", self._frusta(frame, self._size(method).camera, colour, main))
 

@@ -113,7 +113,7 @@ def _record(
     own = [s for s in said if s.method in methods and of.kinds[index] in registered(s.method).needs]
     steps = tuple(map(_step, own))
     statuses = dict(before.statuses) if before is not None else {}
-    statuses |= {step.method: MethodStatus(step.status, errors_m.get(step.method)) for step in steps}
+    statuses |= {step.method: MethodStatus(step.status, errors_m.get(step.method), step.provisional) for step in steps}
     return ExposureRecord(
         index,
         int(of.times_ns[index]),
@@ -140,6 +140,7 @@ def _step(stored: StoredStep) -> Step:
         scale_sigma=_number(said["scale_sigma"]),
         method=stored.method,
         restarted=said["restarted"] is True,
+        provisional=said["provisional"] is True,
     )
 
 

@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from ispom.stop import LOOK_S, check_stop
+
 from . import warmup
 
 Progress = Callable[[int | None], AbstractContextManager[Callable[[], None]]]
@@ -21,13 +23,17 @@ def wait_for_compiler() -> None:
     """Waits for numba's first compilation, and says so on a terminal."""
     if not warmup.finished():
         with Console(stderr=True).status(warmup.message()) as status:
-            while not warmup.finished(0.5):
+            while not warmup.finished(LOOK_S):
+                check_stop()
                 status.update(warmup.message())
 
 
 @contextmanager
 def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], None]]:
-    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only, unless `quiet`."""
+    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only, unless `quiet`.
+
+    The function raises what ends the command, as `check_stop`.
+    """
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
@@ -42,6 +48,7 @@ def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], No
             nonlocal count
             count += 1
             bar.update(task, advance=1, rate=count / max(time.monotonic() - start, 1e-9))
+            check_stop()
 
         yield advance
 

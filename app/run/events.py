@@ -45,7 +45,9 @@ class Stepped:
     placements: Mapping[str, Similarity]
     """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
     errors_m: Mapping[str, float]
-    """By method: distance of this step's rig position from the truth's, where both are known."""
+    """By method, the live error: distance of the rig from the truth, by the pose as this step gave it, in the gauge of
+    the first stereo pair. Without an alignment, so that it is no part of the ATE. None of a provisional pose, and of
+    a method whose unit is not known."""
     skipped: str = ""
     """Why no estimator saw it: the image that is unreadable. Its images are empty then."""
 

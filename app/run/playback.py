@@ -17,6 +17,7 @@ from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity
 from ispom.methods import STEREO, Config
 from ispom.methods import method as registered
+from ispom.sequences.readable import UNREADABLE_SHARE
 from ispom.types import Rig, Sequence, Step, Trajectory
 
 from .beside.placed import Beside
@@ -25,8 +26,6 @@ from .model.placing import Placing
 
 Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
 """Makes the estimators of the asked methods; InputError as `ispom.ensemble.build`."""
-UNREADABLE_SHARE = 0.01
-"""A run goes on without this share of its exposures; more that are unreadable end it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,8 @@ class Playback:
     """Trajectories of other programs over the same sequence."""
 
     def __post_init__(self) -> None:
-        self._stages = (*self.earlier, Stage(sys.maxsize, self.methods, self.config))
+        begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first exposure shares none
+        self._stages = (*begun, Stage(sys.maxsize, self.methods, self.config))
         # The last one first: a mistake in what was asked is found before anything runs.
         self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
         self.ensemble: Ensemble = self._build(self._stages[0])
@@ -198,12 +198,13 @@ class Playback:
         return placement.apply_pose(step.world_from_frame) @ self.sequence.rig.rig_from(step.frame).inverse()
 
     def _errors(self, steps: tuple[Step, ...]) -> dict[str, float]:
+        """The live errors, by method: see `Stepped.errors_m`."""
         errors = {}
         for step in steps:
             pose = self.placed(step)
             truth = self.truth.at(step.time_ns) if self.truth is not None else None
             metric = step.method not in self._placing
-            if pose is not None and truth is not None and metric:
+            if pose is not None and not step.provisional and truth is not None and metric:
                 errors[step.method] = float(np.linalg.norm(pose.translation - truth.translation))
         return errors
 

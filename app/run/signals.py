@@ -1,18 +1,25 @@
-"""How SIGTERM and Ctrl-C end a command that writes files: what was computed is written first, soon."""
+"""How SIGTERM and Ctrl-C end a command that writes files: what was computed is written first, soon.
+
+A handler raises nothing, for it may run inside compiled code, which an exception there ends in a crash. It remembers
+the signal, and the command looks between two pieces of its work (`ispom.stop.check_stop`).
+"""
 
 from __future__ import annotations
 
 import atexit
 import gc
+import math
+import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from ispom.types import Sequence
+from ispom.stop import check_stop, stopping_by
 
-TERMINATED = 143
+INTERRUPTED, TERMINATED = 130, 143
+"""Exit codes after Ctrl-C and SIGTERM, as shells give them."""
 PATIENCE_S = 1.0
 """After a signal a disk that does not answer is waited for so long, in all."""
 REPEAT_S = 0.5
@@ -25,13 +32,33 @@ class Signals:
 
     def __init__(self) -> None:
         self._first: BaseException | None = None
-        self._since_s = 0.0
-        self._held = False
+        self._since_s = -math.inf
+        self._held = self._taken = False
+        self._source_stop: Callable[[], None] | None = None
+
+    @contextmanager
+    def first_ends(self, source_stop: Callable[[], None] | None) -> Iterator[None]:
+        """Meanwhile the first Ctrl-C ends the recording of a live source; what came so far is still run. A second one
+        ends that. Nothing changes where the source is not live."""
+        self._source_stop = source_stop
+        try:
+            yield
+        finally:
+            self._source_stop = None
 
     def check(self) -> None:
-        """Raises what the first signal stands for, where it was held, or dropped by a destructor that it came in."""
+        """Raises what the first signal stands for."""
+        if self._source_stop is not None and self.take_interrupt():
+            stop, self._source_stop = self._source_stop, None
+            stop()
         if self._first is not None:
+            self._taken = True
             raise self._first
+
+    def check_unheld(self) -> None:
+        """The same, but nothing after `hold`."""
+        if not self._held:
+            self.check()
 
     def hold(self) -> None:
         """From here on a first signal is raised by `check` only: files are being closed."""
@@ -41,52 +68,55 @@ class Signals:
         """Whether a signal came longer ago than a disk is waited for."""
         return self._first is not None and time.monotonic() > self._since_s + PATIENCE_S
 
+    def take_interrupt(self) -> bool:
+        """Whether Ctrl-C was pressed; once, and then it is as if it had not been."""
+        if not isinstance(self._first, KeyboardInterrupt) or self._taken:
+            return False
+        self._first = None
+        return True
+
+    @property
+    def unnoticed(self) -> bool:
+        """Whether a signal came that nobody has looked for since."""
+        return self._first is not None and not self._taken
+
     def handle(self, number: int, _: object) -> None:
         """The handler: the first signal ends the command in good order, a second one ends the process at once."""
-        if self._first is not None:
-            if time.monotonic() > self._since_s + REPEAT_S:
-                signal.signal(number, signal.SIG_DFL)
-                signal.raise_signal(number)
+        now_s = time.monotonic()
+        if now_s <= self._since_s + REPEAT_S:
             return
+        if self._first is not None:
+            end_process(number)
         self._first = SystemExit(TERMINATED) if number == signal.SIGTERM else KeyboardInterrupt()
-        self._since_s = time.monotonic()
+        self._since_s = now_s
         atexit.register(gc.freeze)  # Python looks for garbage once more at its end: half a second after a run
-        if not self._held:
-            raise self._first
+
+
+def end_process(number: int, _: object = None) -> None:
+    """The handler while nothing is written: the process ends at once, without a word."""
+    os._exit(TERMINATED if number == signal.SIGTERM else INTERRUPTED)
 
 
 @contextmanager
 def terminable() -> Iterator[Signals]:
-    """SIGTERM raises SystemExit, and Ctrl-C KeyboardInterrupt, so that what was computed is written.
+    """A signal is raised by the next `check_stop`, as SystemExit or KeyboardInterrupt, so that what was computed is
+    written; one that came after the last of them, at the end.
 
     Signals that are ignored, as Ctrl-C is in a shell's background jobs, stay so. Outside of the main thread whoever
     started the command there handles signals.
     """
-    signals, before = Signals(), {}
-    if threading.current_thread() is threading.main_thread():
-        numbers = [n for n in (signal.SIGTERM, signal.SIGINT) if signal.getsignal(n) != signal.SIG_IGN]
-        before = {number: signal.signal(number, signals.handle) for number in numbers}
-    try:
+    signals = Signals()
+    if threading.current_thread() is not threading.main_thread():
         yield signals
+        return
+    numbers = [n for n in (signal.SIGTERM, signal.SIGINT) if signal.getsignal(n) != signal.SIG_IGN]
+    before = {number: signal.signal(number, signals.handle) for number in numbers}
+    try:
+        check_stop()  # of a command around this one: from here on its signals come here
+        with stopping_by(signals.check_unheld):
+            yield signals
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def ended_by_interrupt(sequence: Sequence) -> Iterator[None]:
-    """The first Ctrl-C ends the recording of a live source; what came so far is still run. A second one ends that."""
-    if sequence.stop is None or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    stop, before = sequence.stop, signal.getsignal(signal.SIGINT)
-
-    def end(*_: object) -> None:
-        signal.signal(signal.SIGINT, before)
-        stop()
-
-    signal.signal(signal.SIGINT, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+    if signals.unnoticed:
+        signals.check()

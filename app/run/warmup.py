@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import logging
 import math
-import sys
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ispom.child import Child
+from ispom.child import PYTHON, Child
 from ispom.kernels import kept_share
 from ispom.methods import BUILT_IN, Config, Variant, with_asked
 
@@ -23,7 +22,7 @@ log = logging.getLogger(__name__)
 MESSAGE = "compiling the estimators, once after installing"
 MEANWHILE = "the modern estimators are being compiled, once after installing: the paper's methods run meanwhile"
 READY = "the modern estimators are compiled now: choose them under Methods"
-COMMAND = [sys.executable, "-m", "ispom.warm_up"]
+COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
 COMPILED = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
 _running: list[Child] = []
 """The process: at most one."""

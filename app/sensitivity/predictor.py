@@ -10,13 +10,11 @@ from ispom.errors import InputError
 from ispom.estimators.modern.monocular.covariance import LOSS
 from ispom.estimators.modern.monocular.estimator import ModernMonocularConfig
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import Alignment, aligned, ate_m
-from ispom.evaluation.metrics import MIN_POSES
 from ispom.evaluation.sensitivity.carried import carried
 from ispom.evaluation.sensitivity.effect import Sensitivity, shift_m
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.evaluation.sensitivity.scene import Adjustment, Scene
+from ispom.evaluation.trajectory_error import MIN_POSES, alignment_of, error_against_truth
 from ispom.methods import method as registered
 from ispom.solvers.right_camera import PAIR
 from ispom.solvers.window.prior import LENS
@@ -39,9 +37,9 @@ class Prediction:
     method: str
     shift_m: float
     """Root mean square distance from the run [m, or the method's unit where that is unknown]."""
-    rmse_m: float | None
-    """Of the run, against the ground truth; None without one."""
-    predicted_rmse_m: float | None
+    ate_m: float | None
+    """ATE of the run, aligned as in metrics.json; None without ground truth."""
+    predicted_ate_m: float | None
     nonlinearity: float
     trajectory: Trajectory
     """In the world of the run."""
@@ -97,17 +95,16 @@ class Predictor:
         run, metric = self.ran.trajectories[method], registered(method).unit == "metric"
         unit_m = 1.0 if metric else self.ran.units_m.get(method, 1.0)
         shift = unit_m * shift_m(run, predicted, "none" if metric else "sim3")
-        now, then = self.rmse_m(method, run), self.rmse_m(method, predicted)
+        now, then = self.ate_m(method, run), self.ate_m(method, predicted)
         return Prediction(method, shift, now, then, nonlinearity, predicted)
 
-    def rmse_m(self, method: str, trajectory: Trajectory) -> float | None:
-        """Against the ground truth, aligned as in metrics.json; None without truth."""
+    def ate_m(self, method: str, trajectory: Trajectory) -> float | None:
+        """ATE against the ground truth, aligned as in metrics.json; None without truth."""
         truth, rig = self.ran.truth, self.ran.rig
         if truth is None:
             return None
-        kind: Alignment = "se3" if registered(method).unit == "metric" else "sim3"
-        own, reference = associate(trajectory, truth.moved(right=rig.rig_from(trajectory.frame)))
-        return ate_m(aligned(own, reference, kind), reference) if len(own) >= MIN_POSES else None
+        error = error_against_truth(trajectory, truth, rig, alignment_of(registered(method).unit == "metric"))
+        return None if error is None else error.ate_m
 
 
 def corrects_its_lens(config: Any) -> bool:

@@ -25,8 +25,8 @@ class Compared:
     prediction: Prediction
     shift_m: float
     """Root mean square distance of the rerun from the run."""
-    rmse_m: float | None
-    """Of the rerun against the ground truth."""
+    ate_m: float | None
+    """ATE of the rerun, as that of the run."""
 
     @property
     def ratio(self) -> float:
@@ -53,7 +53,7 @@ def compared(
             continue
         unit_m = 1.0 if metric else predictor.ran.units_m.get(method, 1.0)
         shift = unit_m * shift_m(run, rerun, "none" if metric else "sim3")
-        found.append(Compared(prediction, shift, predictor.rmse_m(method, rerun)))
+        found.append(Compared(prediction, shift, predictor.ate_m(method, rerun)))
     return tuple(found)
 
 

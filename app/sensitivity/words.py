@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ispom.evaluation.sensitivity.perturbation import Perturbation
+
+from ..texts import Unit, length, length_unit
+from .predictor import Prediction
+from .rerun import Compared
 
 NAMES = {
     "video_focal_percent": "video focal length {:+g} %",
@@ -30,8 +36,12 @@ def said(wrong: Perturbation) -> str:
     return ", ".join(NAMES[name].format(value) for name, value in wrong.said.items()) or "nothing changed"
 
 
-def column(value_m: float | None) -> str:
-    """A length for a table: millimetres below 1 m."""
-    if value_m is None:
-        return "no truth"
-    return f"{1000 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.3f} m"
+def unit_of(predictions: Iterable[Prediction], outcomes: Iterable[Compared] = ()) -> Unit:
+    """The unit of all lengths in a table of predictions and reruns."""
+    found = [length for each in predictions for length in (each.shift_m, each.ate_m, each.predicted_ate_m)]
+    return length_unit([*found, *(length for each in outcomes for length in (each.shift_m, each.ate_m))])
+
+
+def cell(value_m: float | None, unit: Unit) -> str:
+    """A length in such a table."""
+    return "no truth" if value_m is None else length(value_m, unit)

@@ -212,6 +212,14 @@ class OpenNamed:
 
 
 @dataclass(frozen=True)
+class Confirm:
+    """The answer to the question whether the run may be closed (closing.py), by its number."""
+
+    number: int
+    yes: bool
+
+
+@dataclass(frozen=True)
 class Record:
     """Record the run, from its first exposure on, under this name (a name, never a path); empty for a made-up one."""
 
@@ -324,6 +332,7 @@ Command = (
     | RemoveBookmark
     | Open
     | OpenNamed
+    | Confirm
     | Record
     | StopRecording
     | RepairRecordings

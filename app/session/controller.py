@@ -13,20 +13,23 @@ from ..learn.library import Library
 from ..options import SourceOptions
 from . import break_points, event_moves, flicker, integration, moves, selecting
 from . import commands as do
+from .accuracy import AccuracyDesk
 from .bookmarks.desk import BookmarkDesk
 from .branching.desk import BranchDesk
+from .closing import loss
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .effects import EffectDesk
+from .learning.commands import Learn, TurnTo
 from .learning.desk import LessonDesk
 from .player import Player
 from .plotting import plotted
 from .recording.desk import RecordingDesk
 from .recording.shelf import Shelf
-from .sources.known import Known
+from .sources.known import Known, run_name
 from .sources.opening import SourceOpener, stored_at
 from .sources.recent import RecentSources
-from .state import Flicked, NoticeAdded, Opening, OpeningFailed, Restored, Resumed, changed
+from .state import Flicked, NoticeAdded, Opening, OpeningFailed, Question, Restored, Resumed, changed
 from .store import Store
 from .sweeping.commands import CancelSweep, RunSweep, ShowSwept
 from .sweeping.desk import SweepDesk
@@ -63,9 +66,17 @@ class Controller:
         self._shelf, self._known = Shelf(store, recordings), Known(recordings.folder)
         self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
         self._sweeps = SweepDesk(store, recordings.folder)
+        self._accuracy = AccuracyDesk(store, branches.run)
         self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
         self._first, self._autoplay, self._usual = first, autoplay, store.state.source_options
         self._wanted, self._history_bytes = methods, history_bytes
+        self._config = store.state.config
+        """As the app was started: what was changed since belongs to the run in which it was."""
+        self._pending: do.Command | None = None
+        """What the question on the screen is about."""
+        self._questions = 0
+        self._recorded = set[int]()
+        """Branches of the run on the screen that are, or were, recorded."""
         self._lessons = LessonDesk(
             store, lessons, self._obey, self._open_asked, self._run_beside, lambda: self._player.run
         )
@@ -79,12 +90,54 @@ class Controller:
             self._play_on()
 
     def obey(self, command: do.Command) -> None:
-        """InputError where it cannot be done."""
+        """InputError where it cannot be done. What would lose branches is asked about first."""
+        if isinstance(command, do.Confirm):
+            self._confirm(command)
+            return
+        if not isinstance(command, do.OfLessons):
+            self._lessons.require_allowed(command)
+        if (lost := self._lost_by(command)) is None:
+            self._carry_out(command)
+        else:
+            self._questions += 1
+            self._pending = command
+            what, yes = lost
+            self._store.set(question=Question(self._questions, what, yes))
+
+    def _confirm(self, answer: do.Confirm) -> None:
+        """Carries out what was asked about, or forgets it."""
+        question, command = self._store.state.question, self._pending
+        if question is None or command is None or answer.number != question.number:
+            return
+        self._store.set(question=None)
+        self._pending = None
+        if answer.yes:
+            self._carry_out(command)
+
+    def _carry_out(self, command: do.Command) -> None:
         if isinstance(command, do.OfLessons):
             self._lessons.obey(command)
         else:
-            self._lessons.require_allowed(command)
             self._obey(command)
+
+    def _lost_by(self, command: do.Command) -> tuple[str, str] | None:
+        """What is asked before a command, and what agrees to it; None where nothing is lost by it."""
+        recorded = self._recorded
+        match command:
+            case do.Open(source):
+                what, yes = f"Opening {without_secrets(source)}", "Close and open"
+            case do.OpenNamed(name):
+                what, yes = f"Opening {run_name(self._known.source(name, self._store.state))}", "Close and open"
+            case do.Restart():
+                what, yes, recorded = "Starting again from the first frame", "Close and restart", {0, *recorded}
+            case Learn() | TurnTo() if self._lessons.opens_a_run(command):
+                what, yes = "This step of the lesson", "Close and go on"
+            case _:
+                return None
+        lost = loss(self._store.state, recorded)
+        if not lost:
+            return None
+        return f"{what} closes {lost}: this is kept nowhere else. To keep it, record it first (Record).", yes
 
     def _obey(self, command: do.Command) -> None:
         store, player = self._store, self._player
@@ -167,6 +220,7 @@ class Controller:
                 self._bookmarks.remove(exposure)
             case do.Record(name):
                 self._shelf.record(name, player.run)
+                self._recorded.add(store.state.branch)
             case do.StopRecording():
                 self._shelf.stop(player.run)
             case do.PutNote(name, note):
@@ -194,6 +248,7 @@ class Controller:
         finally:
             self._branches.compare_on()
             self._effects.watch(self._store)
+            self._accuracy.watch()
             self._viewers.look_at(self._store.state.index)
             self._viewers.check()
             self._compiling.watch()
@@ -234,7 +289,7 @@ class Controller:
         try:
             found = self._opener.stored(source, self._history_bytes)
             if found is None:
-                asked = source, options, self._wanted, before.config
+                asked = source, options, self._wanted, self._config
                 playback = self._opener.playback(*asked, strict=run is None, progress=self._store.busy)
                 found = CurrentRun(playback, self._history_bytes)
         except Exception as fault:
@@ -268,7 +323,7 @@ class Controller:
     def _run_beside(self, asked: Asked, name: str) -> CurrentRun:
         """Another one, as a branch."""
         found = self._run_of(asked)
-        self._show(*self._branches.add(found, name, 0, (name,)))
+        self._show(*self._branches.add(found, name, 0, (name,), reproducible=True))
         return found
 
     def _show_swept(self, place: int) -> None:
@@ -281,7 +336,8 @@ class Controller:
         stored = stored_at(str(path), self._opener.opener, self._opener.builder)
         if stored is None:
             raise InputError(f"{path} holds no run any more: run the sweep again")
-        self._show(*self._branches.add(CurrentRun.of_stored(stored, self._history_bytes), name, 0, (change,)))
+        found = CurrentRun.of_stored(stored, self._history_bytes)
+        self._show(*self._branches.add(found, name, 0, (change,), reproducible=True))
 
     def _run_of(self, asked: Asked) -> CurrentRun:
         wanted = asked.source, None, asked.methods, asked.config
@@ -293,7 +349,6 @@ class Controller:
             raise InputError("there is nothing to run yet: open a source first")
         self._player.run.require_source()
         playback = self._opener.again(self._player.run.playback, methods, config)
-        self._wanted = playback.methods
         self._store.emit(Opening(self._store.state.source))
         self._begin(CurrentRun(playback, self._history_bytes))
         self._store.set(playing=True)
@@ -302,6 +357,7 @@ class Controller:
         """The run that is on the screen from now on; one that is over is shown at its end."""
         self._shelf.stop(self._player.run)
         playback, self._player.run = run.playback, run
+        self._recorded, self._pending = set(), None
         if not run.done:
             self._compiling.begin(playback)
         self._branches.begin(run)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from threading import Thread
 
 from ispom.errors import InputError
-from ispom.evaluation.metrics import errors
 from ispom.methods import Config
+from ispom.types import Trajectory
 
 from ..diff.compare import divergences
 from ..diff.order import record_rows
 from ..features.events.log import EventLog
+from ..review.recorded_tracks import RecordedViews
 from ..review.stored import Stored
 from ..run.events import Finished, Opened, Stepped
 from ..run.folder.made_map import made_map
@@ -62,6 +64,8 @@ class CurrentRun:
                 self._learn(past[index])
         self.stored: Stored | None = None
         """What it was read from; None for one that is computed here."""
+        self.recorded: RecordedViews | None = None
+        """Images and tracks of the stored run that it is, or that it was forked from."""
 
     @staticmethod
     def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
@@ -76,6 +80,7 @@ class CurrentRun:
         past = Past(history, len(history), methods)
         run = CurrentRun(stored.playback, memory_bytes, past, None, series, events)
         run.stored = stored
+        run.recorded = RecordedViews(stored.recording) if stored.recording is not None else None
         recording_id = stored.recording_id or run.opened.recording_id
         run.opened = replace(run.opened, recording_id=recording_id, map=made_map(stored.path))
         run._model = run._model.with_final({m: t for m, t in stored.final.items() if m in methods})
@@ -90,7 +95,9 @@ class CurrentRun:
         playback = self.playback.forked(at, methods, config, nearest.snapshot if nearest is not None else None)
         past, series = Past(self.history, at, playback.methods), self.series.until(at, playback.methods)
         events = self.events.until(at, playback.methods)
-        return CurrentRun(playback, self._memory_bytes, past, checkpoints, series, events)
+        fork = CurrentRun(playback, self._memory_bytes, past, checkpoints, series, events)
+        fork.recorded = self.recorded
+        return fork
 
     def require_source(self) -> None:
         """InputError where nothing can be computed anew."""
@@ -160,7 +167,7 @@ class CurrentRun:
 
     def _learn(self, record: ExposureRecord) -> None:
         self._model = self._model.after(record.index, record.time_ns, record.steps)
-        self.tally = self.tally.after(record.steps, record.errors_m)
+        self.tally = self.tally.after(record.steps)
 
     def _checkpoint(self) -> Checkpoint:
         return Checkpoint(self.playback.snapshot, self._model, self.tally)
@@ -170,14 +177,12 @@ class CurrentRun:
         model, history = self._model, self.history
         return model if index + 1 >= len(history) else model.as_known_at(index, lambda i: history[i].steps)
 
-    def aligned_ate_m(self, method: str) -> float | None:
-        """ATE [m] of a method's trajectory as it is known now, after a similarity alignment: of one without a metric
-        unit. None without truth, or with too few poses."""
-        model, truth = self._model, self.opened.truth
-        if truth is None or method not in model.methods:
-            return None
-        found = errors(model.methods[method].poses.trajectory(model.times), truth, self.opened.sequence.rig, False)
-        return found["ate_m"]
+    def trajectories(self) -> Mapping[str, Trajectory]:
+        """Each method's trajectory as known now, in its own world: what `ispom run` would write if the run ended here.
+
+        Of a fork that has to run through known exposures first, as far as that came.
+        """
+        return self.stored.final if self.stored is not None else self.playback.finish().trajectories
 
     def rest(self) -> None:
         """Gives most of its memory back; older exposures are read from disk, and more of them are replayed."""

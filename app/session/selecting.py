@@ -7,7 +7,7 @@ import numpy as np
 from ispom.errors import InputError
 
 from ..inspect.selection import Selection, parsed
-from ..inspect.sightings import nearest, seen_by
+from ..inspect.sightings import missing_tracks, nearest, seen_by
 from . import commands as do
 from .current_run import CurrentRun
 
@@ -21,7 +21,11 @@ def picked(run: CurrentRun | None, pick: do.Pick) -> str:
     """The track nearest to the pixel. InputError where the exposure has no tracks of that camera."""
     seen = None
     if run is not None and 0 <= pick.index < len(run.history):
-        seen = seen_by(run.history[pick.index], camera=pick.camera)
+        record = run.history[pick.index]
+        seen = seen_by(record, camera=pick.camera)
+        unavailable = run.stored.unavailable if run.stored is not None else ""
+        if (seen is None or not len(seen.tracks)) and (missing := missing_tracks(record, unavailable)):
+            raise InputError(missing)
     number = None if seen is None else nearest(seen, np.array([pick.u, pick.v]))
     if seen is None or number is None:
         raise InputError(f"exposure {pick.index} has no tracks of the {pick.camera[:20]} camera: pick at another one")

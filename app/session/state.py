@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
@@ -38,6 +39,17 @@ class Notice:
     number: int
     text: str
     kind: Literal["info", "error"] = "error"
+
+
+@dataclass(frozen=True)
+class Question:
+    """Whether a command that closes the run, and loses something with it, shall be carried out."""
+
+    number: int
+    """An answer names it: one that comes late answers no other question."""
+    text: str
+    yes: str
+    """What the button says that carries it out."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +135,8 @@ class State:
     """The number of the one that is shown."""
     beside: tuple[Beside, ...] = ()
     """Trajectories of other programs over the same source."""
+    beside_errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
+    """Their errors by name, over the exposures that are computed."""
     comparison: Comparison | None = None
     """Of two branches."""
     plotted: str = ""
@@ -139,6 +153,8 @@ class State:
     """The lesson that is on, and where it is."""
     progress: Mapping[str, int] = field(default_factory=dict)
     """By lesson: the steps whose answer was revealed."""
+    question: Question | None = None
+    """What is to be answered before the run is closed for another one."""
     loop: Loop | None = None
     until: Expression | NextEvent | None = None
     """The condition, or the event, that a run goes on towards."""
@@ -262,7 +278,7 @@ Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
 _CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
-_CHANGEABLE |= {"lesson", "progress"}
+_CHANGEABLE |= {"lesson", "progress", "beside_errors", "question"}
 _CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect", "sweep"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
 
@@ -293,6 +309,7 @@ def reduce(state: State, event: Event) -> State:
                 flicker=None,
                 integration=None,
                 effect=None,
+                question=None,
                 loop=None,
                 marked=None,
                 selected="",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import threading
 import time
 from collections import deque
@@ -12,10 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ispom.child import Child
+from ispom.child import PYTHON, Child
 from ispom.errors import InputError
 
-COMMAND = (sys.executable, "-m", __name__.rpartition(".sweep.")[0] + ".experiment.child")
+COMMAND = (*PYTHON, "-m", __name__.rpartition(".sweep.")[0] + ".experiment.child")
 ENDS_S = 10.0
 """Told to end it writes what it has; after so long it is killed."""
 

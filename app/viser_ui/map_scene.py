@@ -6,11 +6,15 @@ import logging
 
 import viser
 
+from ispom.errors import InputError
 from ispom.geometry import Pose
+from ispom.io.files import read_bytes
 from ispom.io.meshes import GLTF_FROM_WORLD
 
 from ..run.folder.made_map import MadeMap
 
+MOST_BYTES = 256 << 20
+"""Of a mesh that is sent to a browser; `ispom map` writes less than a tenth of it."""
 log = logging.getLogger(__name__)
 
 
@@ -33,9 +37,9 @@ class MapScene:
 
     def _added(self, made: MadeMap) -> viser.GlbHandle | None:
         try:
-            content = made.preview.read_bytes()
-        except OSError as error:  # the run is shown without
-            log.warning("%s cannot be read (%s)", made.preview, error.strerror)
+            content = read_bytes(made.preview, MOST_BYTES)
+        except InputError as error:  # the run is shown without
+            log.warning("%s", error)
             self._made = None
             return None
         world_from_gltf: Pose = GLTF_FROM_WORLD.inverse()

@@ -75,6 +75,12 @@ class MethodScene:
             del self._drawn[name]
         self._pose(known, hidden)
 
+    def mark(self, *, provisional: bool) -> None:
+        """Draws the camera as one whose pose waits for a first fit, or as usual."""
+        colour = colours.PROVISIONAL if provisional else self._colour
+        if self._camera is not None and tuple(self._camera.color) != colour:
+            self._camera.color = colour
+
     def visible(self, on: bool) -> None:
         """Whether any of it is seen."""
         if self._frame.visible != on:

@@ -7,6 +7,7 @@ that serves one connection instead of listening; `Connection` is what that funct
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ import websockets.asyncio.server
 from viser import _messages
 from websockets.exceptions import ConnectionClosedOK
 
+log = logging.getLogger(__name__)
 CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 """viser's page, in one file."""
 WAITING = 64
@@ -68,6 +70,21 @@ class PageLine:
         self.served.cancel()
 
 
+def understood(data: bytes) -> bool:
+    """Whether viser can read a message of a page. What it cannot read would end in a traceback on the terminal."""
+    try:
+        _messages.Message.deserialize(data)
+    except Exception:  # it looks at nothing that it is sent: whatever Python raises for wrong kinds
+        return False
+    return True
+
+
+def _note_fault(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """One line for what viser's own handlers did not expect of a page."""
+    fault = context.get("exception")
+    log.warning("a message of a page was not understood (%s)", type(fault).__name__ if fault else context["message"])
+
+
 class PortlessViser:
     """A viser server that listens nowhere."""
 
@@ -75,6 +92,7 @@ class PortlessViser:
         with _no_listener() as handlers:
             self.server = viser.ViserServer(host="127.0.0.1", port=0, label=label, verbose=False)
         self._handler: Handler = handlers[0]
+        self.server.get_event_loop().set_exception_handler(_note_fault)
         for share in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):  # a tunnel for the whole world
             self.server._websock_server.unregister_handler(share)
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.evaluation.ate import Alignment, alignment, placed, rms
+from ispom.evaluation.ate import Alignment, rms
 from ispom.evaluation.coverage import Coverage, coverage
 from ispom.evaluation.kitti import kitti_errors
 from ispom.evaluation.relative import motion_errors
 from ispom.evaluation.step_scale import StepScale, step_scale
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Array, Similarity, rotation_angle_rad
 from ispom.types import Trajectory
 
-MIN_POSES = 3
 STRAIGHT = 0.05
 """A path whose spread across is a smaller share of that along it leaves the turn about it open."""
 
@@ -25,10 +25,7 @@ STRAIGHT = 0.05
 class Comparison:
     """Associated poses (N, at least MIN_POSES) of both, the estimate's aligned."""
 
-    estimate: Trajectory
-    reference: Trajectory
-    world_from_own: Similarity
-    """What the alignment did to the estimate."""
+    error: TrajectoryError
     coverage: Coverage
     scale: StepScale | None
     """Of the estimate before alignment; None where the path is too short to tell."""
@@ -36,9 +33,23 @@ class Comparison:
     """Poses over which relative errors are taken."""
 
     @property
+    def estimate(self) -> Trajectory:
+        """Aligned."""
+        return self.error.aligned
+
+    @property
+    def reference(self) -> Trajectory:
+        return self.error.reference
+
+    @property
+    def world_from_own(self) -> Similarity:
+        """What the alignment did to the estimate."""
+        return self.error.reference_from_estimate
+
+    @property
     def position_errors(self) -> Array:
         """(N,) distances [m]."""
-        return np.linalg.norm(self.estimate.translations - self.reference.translations, axis=1)
+        return self.error.position_errors_m
 
     @property
     def rotation_errors_deg(self) -> Array:
@@ -65,11 +76,8 @@ def compare(
 ) -> Comparison:
     """Of whole trajectories, and the associated poses of both (at least MIN_POSES)."""
     own, partners = pairs
-    world_from_own = alignment(own, partners, kind)
     return Comparison(
-        placed(own, world_from_own),
-        partners,
-        world_from_own,
+        TrajectoryError(own, partners, kind),
         coverage(estimate, reference, partners.times_ns),
         step_scale(own, partners),
         delta,

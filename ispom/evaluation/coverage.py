@@ -25,8 +25,9 @@ def coverage(estimate: Trajectory, reference: Trajectory, compared_ns: NDArray[n
     """Of whole trajectories with at least one pose each, and the times (K,) of the reference's compared poses."""
     first_ns, last_ns = int(reference.times_ns[0]), int(reference.times_ns[-1])
     asked = len(reference)
-    if len(estimate) > 1:
-        interval_ns = float(np.median(np.diff(estimate.times_ns)))
+    apart_ns = np.diff(np.unique(estimate.times_ns))
+    if len(apart_ns):
+        interval_ns = float(np.median(apart_ns))
         asked = min(asked, round((last_ns - first_ns) / interval_ns) + 1)
     given = len(np.unique(compared_ns))
     gaps_ns = np.diff(np.concatenate([[first_ns], np.sort(compared_ns), [last_ns]]))

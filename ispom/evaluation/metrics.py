@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ispom.evaluation.association import associate
-from ispom.evaluation.ate import Alignment, aligned, ate_m
 from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
 from ispom.evaluation.kitti import kitti_errors
 from ispom.evaluation.rpe import rpe
 from ispom.evaluation.step_scale import step_scale
+from ispom.evaluation.trajectory_error import alignment_of, error_against_truth
 from ispom.types import Rig, Trajectory
-
-MIN_POSES = 3
 
 
 def errors(trajectory: Trajectory, truth: Trajectory, rig: Rig, metric: bool) -> dict[str, Any]:
@@ -21,18 +18,17 @@ def errors(trajectory: Trajectory, truth: Trajectory, rig: Rig, metric: bool) ->
     `metric` says whether the unit is the metre: it is aligned by a rigid motion then, by a similarity otherwise, and
     how its unit changed is told.
     """
-    alignment: Alignment = "se3" if metric else "sim3"
-    truth = truth.moved(right=rig.rig_from(trajectory.frame), frame=trajectory.frame)
-    estimate, reference = associate(trajectory, truth)
-    if len(estimate) < MIN_POSES:
+    alignment = alignment_of(metric)
+    error = error_against_truth(trajectory, truth, rig, alignment)
+    if error is None:
         names = ("ate_m", "rpe_m", "rpe_deg", "t_err_percent", "r_err_deg_per_100m")
         return {"aligned": alignment, **dict.fromkeys(names)}
-    estimate = aligned(estimate, reference, alignment)
+    estimate, reference = error.aligned, error.reference
     rpe_m, rpe_deg = rpe(estimate, reference)
     drift = kitti_errors(estimate, reference)
     found: dict[str, Any] = {
         "aligned": alignment,
-        "ate_m": ate_m(estimate, reference),
+        "ate_m": error.ate_m,
         "rpe_m": rpe_m,
         "rpe_deg": rpe_deg,
         "t_err_percent": drift and drift.t_err_percent,

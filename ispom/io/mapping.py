@@ -26,20 +26,28 @@ def read_mapping(path: Path) -> dict[Any, Any]:
     text = read_text(path, MAX_BYTES)
     if text.startswith("%YAML:"):  # OpenCV's directive, which is no YAML; the line stays, for counting
         text = "#" + text
-    try:
-        content = _loaded(path, text)
-    except InputError:
-        raise
-    except Exception as error:  # its constructors raise KeyError, IndexError and others on values of a wrong tag
-        place = getattr(error, "problem_mark", None)
-        where = f" line {place.line + 1}" if place else ""
-        raise InputError(f"{path}{where} is not valid YAML: correct it") from None
+    content = parse_yaml(path, text)
     if not isinstance(content, dict):
         raise InputError(f"{path} holds no named values (name: value): give the right file")
     return content
 
 
-def _loaded(path: Path, text: str) -> Any:
+def parse_yaml(where: Path | str, text: str) -> Any:
+    """Returns the values of a YAML text of somebody else's.
+
+    InputError, which begins with `where`, for a text that is malformed or stands for more than MAX_VALUES.
+    """
+    try:
+        return _loaded(where, text)
+    except InputError:
+        raise
+    except Exception as error:  # its constructors raise KeyError, IndexError and others on values of a wrong tag
+        place = getattr(error, "problem_mark", None)
+        line = f" line {place.line + 1}" if place else ""
+        raise InputError(f"{where}{line} is not valid YAML: correct it") from None
+
+
+def _loaded(path: Path | str, text: str) -> Any:
     loader = yaml.SafeLoader(text)
     try:
         root = loader.get_single_node()
@@ -54,7 +62,7 @@ def _loaded(path: Path, text: str) -> Any:
         loader.dispose()
 
 
-def _written_out(path: Path, node: Node, depth: int, known: dict[int, int]) -> int:
+def _written_out(path: Path | str, node: Node, depth: int, known: dict[int, int]) -> int:
     """How many values a node stands for; more than MAX_VALUES where it is too deep, or holds itself.
 
     InputError where a name is given twice.
@@ -75,7 +83,7 @@ def _written_out(path: Path, node: Node, depth: int, known: dict[int, int]) -> i
     return known[id(node)]
 
 
-def _require_once(path: Path, node: MappingNode) -> None:
+def _require_once(path: Path | str, node: MappingNode) -> None:
     names: set[tuple[str, str]] = set()
     for key, _ in node.value:
         if isinstance(key, ScalarNode) and not key.tag.endswith(":merge"):

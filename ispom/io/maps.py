@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from zipfile import ZipFile
+from zipfile import ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,10 @@ from ispom.io.files import require_file
 from ispom.io.rows import LARGEST
 from ispom.types import Frame, Landmarks, Trajectory
 
-MAX_BYTES = 2 << 30
+MAX_BYTES = 1 << 30
+SMALL_BYTES, MOST_PACKED = 64 << 20, 60
+"""A file that unpacks to more than the former is at most so many times as large unpacked: those of `ispom run` are some
+3 times as large."""
 ROTATION_TOLERANCE = 1e-3
 CAMERAS: tuple[Frame, ...] = ("video", "left")
 _SHAPES = {
@@ -70,13 +74,16 @@ def map_bytes(maps: Mapping[str, SceneMap]) -> bytes:
 
 
 def read_maps(path: Path) -> dict[str, SceneMap]:
-    """By method; InputError where the file is missing or damaged, or unpacks to more than MAX_BYTES."""
-    require_file(path)
+    """By method; InputError where the file is missing or damaged, or claims to be larger than such files are.
+
+    All sizes are looked at before memory is taken for any of the arrays.
+    """
+    size = require_file(path)
     try:
         with ZipFile(path) as packed:
-            size = sum(entry.file_size for entry in packed.infolist())
-        if size > MAX_BYTES:
-            raise InputError(f"{path} unpacks to {size >> 20} MB, more than such a file holds: run again")
+            claimed = sum(_claimed_bytes(packed, entry) for entry in packed.infolist())
+        if claimed > min(MAX_BYTES, max(SMALL_BYTES, MOST_PACKED * size)):
+            raise InputError(f"{path} unpacks to {claimed >> 20} MB, more than such a file holds: run again")
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         methods = dict.fromkeys(name.rpartition(".")[0] for name in arrays)
@@ -89,6 +96,19 @@ def read_maps(path: Path) -> dict[str, SceneMap]:
         raise InputError(f"{path} is damaged, or was not written by ispom run: run again") from None
 
 
+def _claimed_bytes(packed: ZipFile, entry: ZipInfo) -> int:
+    """Of one array, unpacked. ValueError where the archive, and the array's own header, say different sizes."""
+    with packed.open(entry) as file:
+        version = np.lib.format.read_magic(file)
+        if version == (1, 0):
+            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+        else:
+            shape, _, dtype = np.lib.format.read_array_header_2_0(file)
+        if dtype.hasobject or file.tell() + math.prod(shape) * dtype.itemsize != entry.file_size:
+            raise ValueError(entry.filename)
+    return entry.file_size
+
+
 def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
     """ValueError where shapes or kinds do not agree."""
     counts: dict[str, int] = {}
@@ -97,7 +117,7 @@ def _map(arrays: dict[str, np.ndarray]) -> SceneMap:
         expected = (counts.setdefault(axes[0], len(array)), *(int(n) for n in axes[1:]))
         if array.shape != expected or array.dtype.kind != kind:
             raise ValueError(name)
-        if kind == "f" and not (abs(array) <= LARGEST).all():
+        if kind == "f" and array.size and not -LARGEST <= array.min() <= array.max() <= LARGEST:  # NaN is neither
             raise ValueError(name)
     if counts["n"] and not 0 <= arrays["seen_from"].min() <= arrays["seen_from"].max() < counts["k"]:
         raise ValueError("seen_from")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +13,14 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
-from ispom.io.files import require_file
+from ispom.io.files import names, read_bytes, require_file
 from ispom.types import Image
 
 GLTF_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]))
 """glTF's y axis points up and its z axis to the viewer; here y points down, and z ahead."""
 ENDINGS = (".ply", ".obj", ".glb", ".gltf", ".stl")
+COMPANION_BYTES = 256 << 20
+"""Of a file that a mesh names."""
 PLAIN = (160, 160, 160)
 """Colour of a mesh without one."""
 
@@ -57,7 +60,9 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            loaded = trimesh.load(path, force="mesh", process=False)
+            loaded = trimesh.load(path, force="mesh", process=False, resolver=_companions(path))
+    except InputError:
+        raise
     except Exception as error:  # its parsers raise a dozen kinds on damaged bytes
         raise InputError(f"{path} is damaged, or no mesh ({type(error).__name__}): give another file") from None
     if not isinstance(loaded, trimesh.Trimesh) or not len(loaded.faces) or not np.isfinite(loaded.vertices).all():
@@ -74,6 +79,35 @@ def read_coloured_mesh(path: Path) -> ColouredMesh:
     if visual.kind == "face":
         return ColouredMesh(triangles, np.repeat(np.asarray(visual.face_colors)[:, None, :3], 3, axis=1))
     return ColouredMesh(triangles, np.broadcast_to(np.array(PLAIN, np.uint8), (*faces.shape, 3)))
+
+
+def _companions(path: Path) -> Any:
+    """What trimesh reads the files through that a mesh names, such as its texture: those of its own folder only, links
+    followed, of bounded size. Its own reader waits for pipes, and in some versions takes any path."""
+    from trimesh.resolvers import Resolver
+
+    folder = Path(os.path.realpath(path.parent))
+
+    class Companions(Resolver):
+        def __init__(self) -> None:
+            pass
+
+        def get(self, key: str) -> bytes:
+            found = Path(os.path.realpath(folder / key.strip()))
+            if not found.is_relative_to(folder):
+                raise InputError(f"{path} names {key[:60]!r}, which is outside of its folder: put the file beside it")
+            return read_bytes(found, COMPANION_BYTES)
+
+        def keys(self) -> list[str]:
+            return names(folder)
+
+        def namespaced(self, namespace: str) -> Any:
+            return self
+
+        def write(self, name: str, data: Any) -> None:
+            raise NotImplementedError
+
+    return Companions()
 
 
 def _texture(visual: Any) -> Image | None:

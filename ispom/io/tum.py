@@ -6,8 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ispom.io.pose_table import Columns, header_columns, read_pose_table
 from ispom.io.rows import latest, numbers, read_rows, times_ns
 from ispom.types import Frame, Trajectory
+
+ORDER = tuple(range(8))
+
+
+def is_tum(columns: Columns) -> bool:
+    """Whether a header names TUM's columns, in its order and no others."""
+    return columns.order == ORDER and columns.count == len(ORDER) and columns.unit in (None, "s") and columns.spaced
 
 
 def tum_text(trajectory: Trajectory) -> str:
@@ -21,9 +29,12 @@ def read_tum(path: Path, frame: Frame = "rig", every: bool = False) -> Trajector
     """The trajectory of a file; `frame` says whose poses they are. InputError names the line that is wrong.
 
     Of several poses at one time the last counts: the published truth of TUM's fr2_desk has such a pair. With
-    `every`, all of them stay.
+    `every`, all of them stay. A header that names the columns in another order counts.
     """
-    rows = read_rows(path, 8)
+    columns = header_columns(path)
+    if columns is not None and not is_tum(columns):
+        return read_pose_table(path, columns, frame, every)[0]
+    rows = [row for row in read_rows(path, 8) if columns is None or row[0] != columns.line]
     times = times_ns(path, rows)
     values = np.array([numbers(path, line, words[1:]) for line, words in rows]).reshape(-1, 7)
     return latest(path, rows, times, values[:, :3], values[:, 3:], frame, every)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from io import FileIO
 from pathlib import Path
 
 from ispom.errors import InputError
@@ -19,6 +20,26 @@ def part_of(path: Path) -> Path:
 def whole_of(path: Path) -> Path:
     """The name that a growing file gets when it is complete; that of any other file is its own."""
     return path.with_name(path.name.removeprefix(PART))
+
+
+def create_file(path: Path) -> FileIO:
+    """Returns a new, empty file to write to, in place of whatever file was there. OSError where it cannot be made.
+
+    A link is replaced, never followed: a folder that came from somebody else may hold links to the user's own files.
+    """
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+    flags |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+    return FileIO(os.open(path, flags, 0o666), "wb")
+
+
+def require_no_links(folder: Path, path: Path) -> None:
+    """InputError where a folder between `folder` and `path` is a link: what is written there would land elsewhere."""
+    for parent in path.parents:
+        if parent == folder or folder not in parent.parents:
+            return
+        if parent.is_symlink():
+            raise InputError(f"{parent} is a link to another folder: remove it, or give another place to write to")
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -38,7 +59,10 @@ def replace_whole(path: Path, content: str | bytes) -> None:
     part = part_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content.encode(errors="backslashreplace") if isinstance(content, str) else content)
+        left = memoryview(content.encode(errors="backslashreplace") if isinstance(content, str) else content)
+        with create_file(part) as file:
+            while left:
+                left = left[file.write(left) :]
         os.replace(part, path)
     except OSError:
         with suppress(OSError):  # its folder is no folder, or was taken away: nothing was written then

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from ispom.stop import check_stop
+
 T = TypeVar("T")
 
 FIRST, LOWEST = 1e-4, 1e-9
@@ -41,6 +43,7 @@ def minimise(
     values, damping, done = start, first, 0
     before = now = cost(start)
     for done in range(1, iterations + 1):  # noqa: B007
+        check_stop()
         trial = stepped(values, damping)
         trial_cost = cost(trial)
         if trial_cost < now:

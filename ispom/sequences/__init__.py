@@ -22,6 +22,7 @@ from ispom.sequences.formats.video import VIDEO_SUFFIXES, looks_like_video, open
 from ispom.sequences.formats.video_folder import looks_like_video_folder, open_video_folder
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.sequences.prefetch import prefetched
+from ispom.sequences.readable import require_readable
 from ispom.sequences.recording import Recording
 from ispom.sequences.two_rate import check_shape, two_rate
 from ispom.types import Exposure, Sequence
@@ -32,17 +33,17 @@ LAYOUTS = (
     (looks_like_kitti, open_kitti),
     (looks_like_kitti_raw, open_kitti_raw),
     (looks_like_euroc, open_euroc),
-    (looks_like_bag, open_bag),
 )
 """How each kind of folder or file is recognised and opened; the first that recognises it counts."""
 ONE_CAMERA = (
+    (looks_like_bag, open_bag),
     (looks_like_tum, open_tum),
     (looks_like_seven_scenes, open_seven_scenes),
     (looks_like_video, open_video),
     (looks_like_images, open_folder),
     (looks_like_video_folder, open_video_folder),
 )
-"""The same, of kinds whose calibration is a file of its own, so that another may take its place."""
+"""The same, of kinds whose calibration may be a file of its own, so that another may take its place."""
 
 ARCHIVES = frozenset({".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar"})
 SETTINGS = frozenset({".yaml", ".yml"})
@@ -81,7 +82,8 @@ def open_sequence(
     if source.startswith("sim:"):
         from ispom.sequences.formats.simulated import open_words  # brings the ray caster, which takes seconds
 
-        sequence = open_words(source.removeprefix("sim:"), seed)
+        with bounded(policy.places):  # its words may name files: a route, a mesh
+            sequence = open_words(source.removeprefix("sim:"), seed)
     elif looks_live(source):
         return open_live(source, calibration, max_exposures, MIN_FRAMES)
     else:
@@ -96,7 +98,10 @@ def open_sequence(
         few = counted(frames, "frame")
         raise InputError(f"{source} has {few}, a run needs {MIN_FRAMES} or more: give a longer sequence")
     sequence = replace(sequence, name=as_text(sequence.name), notes=tuple(map(as_text, sequence.notes)))
-    return prefetched(sequence if max_exposures is None else sequence.truncated(max_exposures))
+    sequence = sequence if max_exposures is None else sequence.truncated(max_exposures)
+    if sequence.prepare is None:  # images of simulations are made, not read
+        require_readable(sequence)
+    return prefetched(sequence)
 
 
 def _within(sequence: Sequence, policy: SourcePolicy) -> Sequence:

@@ -12,7 +12,6 @@ import numpy as np
 from PIL import Image as Header
 
 from ispom.errors import InputError
-from ispom.io.camera import MAX_FOCAL, MIN_FOCAL
 from ispom.io.files import opened
 from ispom.sequences.quicktime import quicktime_metadata
 from ispom.types import Camera, Guess
@@ -24,16 +23,21 @@ USUAL_SHARE, USUAL_SIGMA = 0.7, 0.3
 cars 0.5 to 0.6; and the standard deviation of its logarithm."""
 TOLD_SIGMA = 0.05
 """The same of one that a file tells: it is rounded to millimetres, and films are cropped for stabilisation."""
+LEAST_TOLD, MOST_TOLD = 0.2, 20.0
+"""Focal lengths, as a share of the longer side, that a file may tell: of lenses of 7 to 720 mm on 35 mm film."""
+SENSOR_MM = (2.0, 62.0)
+"""The longer side of a camera's sensor: from telephones to medium format."""
 _EXIF, _FOCAL_MM, _FOCAL_35_MM = 0x8769, 37386, 41989
 _PLANE_RESOLUTION, _PLANE_UNIT = 41486, 41488
-_MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}
+_PIXEL_SIDES = (40962, 40963)
+_MM_OF_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _QUICKTIME = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
 def guessed(size: tuple[int, int], told: tuple[float, str] | None) -> Guess:
     """Of images (width, height); `told` is a focal length [px] and where it was found."""
     longer = max(size)
-    if told is not None and MIN_FOCAL * longer <= told[0] <= MAX_FOCAL * longer:
+    if told is not None and LEAST_TOLD * longer <= told[0] <= MOST_TOLD * longer:
         return Guess(told[0], TOLD_SIGMA, told[1])
     return Guess(USUAL_SHARE * longer, USUAL_SIGMA, f"a guess: {USUAL_SHARE:g} of the longer side")
 
@@ -65,10 +69,16 @@ def _told_by_exif(entries: dict[int, object], size: tuple[int, int]) -> tuple[fl
     if (equivalent := _number(entries.get(_FOCAL_35_MM))) is not None:
         return _px_of_35_mm(equivalent, size), f"EXIF: {equivalent:g} mm on 35 mm film"
     focal_mm, per_unit = _number(entries.get(_FOCAL_MM)), _number(entries.get(_PLANE_RESOLUTION))
-    unit = entries.get(_PLANE_UNIT, 2)
-    if focal_mm is not None and per_unit is not None and unit in _MM_OF_UNIT:
-        return focal_mm * per_unit / _MM_OF_UNIT[unit], f"EXIF: {focal_mm:g} mm, {per_unit:g} px per unit"  # type: ignore[index]
-    return None
+    mm = _MM_OF_UNIT.get(_number(entries.get(_PLANE_UNIT, 2)) or 0)
+    if focal_mm is None or per_unit is None or mm is None:
+        return None
+    # The resolution is that of the image as it was taken, which may have been made smaller since.
+    sides = [side for tag in _PIXEL_SIDES if (side := _number(entries.get(tag))) is not None]
+    taken = max(sides) if sides else max(size)
+    if not SENSOR_MM[0] <= taken * mm / per_unit <= SENSOR_MM[1]:
+        return None
+    reduced = "" if taken == max(size) else f", of an image {taken:g} px wide"
+    return focal_mm * per_unit / mm * max(size) / taken, f"EXIF: {focal_mm:g} mm, {per_unit:g} px per unit{reduced}"
 
 
 def _px_of_35_mm(equivalent_mm: float, size: tuple[int, int]) -> float:

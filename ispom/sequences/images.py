@@ -20,6 +20,26 @@ from ispom.sequences.image_header import MAX_BYTES, header_size, is_whole
 from ispom.types import Image
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
+UNREAD_SUFFIXES = frozenset(
+    {
+        ".heic",
+        ".heif",
+        ".avif",
+        ".jxl",
+        ".jp2",
+        ".gif",
+        ".exr",
+        ".dng",
+        ".cr2",
+        ".cr3",
+        ".nef",
+        ".arw",
+        ".raf",
+        ".orf",
+        ".rw2",
+    }
+)
+"""Of images in formats that are not read."""
 SAMPLES = 8
 """Images of a folder that tell the range of all."""
 DEFECTIVE = 0.1
@@ -64,13 +84,14 @@ def decode(
         raise UnreadableImage(f"{where} is not a whole image (truncated or damaged): restore it")
     _require(where, image.shape[1::-1], size)
     if image.dtype != np.uint8:
-        image = _as_bytes(image, None if span is None else span())
+        image = as_bytes(image, None if span is None else span())
     image = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
     image.setflags(write=False)
     return image
 
 
-def _as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
+def as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
+    """With `span` as 0 and 255; without it, 0 and the largest value of their kind, or of floats 1."""
     if span is None:
         span = 0.0, np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
     black, white = span
@@ -82,13 +103,18 @@ def _as_bytes(image: NDArray[Any], span: tuple[float, float] | None) -> Image:
 
 @lru_cache(maxsize=64)
 def span_of(folder: Path) -> tuple[float, float]:
-    """What is black and white in the images of a recording, where they are no bytes: of 12-bit ones 0 and 4095.
+    """What is black and white in the images of a folder, where they are no bytes, from SAMPLES of them."""
+    return span_of_values([found for found in map(_values, _samples(folder)) if found is not None])
 
-    From SAMPLES of a folder's images, as one image may be a dark one: 0, and the least of 1 (floats) and of 2^8,
-    2^10 ... 2^16 less one that none of them exceeds. Of thermal cameras, whose values lie in a small part of that and
-    far from 0, twice that part. The same for all its images, so that their brightness can be compared.
+
+def span_of_values(values: list[NDArray[Any]]) -> tuple[float, float]:
+    """What is black and white in images of a recording, by the finite values of some: of 12-bit ones 0 and 4095.
+
+    Of several images, as one may be a dark one: 0, and the least of 1 (floats) and of 2^8, 2^10 ... 2^16 less one that
+    none of them exceeds. Of thermal cameras, whose values lie in a small part of that and far from 0, twice that part.
+    The same for all its images, so that their brightness can be compared.
     """
-    values = [found for found in map(_values, _samples(folder)) if found is not None and len(found)]
+    values = [found for found in values if len(found)]
     if not values:
         return 0.0, 2.0**16 - 1
     highest = max(float(found.max()) for found in values)
@@ -101,16 +127,28 @@ def span_of(folder: Path) -> tuple[float, float]:
     return 0.0, next((2.0**bits - 1 for bits in (8, 10, 12, 14) if highest < 2**bits), 2.0**16 - 1)
 
 
+def sampled(count: int) -> list[int]:
+    """Indices of SAMPLES of so many images."""
+    return np.unique(np.linspace(0, count - 1, SAMPLES).round().astype(int)).tolist() if count else []
+
+
 def _samples(folder: Path) -> list[Path]:
     paths = [folder / name for name in names(folder) if Path(name).suffix.lower() in IMAGE_SUFFIXES]
-    return [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, SAMPLES).round().astype(int))]
+    return [paths[i] for i in sampled(len(paths))]
 
 
 def _values(path: Path) -> NDArray[Any] | None:
     """The finite values of an image; None where it holds bytes, or cannot be read."""
     try:
-        content = read_bytes(path, MAX_BYTES)
-        claimed = header_size(content, str(path))
+        return values_of(read_bytes(path, MAX_BYTES), str(path))
+    except InputError:
+        return None
+
+
+def values_of(content: bytes, where: str) -> NDArray[Any] | None:
+    """The same of an image file's bytes."""
+    try:
+        claimed = header_size(content, where)
     except InputError:
         return None
     if claimed is None or claimed[0] * claimed[1] > MAX_PIXELS or not is_whole(content):

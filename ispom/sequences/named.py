@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,8 +15,28 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 
-_STAMP = re.compile(r"(?<![0-9.])1(?:([0-9]{9})\.([0-9]{1,9})|([0-9]{18}|[0-9]{15}|[0-9]{12}))$")
-"""Seconds with a fraction, or whole nano-, micro- or milliseconds since 1970, 2001 to 2033; a date begins with 2."""
+_STAMP = re.compile(r"(?<![0-9.])1(?:([0-9]{9})\.([0-9]{1,9})|([0-9]{18}|[0-9]{15}|[0-9]{12}|[0-9]{9}))$")
+"""Seconds with or without a fraction, or whole nano-, micro- or milliseconds since 1970, from 2001 to 2033; a date
+begins with 2."""
+_SECONDS = re.compile(r"(?<![0-9.,])([0-9]{1,10})(?:[.,]([0-9]{1,20}))?(?= ?s?$)")
+"""Seconds from the recording's own zero, of which some have a fraction."""
+_DATE = re.compile(
+    r"(?<![0-9])((?:19|20)[0-9]{2})([-_.]?)([0-9]{2})\2([0-9]{2})[-_.T ]{0,3}([0-9]{2})([-_.:hm]?)([0-9]{2})[-_.:hm]?"
+    r"([0-9]{2})(?:[.,]([0-9]{1,9})|[-_]?([0-9]{3}|[0-9]{6}|[0-9]{9}))?[sZ]?$"
+)
+"""A date and a time of day, perhaps with a fraction of the second."""
+_LAST_NUMBER = re.compile(r"(.*?)([0-9]{1,18})([^0-9]*)")
+SHORTEST_NS, LONGEST_NS = 1_000_000, 10_000_000_000
+"""The median interval of images whose names are taken for times lies between these."""
+UNITS = {"milliseconds": 1_000_000, "microseconds": 1_000, "nanoseconds": 1}
+"""Of whole numbers that are times, from the longest to the shortest."""
+ROUNDED = 0.1
+"""Of the usual interval, times of images may be early or late by this share."""
+WRAPS = (99, 255, 999, 9_999, 32_767, 65_535, 99_999, 999_999)
+"""Largest values of counters, after which they start again: those of decimal digits at 1, the binary ones at 0."""
+WRAP_STEPS, WRAP_SHARE = 10, 0.5
+"""From the last image before a counter starts again to the first one after it there are at most so many steps; and
+images take up less than this share of the counter."""
 IN_STEP = 0.5
 """Share of the intervals that are one step, or the numbers do not count images."""
 SEVERAL = 0.5
@@ -30,30 +52,143 @@ class Named:
     """(N,) increasing; None where the names are not times."""
     numbers: NDArray[np.int64] | None = None
     """(N,) increasing; None where the names have no number each, or no times."""
+    unread: NDArray[np.int64] | None = None
+    """(K,) numbers of images between them whose format is not read."""
+    notes: tuple[str, ...] = ()
+    """About names that could be read in another way, too."""
 
     @property
     def step(self) -> int:
         """What numbers differ by from one image to the next where none is missing; 0 where they do not count images."""
-        return 0 if self.numbers is None else _step(self.numbers)
+        if self.numbers is None:
+            return 0
+        return _step(self.numbers if self.unread is None else np.union1d(self.numbers, self.unread))
 
 
-def named(names: list[str]) -> Named:
-    """By their times, or else by their numbers, 2 before 10.
+def named(names: list[str], unread: list[str] | None = None) -> Named:
+    """By their times, or else by their numbers, 2 before 10; `unread` are images that cannot be read, and have numbers.
 
     InputError where several images have one number: those of several cameras, or colours and depths.
     """
-    stamps = {name: stamp for name in names if (stamp := _stamp(Path(name).stem)) is not None}
-    if len(set(stamps.values())) == len(names) > 1 and len({_before(name) for name in names}) == 1:
-        order = sorted(names, key=stamps.__getitem__)
-        return Named(tuple(order), np.array([stamps[name] for name in order], np.int64))
+    for stamp in (_stamp, _date):
+        stamps = {name: ns for name in names if (ns := stamp(Path(name).stem)) is not None}
+        if len(set(stamps.values())) == len(names) > 1 and len({_before(name, stamp) for name in names}) == 1:
+            order = sorted(names, key=stamps.__getitem__)
+            stamps_ns = np.array([stamps[name] for name in order], np.int64)
+            if stamp is _stamp or _is_likely(np.diff(stamps_ns)):
+                return Named(tuple(order), stamps_ns)
+    found = _of_seconds(names)
+    return _counted(names, unread or []) if found is None else found
+
+
+def _counted(names: list[str], unread: list[str]) -> Named:
+    """The images by their numbers."""
     order = sorted(names, key=_order)
     _require_one_kind(order)
     found = [_number(name) for name in order]
     if len({kind for kind, _ in found}) > 1:
         return Named(tuple(order))
     numbers = [number for _, number in found]
-    rising = -1 not in numbers and all(a < b for a, b in pairwise(numbers))
-    return Named(tuple(order), None, np.array(numbers, np.int64) if rising else None)
+    if -1 in numbers or not all(a < b for a, b in pairwise(numbers)):
+        return Named(tuple(order))
+    kind = Path(found[0][0]).stem
+    others = {number for other, number in map(_number, unread) if Path(other).stem == kind} - {*numbers, -1}
+    both = np.array(sorted({*numbers, *others}), np.int64)
+    counts, note = _unwrapped(both, _padded(order))
+    count_of = dict(zip(both.tolist(), counts.tolist(), strict=True))
+    pairs = sorted((count_of[number], name) for number, name in zip(numbers, order, strict=True))
+    left_out = np.array(sorted(count_of[number] for number in others), np.int64) if others else None
+    numbered = np.array([count for count, _ in pairs], np.int64)
+    one = Named(tuple(name for _, name in pairs), None, numbered, left_out, (note,) if note else ())
+    return one if others or note else _of_whole_numbers(one)
+
+
+def _padded(names: list[str]) -> int:
+    """To how many digits numbers are filled with zeros; 0 where they are not."""
+    digits = [found[2] for name in names if (found := _LAST_NUMBER.fullmatch(Path(name).stem)) is not None]
+    widths = {len(each) for each in digits}
+    return widths.pop() if len(widths) == 1 and any(each[0] == "0" and len(each) > 1 for each in digits) else 0
+
+
+def _of_seconds(names: list[str]) -> Named | None:
+    """By decimal seconds, of which at least one has a fraction; None where the names are something else, such as
+    versions and counters with points."""
+    found = [_SECONDS.search(Path(name).stem) for name in names]
+    parts = [match.groups() for match in found if match is not None]
+    fractions = [fraction for _, fraction in parts if fraction is not None]
+    if len(parts) < max(2, len(names)) or not fractions or len({_before_seconds(name) for name in names}) > 1:
+        return None
+    # 1.9 and 1.10 are counters: seconds are printed to one number of digits, or to as many as they need.
+    same = len({len(fraction) for fraction in fractions}) == 1 and len(fractions) == len(parts)
+    if not same and any(fraction.endswith("0") and fraction != "0" for fraction in fractions):
+        return None
+    if same and _is_counter([(int(whole), int(fraction or 0)) for whole, fraction in parts]):
+        return None
+    stamps = {name: _seconds_ns(*part) for name, part in zip(names, parts, strict=True)}
+    order = sorted(names, key=stamps.__getitem__)
+    stamps_ns = np.array([stamps[name] for name in order], np.int64)
+    return Named(tuple(order), stamps_ns) if _is_likely(np.diff(stamps_ns)) else None
+
+
+def _is_counter(parts: list[tuple[int, int]]) -> bool:
+    """Whether what stands after the point counts 0, 1, 2 or 1, 2, 3 for each value before it: 1.00, 1.01, 2.00."""
+    after: dict[int, list[int]] = {}
+    for before, fraction in sorted(parts):
+        after.setdefault(before, []).append(fraction)
+    counted = all(each[0] in (0, 1) and each == [*range(each[0], each[0] + len(each))] for each in after.values())
+    sizes = {len(each) for each in after.values()}
+    full = len(after) > 1 and max(sizes) == 10  # 0.8, 0.9, 1.0: tenths of seconds
+    return counted and (len(after) > 1 or min(after) > 0) and not full
+
+
+def _of_whole_numbers(one: Named) -> Named:
+    """With times, where its numbers advance by a step that is no whole number, as rounded times do: 0, 33, 67, 100."""
+    assert one.numbers is not None
+    apart = np.diff(one.numbers)
+    if len(apart) < 3 or one.step:
+        return one
+    ticks = np.rint(apart / np.median(apart))
+    if not ticks.all() or (ticks == 1).mean() < IN_STEP:
+        return one
+    interval = apart.sum() / ticks.sum()
+    late = one.numbers - one.numbers[0] - interval * np.concatenate([[0], np.cumsum(ticks)])
+    if interval < 1 / ROUNDED or np.abs(late).max() > max(1.0, ROUNDED * interval):
+        return one
+    for unit, unit_ns in UNITS.items():
+        if SHORTEST_NS < interval * unit_ns <= 1_000_000_000:
+            note = f"the numbers in the names of the images are taken as times in {unit} (rate_hz says otherwise)"
+            return replace(one, stamps_ns=one.numbers * unit_ns, numbers=None, notes=(note,))
+    return one
+
+
+def _unwrapped(numbers: NDArray[np.int64], padded: int) -> tuple[NDArray[np.int64], str]:
+    """Counts (N,) that go on where a counter started again (9998, 9999, 1, 2), and a note about that.
+
+    `numbers` (N,) are increasing, and filled with zeros to `padded` digits, or not.
+    """
+    apart = np.diff(numbers)
+    if len(apart) < 2:
+        return numbers, ""
+    first = int(np.argmax(apart)) + 1
+    low, high = numbers[:first], numbers[first:]
+    step = _step(low) if len(low) > 1 else _step(high)
+    if not step or (len(high) > 1 and _step(high) != step):
+        return numbers, ""
+    for most in WRAPS:
+        starts_at_1 = str(most).strip("9") == "" and low[0] > 0
+        turn = most if starts_at_1 and (low[0] + most - high[-1]) % step == 0 else most + 1
+        across = int(low[0] + turn - high[-1])
+        if high[-1] > most or (padded and padded != len(str(most))) or apart[first - 1] <= WRAP_SHARE * most:
+            continue
+        if across % step == 0 and across <= min(WRAP_STEPS * step, ROUNDED * most):
+            note = f"the counter in the names of the images starts again after {most}: {low[0]} follows {high[-1]}"
+            return np.where(np.arange(len(numbers)) < first, numbers + turn, numbers), note
+    return numbers, ""
+
+
+def _is_likely(apart_ns: NDArray[np.int64]) -> bool:
+    """Whether images may have been taken at such intervals."""
+    return bool((apart_ns > 0).all()) and SHORTEST_NS < float(np.median(apart_ns)) <= LONGEST_NS
 
 
 def ticks_of(one: Named) -> NDArray[np.int64]:
@@ -72,7 +207,9 @@ def ticks_of_pair(left: Named, right: Named) -> tuple[NDArray[np.int64], NDArray
         return None
     common = np.intersect1d(left.numbers, right.numbers)
     both = np.union1d(left.numbers, right.numbers)
-    if len(common) < SEVERAL * min(len(left.numbers), len(right.numbers)) or not (step := _step(both)):
+    unread = [one.unread for one in (left, right) if one.unread is not None]
+    step = _step(np.unique(np.concatenate([both, *unread])))
+    if len(common) < SEVERAL * min(len(left.numbers), len(right.numbers)) or not step:
         return None
     return (left.numbers - both[0]) // step, (right.numbers - both[0]) // step
 
@@ -94,15 +231,36 @@ def _stamp(stem: str) -> int | None:
     return int(f"1{seconds}{fraction:0<9}" if whole is None else f"1{whole:0<18}")
 
 
-def _before(name: str) -> str:
+def _date(stem: str) -> int | None:
+    """[ns] since 1970, of a date and a time of day."""
+    found = _DATE.search(stem)
+    if found is None:
+        return None
+    year, _, month, day, hour, _, minute, second, *fractions = found.groups()
+    try:
+        moment = datetime(*map(int, (year, month, day, hour, minute, second)), tzinfo=UTC)  # type: ignore[misc]
+    except ValueError:
+        return None
+    return int(moment.timestamp()) * 10**9 + int(f"{fractions[0] or fractions[1] or '':0<9}")
+
+
+def _seconds_ns(whole: str, fraction: str | None) -> int:
+    return int(whole) * 10**9 + int(f"{fraction or '':0<9}"[:9])
+
+
+def _before(name: str, stamp: Callable[[str], int | None]) -> str:
     """What a name has before its time."""
-    return _STAMP.sub("", Path(name).stem)
+    return (_STAMP if stamp is _stamp else _DATE).sub("", Path(name).stem)
+
+
+def _before_seconds(name: str) -> str:
+    return _SECONDS.sub("", Path(name).stem)
 
 
 def _number(name: str) -> tuple[str, int]:
     """What kind of image it is, by all that is not the last number in its name, and that number; -1 without one."""
     path = Path(name)
-    found = re.fullmatch(r"(.*?)([0-9]{1,18})([^0-9]*)", path.stem)
+    found = _LAST_NUMBER.fullmatch(path.stem)
     kind = path.suffix.lower()
     return (path.stem + kind, -1) if found is None else (f"{found[1]}#{found[3]}{kind}", int(found[2]))
 

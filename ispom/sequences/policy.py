@@ -12,7 +12,8 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 
 @dataclass(frozen=True)
 class SourcePolicy:
-    """Simulations are always allowed. What is not allowed is refused without a look at whether it is there."""
+    """Simulations are always allowed, but for files that their words name. What is not allowed is refused without a
+    look at whether it is there."""
 
     root: Path | None = None
     """Only what is inside of this folder is opened, links followed: the source, and all files that belong to it. None:

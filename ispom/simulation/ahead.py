@@ -7,9 +7,10 @@ import threading
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 
 from ispom.simulation.cache import ImageCache
+from ispom.stop import wait_or_stop
 from ispom.types import Image
 
 _AT_ONCE = 2
@@ -76,6 +77,7 @@ class AheadRenderer:
             if claimed is None:
                 mine = self._in_work[i] = Future()
         if claimed is not None:
+            wait_or_stop(lambda seconds: bool(wait([claimed], seconds).done))
             return claimed.result()
         try:
             image = self._cache.read(self._names[i])

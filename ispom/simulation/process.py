@@ -6,8 +6,10 @@ It can be started before anything else, and ends when the process that wants its
 from __future__ import annotations
 
 import atexit
+import errno
 import json
 import os
+import select
 import signal
 import sys
 import threading
@@ -19,13 +21,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ispom.child import Child
+from ispom.child import PYTHON, Child
 from ispom.errors import InputError
+from ispom.stop import wait_or_stop
 
 if TYPE_CHECKING:
     from ispom.types import Image, Kind
 
-_COMMAND = [sys.executable, "-m", "ispom.simulation.process"]
+_COMMAND = [*PYTHON, "-m", "ispom.simulation.process"]
 IDLE_S = 60.0
 """A process that is asked for nothing for so long ends, and is started anew where it is wanted again: a scene and its
 textures take 0.36 GB, and most runs find their images on the disk."""
@@ -52,7 +55,7 @@ class RenderPool:
     ) -> Image:
         """As `RenderProcess.render`, in a process that is free; waits for one."""
         with self._change:
-            self._change.wait_for(lambda: self._processes[0] in self._free or (self._warm and self._free))
+            wait_or_stop(lambda seconds: bool(self._change.wait_for(self._has_room, seconds)))
             process = min(self._free, key=self._processes.index)
             self._free.remove(process)
         try:
@@ -64,10 +67,18 @@ class RenderPool:
                 self._free.append(process)
                 self._change.notify_all()
 
+    def _has_room(self) -> bool:
+        return self._processes[0] in self._free or (self._warm and bool(self._free))
+
     def stop(self) -> None:
         """Ends the processes."""
         for process in self._processes:
             process.stop()
+
+    def end(self) -> None:
+        """The same, and none is started again: threads that wait for an image end soon."""
+        for process in self._processes:
+            process.end()
 
 
 class RenderProcess:
@@ -77,6 +88,7 @@ class RenderProcess:
         self._command = [*_COMMAND, str(idle_s)]
         self._child: Child | None = None
         self._starting, self._talking = threading.Lock(), threading.Lock()
+        self._over = False
 
     def start(self) -> Child:
         """Begins to get ready, which takes seconds, and returns at once; nothing where it runs already.
@@ -84,6 +96,8 @@ class RenderProcess:
         OSError where no process can be started.
         """
         with self._starting:
+            if self._over:
+                raise OSError(errno.ESHUTDOWN, "the program ends")
             if self._child is None or not self._child.running:
                 self._child = Child(self._command)
             return self._child
@@ -120,6 +134,9 @@ class RenderProcess:
             child.wait(1.0)  # it closed its pipes by ending, which takes a moment
             self.stop()
             raise _Ended(child.ending()) from fault
+        except (KeyboardInterrupt, SystemExit):  # the answer would be taken for that to the next request
+            self.stop()
+            raise
 
     def stop(self) -> None:
         """Ends the process."""
@@ -127,6 +144,12 @@ class RenderProcess:
             child, self._child = self._child, None
         if child is not None:
             child.stop()
+
+    def end(self) -> None:
+        """The same, and it is not started again."""
+        with self._starting:
+            self._over = True
+        self.stop()
 
 
 class _Ended(Exception):
@@ -145,6 +168,10 @@ def _ask(child: Child, request: bytes) -> Image:
     """The image asked for; OSError or EOFError where the process ended before it was whole."""
     child.requests.write(request)
     child.requests.flush()
+    if hasattr(select, "poll"):  # not on Windows
+        answers = select.poll()
+        answers.register(child.answers, select.POLLIN)
+        wait_or_stop(lambda seconds: bool(answers.poll(1000 * seconds)))
     head = child.answers.readline()
     if not head.endswith(b"\n"):
         raise EOFError

@@ -100,6 +100,9 @@ class Step:
     """Poses before this time will hardly be revised any more; None where that is not known yet."""
     restarted: bool = False
     """A new segment begins at this exposure: no observation joins it to earlier ones, and its place is a guess."""
+    provisional: bool = False
+    """The pose comes from before the first fit of an integration: it only says where the rig was last known to be, and
+    the fit replaces it."""
     calibration: Mapping[str, Array] = field(default_factory=dict)
     """What was found to be wrong with the calibration so far, by name: `pair` (E,) as
     solvers.right_camera.TERMS, `pair_rate` (6,) the motion that its late right shutter sees

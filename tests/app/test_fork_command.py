@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from ispom_app.cli import main
+from ispom_app.review.folder import read_stored
 
 from tests.alone import METHODS
 from tests.app import helpers
@@ -57,10 +58,34 @@ def test_a_fork_of_a_fork_needs_no_grandparent(parent: Path, tmp_path: Path) -> 
     assert written["config"]["stereo"]["max_tracks"] == 200
 
 
+@pytest.mark.parametrize("at", [0, 1, 8], ids=["first", "second", "last"])
+def test_the_first_and_the_last_exposure_can_be_forked(parent: Path, tmp_path: Path, at: int) -> None:
+    out = tmp_path / "fork"
+    assert fork(parent, "--at", str(at), "--out", str(out)) == 0
+    for name in SAME:
+        assert (out / name).read_bytes() == (parent / name).read_bytes(), name
+    assert [entry["at"] for entry in yaml.safe_load((out / "run.yaml").read_text())["forked"]] == [at]
+    read_stored(out, lambda source, options: options.open(source), helpers.build)
+    assert fork(out, "--at", "4", "--out", str(tmp_path / "again")) == 0
+    forked = yaml.safe_load((tmp_path / "again" / "run.yaml").read_text())["forked"]
+    assert [entry["at"] for entry in forked] == sorted({at, 4} if at < 4 else {4})
+
+
+def test_a_fork_at_the_first_exposure_has_the_settings_given_from_there_on(parent: Path, tmp_path: Path) -> None:
+    out, alone = tmp_path / "fork", tmp_path / "alone"
+    assert fork(parent, "--at", "0", "--out", str(out), "--stereo.max-tracks", "300") == 0
+    source = yaml.safe_load((parent / "run.yaml").read_text())["source"]
+    settings = ("--stereo-every", "2", "--monocular.max-tracks", "400", "--stereo.max-tracks", "300", "--no-recording")
+    assert main(["run", source, "--out", str(alone), *settings], helpers.build) == 0
+    for name in SAME:
+        assert (out / name).read_bytes() == (alone / name).read_bytes(), name
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
         (("--at", "-1"), "--at is -1: give an exposure of the run, counted from 0"),
+        (("--at", "9"), "--at is 9, but the last exposure of the source is 8: give a value from 0 to 8"),
         (("--at", "99"), "--at is 99, but the last exposure of the source is 8: give a value from 0 to 8"),
         (("--at", "2", "--source", "nowhere"), "nowhere, the source of the run, is not there: give --source"),
     ],

@@ -1,6 +1,8 @@
 """landmarks.npz: read back as written; damaged files are told."""
 
+import tracemalloc
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -49,6 +51,33 @@ def test_observations_of_no_key_frame_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_bytes(map_bytes({"monocular": bad}))
     with pytest.raises(InputError, match="is damaged"):
         read_maps(tmp_path / "a.npz")
+
+
+def peak_of_refusal(path: Path) -> int:
+    """The memory that reading took [bytes]."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError):
+            read_maps(path)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_small_file_that_unpacks_to_much_is_refused_before_memory_is_taken(tmp_path: Path) -> None:
+    np.savez_compressed(tmp_path / "a.npz", **{"monocular.ids": np.zeros(25_000_000, np.int64)})
+    assert (tmp_path / "a.npz").stat().st_size < 1 << 20
+    assert peak_of_refusal(tmp_path / "a.npz") < 10 << 20
+
+
+@pytest.mark.parametrize("shape", ["(99999999999999,)", "(400000000,)", "(0,)"])
+def test_an_array_that_claims_another_size_than_its_archive_is_refused(shape: str, tmp_path: Path) -> None:
+    header = f"{{'descr': '<i8', 'fortran_order': False, 'shape': {shape}}}".ljust(117) + "\n"
+    with ZipFile(tmp_path / "a.npz", "w") as file:
+        file.writestr(
+            "monocular.ids.npy", b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header.encode() + bytes(80)
+        )
+    assert peak_of_refusal(tmp_path / "a.npz") < 10 << 20
 
 
 @settings(max_examples=40)

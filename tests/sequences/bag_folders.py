@@ -14,8 +14,24 @@ from tests.sequences.folders import HEIGHT, WIDTH, images
 START_NS, STEP_NS, DELAY_NS = 1_700_000_000_000_000_000, 50_000_000, 7_000_000
 
 
-def make_bag(root: Path, kind: str, cameras: tuple[str, ...], compressed: bool = False, info: bool = True) -> Path:
-    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (0.5 m between cameras)."""
+Encode = Callable[[np.ndarray], tuple[str, np.ndarray]]
+"""An image's encoding, and its values (H, W) or (H, W, C)."""
+
+
+def make_bag(
+    root: Path,
+    kind: str,
+    cameras: tuple[str, ...],
+    compressed: bool = False,
+    info: bool | str = True,
+    encode: Encode = lambda image: ("mono8", image),
+    stamp: Callable[[int], int] = lambda i: START_NS - DELAY_NS + i * STEP_NS,
+) -> Path:
+    """Six images per camera, exposed DELAY_NS before they were written, and a camera_info (0.5 m between cameras).
+
+    `info` may also be "zeros", as that of a camera without calibration, or another distortion model.
+
+    `stamp` gives the time [ns] in an image's header; compressed images are PNG files of the encoded values."""
     pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -44,16 +60,16 @@ def make_bag(root: Path, kind: str, cameras: tuple[str, ...], compressed: bool =
     with writer:
         for k, camera in enumerate(cameras):
             found = []
-            for time_ns, image in zip(written, images(6, 8 * (1 - k)), strict=True):
+            for i, image in enumerate(images(6, 8 * (1 - k))):
+                encoding, values = encode(image)
                 if compressed:
-                    data = cv2.imencode(".png", image)[1]
-                    found.append(types["sensor_msgs/msg/CompressedImage"](header(time_ns - DELAY_NS), "png", data))
+                    data = cv2.imencode(".png", values)[1]
+                    found.append(types["sensor_msgs/msg/CompressedImage"](header(stamp(i)), "png", data))
                 else:
-                    found.append(
-                        types["sensor_msgs/msg/Image"](
-                            header(time_ns - DELAY_NS), HEIGHT, WIDTH, "mono8", 0, WIDTH, image.reshape(-1)
-                        )
-                    )
+                    big, data = int(values.dtype.byteorder == ">"), np.frombuffer(values.tobytes(), np.uint8)
+                    height, width = values.shape[:2]
+                    what = header(stamp(i)), height, width, encoding, big, len(data) // height, data
+                    found.append(types["sensor_msgs/msg/Image"](*what))
             name = f"sensor_msgs/msg/{'CompressedImage' if compressed else 'Image'}"
             put(f"/{camera}/image_raw{'/compressed' if compressed else ''}", name, written, found)
             if not info:
@@ -62,8 +78,13 @@ def make_bag(root: Path, kind: str, cameras: tuple[str, ...], compressed: bool =
             p_matrix = np.array([80.0, 0, 47.5, -40.0 * k, 0, 80, 31.5, 0, 0, 0, 1, 0])
             matrices = (k_matrix, np.eye(3).ravel(), p_matrix)
             region = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
+            size, model, distortion = (HEIGHT, WIDTH), info if isinstance(info, str) else "plumb_bob", np.zeros(5)
+            if info == "zeros":
+                size, model, matrices = (0, 0), "", tuple(np.zeros(n) for n in (9, 9, 12))
+            if info == "equidistant":
+                distortion = np.array([0.01, 0, 0, 0])
             told = types["sensor_msgs/msg/CameraInfo"](
-                header(START_NS), HEIGHT, WIDTH, "plumb_bob", np.zeros(5), *matrices, 0, 0, region
+                header(START_NS), *size, model, distortion, *matrices, 0, 0, region
             )
             put(f"/{camera}/camera_info", "sensor_msgs/msg/CameraInfo", [START_NS], [told])
     return path

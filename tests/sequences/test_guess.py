@@ -57,7 +57,22 @@ def test_a_photo_tells_its_focal_length_by_the_size_of_its_pixels(tmp_path: Path
     assert guess.focal_px == pytest.approx(4.0 * 800 / 10)
 
 
-@pytest.mark.parametrize("entries", [{}, {41989: 0}, {37386: 4.0}, {41989: 60_000}])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_size_of_pixels_is_that_of_the_photo_as_it_was_taken(turned: bool, tmp_path: Path) -> None:
+    """6000 px on 23.5 mm, made smaller: EXIF keeps the resolution of what the camera saw."""
+    entries = {37386: 18.0, 41486: 6000 / 2.35, 41488: 3, 40962: 6000, 40963: 4500}
+    if turned:
+        entries |= {40962: 4500, 40963: 6000}
+    guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", entries))
+    assert guess.focal_px == pytest.approx(18 / 23.5 * 320) and guess.sigma == TOLD_SIGMA
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [{}, {41989: 0}, {37386: 4.0}, {41989: 60_000}, {41989: 2}, {37386: 50.0, 41486: 2050.0, 41488: 3},
+     {37386: 18.0, 41486: 5080.0, 41488: 2}, {37386: 4.0, 41486: 800.0, 41488: 1},
+     {37386: 18.0, 41486: 2553.0, 41488: 3, 40962: 600_000}, {37386: 4.0, 41486: 800.0, 41488: (3, 3)}],
+)  # fmt: skip
 def test_a_photo_that_tells_nothing_of_use_leaves_a_wide_guess(tmp_path: Path, entries: dict[int, object]) -> None:
     guess, _ = guess_of_photo(photo(tmp_path / "a.jpg", entries))
     assert guess.focal_px == 0.7 * 320

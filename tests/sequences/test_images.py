@@ -50,6 +50,50 @@ def test_an_image_turned_by_its_camera_s_note_is_read_upright() -> None:
     assert decode(turned, "a", (96, 64)).shape == (64, 96)
 
 
+def jpeg_of(image: np.ndarray, progressive: bool = False, restart: int = 0) -> bytes:
+    flags = [cv2.IMWRITE_JPEG_PROGRESSIVE, int(progressive), cv2.IMWRITE_JPEG_RST_INTERVAL, restart]
+    return cv2.imencode(".jpg", image, flags)[1].tobytes()
+
+
+def with_preview(jpeg: bytes) -> bytes:
+    """With a smaller JPEG in its metadata, whose end is not that of the image."""
+    preview = b"Exif\0\0" + jpeg_of(np.zeros((16, 16), np.uint8))
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(preview) + 2) + preview + jpeg[2:]
+
+
+NOISE = np.random.default_rng(2).integers(0, 255, (64, 96, 3), np.uint8)
+JPEGS = {
+    "baseline": jpeg_of(NOISE),
+    "progressive": jpeg_of(NOISE, progressive=True),
+    "restarts": jpeg_of(NOISE, restart=4),
+    "preview": with_preview(jpeg_of(NOISE)),
+    "filled": jpeg_of(NOISE).replace(b"\xff\xda", b"\xff\xff\xff\xda", 1),
+}
+FILM = struct.pack(">I4s", 24, b"ftyp") + b"mp42" + bytes(12) + np.random.default_rng(3).bytes(20_000)
+
+
+@pytest.mark.parametrize("behind", [FILM, bytes(50_000), b"\xff\xd9" * 3 + bytes(9000), jpeg_of(NOISE[:9]) + FILM])
+@pytest.mark.parametrize("name", JPEGS)
+def test_what_is_behind_the_end_of_a_jpeg_does_not_count(name: str, behind: bytes) -> None:
+    """The film of a motion photo, a second image, zeros."""
+    np.testing.assert_array_equal(decode(JPEGS[name] + behind, "a", (96, 64)), decode(JPEGS[name], "a", (96, 64)))
+
+
+@pytest.mark.parametrize("name", JPEGS)
+def test_a_cut_jpeg_is_not_whole_whatever_follows(name: str) -> None:
+    jpeg = JPEGS[name]
+    for share in (0.4, 0.6, 0.9):
+        with pytest.raises(UnreadableImage, match="truncated or damaged"):
+            decode(jpeg[: int(share * len(jpeg))] + bytes(9000), "a")
+
+
+@pytest.mark.parametrize("behind", [FILM, b"\n", b"\0\1\0", PNG])
+def test_what_is_behind_the_end_of_a_png_does_not_count(behind: bytes) -> None:
+    np.testing.assert_array_equal(decode(PNG + behind, "a", (96, 64)), decode(PNG, "a", (96, 64)))
+    with pytest.raises(UnreadableImage, match="truncated or damaged"):
+        decode(PNG[: len(PNG) // 2] + behind, "a")
+
+
 def test_decoders_write_nothing_to_standard_error(capfd: pytest.CaptureFixture[str]) -> None:
     profile = PNG[:33] + chunk(b"iCCP", b"x\0\0" + zlib.compress(b"abc" * 50)) + PNG[33:]
     jpeg = bytearray(cv2.imencode(".jpg", np.tile(np.arange(96, dtype=np.uint8), (64, 1)))[1].tobytes())

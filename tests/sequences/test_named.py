@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from ispom.errors import InputError
@@ -37,6 +38,117 @@ def test_fractions_of_seconds_are_not_counted_as_numbers() -> None:
     found = named(["1305031102.5.png", "1305031102.25.png", "1305031102.175304.png"])
     assert found.stamps_ns is not None
     assert (found.stamps_ns - 1305031102 * 10**9).tolist() == [175_304_000, 250_000_000, 500_000_000]
+
+
+@pytest.mark.parametrize(
+    ("name", "digits"),
+    [("{:.1f}.jpg", 1), ("{:.3f}.png", 3), ("t{:.2f}s.png", 2), ("frame_{:.6f}.jpg", 6), ("{:g}.jpg", 4),
+     ("cam_{}.jpg", 8), ("{:.15f}.png", 8)],
+)  # fmt: skip
+def test_decimal_seconds_are_times_in_their_order(name: str, digits: int) -> None:
+    """As text, and as numbers before and after a point, they are in another order."""
+    found = named([name.format(i / 7) for i in (13, 2, 11, 0, 1, 7, 30, 5)])
+    assert found.stamps_ns is not None
+    expected = [i / 7 * 1e9 for i in (0, 1, 2, 5, 7, 11, 13, 30)]
+    np.testing.assert_allclose(found.stamps_ns, expected, atol=10 ** (9 - digits))
+
+
+def test_seconds_may_have_no_fraction_or_a_decimal_comma() -> None:
+    for names in (["0.jpg", "0.5.jpg", "1.jpg", "10.25.jpg"], ["0,0.jpg", "0,5.jpg", "1,0.jpg", "10,25.jpg"]):
+        found = named(names[::-1])
+        assert found.names == tuple(names) and found.stamps_ns is not None
+        assert found.stamps_ns.tolist() == [0, 500_000_000, 1_000_000_000, 10_250_000_000]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [f"1.{i}.png" for i in range(1, 14)],
+        [f"cam1.{i:02d}.png" for i in range(9)],
+        [f"{i:03d}.{k}.png" for i in range(4) for k in range(3)],
+        [f"{i // 5}.{i % 5:03d}.png" for i in range(14)],
+    ],
+)
+def test_counters_with_points_are_no_times(names: list[str]) -> None:
+    found = named(names[::-1])
+    assert found.stamps_ns is None and found.names == tuple(names)
+
+
+@pytest.mark.parametrize("unit_ns", [1_000_000, 1_000, 1])
+@pytest.mark.parametrize("name", ["{}.png", "frame_{:012d}.png"])
+def test_whole_numbers_that_advance_by_no_whole_step_are_times(unit_ns: int, name: str) -> None:
+    """Such as 0, 33, 67, 133 of a camera with 30 Hz, one image of which is missing."""
+    ticks = [0, 1, 2, 4, 5, 6, 7]
+    found = named([name.format(round(i * 1e9 / 30 / unit_ns)) for i in ticks])
+    assert found.stamps_ns is not None and "times in" in found.notes[0]
+    np.testing.assert_allclose(found.stamps_ns, [i * 1e9 / 30 for i in ticks], atol=unit_ns)
+    assert named([name.format(i * 40) for i in ticks]).stamps_ns is None
+
+
+@pytest.mark.parametrize(
+    ("name", "fraction"),
+    [
+        ("IMG_20231105_1432{:02d}.jpg", False),
+        ("2023-11-05 14.32.{:02d}.jpg", False),
+        ("2023-11-05T14:32:{:02d}.250.jpg", False),
+        ("PXL_20231105_1432{:02d}{:03d}.jpg", True),
+        ("cam_2023-11-05-14-32-{:02d}_{:03d}.png", True),
+    ],
+)
+def test_dates_and_times_of_day_are_times(name: str, fraction: bool) -> None:
+    moments = [(1, 0), (1, 333), (3, 667), (59, 0)] if fraction else [(1, 0), (2, 0), (3, 0), (59, 0)]
+    found = named([name.format(*moment) for moment in moments[::-1]])
+    assert found.stamps_ns is not None
+    expected = [second * 10**9 + milliseconds * 10**6 for second, milliseconds in moments]
+    assert (found.stamps_ns - found.stamps_ns[0]).tolist() == [ns - expected[0] for ns in expected]
+
+
+def test_a_minute_that_begins_is_no_gap() -> None:
+    found = named([f"IMG_20231105_{moment}.jpg" for moment in (143258, 143259, 143300, 143301)])
+    assert found.stamps_ns is not None and (np.diff(found.stamps_ns) == 10**9).all()
+
+
+def test_images_of_one_second_are_counted() -> None:
+    found = named([f"20231105_143200_{i:03d}.jpg" for i in range(9)])
+    assert found.stamps_ns is None and found.step == 1
+
+
+@pytest.mark.parametrize(
+    ("most", "first", "name"),
+    [
+        (9999, 1, "DSC_{:04d}.JPG"),
+        (9999, 0, "frame{:04d}.png"),
+        (999, 0, "{}.png"),
+        (99, 0, "img{:02d}.png"),
+        (99, 1, "img{:02d}.png"),
+        (65535, 0, "{}.png"),
+        (255, 0, "f{:03d}.png"),
+    ],
+)
+def test_a_counter_that_starts_again_goes_on(most: int, first: int, name: str) -> None:
+    numbers = [*range(most - 6, most + 1), *range(first, first + 12)]
+    found = named([name.format(i) for i in sorted(numbers)])
+    assert found.names == tuple(name.format(i) for i in numbers) and len(found.notes) == 1
+    assert ticks_of(found).tolist() == list(range(len(numbers)))
+    missing = [i for i in numbers if i not in (most, first + 3)]
+    assert ticks_of(named([name.format(i) for i in missing])).tolist() == [
+        *range(6), *range(7, 10), *range(11, len(numbers))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "numbers", [[*range(30), *range(9000, 9010)], [*range(50), 99], [*range(100, 130), *range(9990, 10000)]]
+)
+def test_a_gap_in_the_numbers_is_no_counter_that_starts_again(numbers: list[int]) -> None:
+    found = named([f"{i:04d}.png" for i in numbers])
+    assert found.notes == () and ticks_of(found).tolist() == numbers if numbers[0] == 0 else found.notes == ()
+
+
+def test_images_that_cannot_be_read_keep_their_numbers() -> None:
+    found = named([f"IMG_{i:04d}.JPG" for i in (1, 3, 5, 9)], [f"IMG_{i:04d}.HEIC" for i in (0, 2, 4, 6, 7, 8)])
+    assert ticks_of(found).tolist() == [0, 2, 4, 8]
+    other = named([f"IMG_{i:04d}.JPG" for i in (1, 3, 5, 9)], [f"DSC_{i:04d}.NEF" for i in (2, 4)])
+    assert ticks_of(other).tolist() == [0, 1, 2, 4]
 
 
 @pytest.mark.parametrize("name", ["20231105143210{:02d}.png", "{:013d}.png", "9700000000{:03d}.png"])

@@ -51,6 +51,29 @@ def test_images_read_later_are_bounded_too(tmp_path: Path) -> None:
         sequence[5]
 
 
+ROUTE = "".join(f"{0.1 * n:.1f} {0.1 * n:.1f} 0 0 0 0 0 1\n" for n in range(8))
+
+
+@pytest.mark.parametrize("words", ["route={}/walk.tum", "mesh={}/room.obj&route=walk.tum", "route=link.tum"])
+def test_files_that_the_words_of_a_simulation_name_are_bounded_too(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, outside = tmp_path / "data", tmp_path / "outside"
+    for folder in (data, outside):
+        folder.mkdir()
+        (folder / "walk.tum").write_text(ROUTE)
+    (outside / "room.obj").write_text("secret of the user\n")
+    (outside / "secret.tum").write_text("secret of the user\n")
+    (data / "link.tum").symlink_to(outside / "secret.tum")
+    monkeypatch.chdir(data)
+    for source in (f"sim:tiny?{words.format(outside)}", "walk.yaml"):
+        (data / "walk.yaml").write_text(f"scene: tiny\nroute: {outside}/walk.tum\n")
+        with pytest.raises(InputError, match="outside of the folder") as caught:
+            open_sequence(source, policy=SourcePolicy(data))
+        assert "secret of" not in str(caught.value)
+    assert len(open_sequence("sim:tiny?route=walk.tum", policy=SourcePolicy(data)))
+
+
 def test_a_calibration_that_the_command_line_names_is_allowed(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(CAMERA)
     folder = make_images(tmp_path / "data")

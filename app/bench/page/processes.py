@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import psutil
+
+from ispom.child import PYTHON
 
 from .served import Served
 
@@ -44,7 +45,7 @@ class App:
 @contextmanager
 def serving(served: Served) -> Iterator[App]:
     """The app. RuntimeError where it ends before it says where it is."""
-    command = [sys.executable, "-m", f"{__package__}.served", json.dumps(asdict(served))]
+    command = [*PYTHON, "-m", f"{__package__}.served", json.dumps(asdict(served))]
     with _ending(command, stderr=subprocess.PIPE) as process:
         assert process.stderr is not None
         said = []
@@ -62,7 +63,7 @@ def visitors(app: App, count: int, reads: bool) -> Iterator[subprocess.Popen[str
     if not count:
         yield None
         return
-    command = [sys.executable, "-m", f"{__package__}.visitor", app.address, str(count), "reads" if reads else "idle"]
+    command = [*PYTHON, "-m", f"{__package__}.visitor", app.address, str(count), "reads" if reads else "idle"]
     with _ending(command) as process:
         assert process.stdout is not None
         if process.stdout.readline() != "there\n":
@@ -72,7 +73,9 @@ def visitors(app: App, count: int, reads: bool) -> Iterator[subprocess.Popen[str
 
 @contextmanager
 def _ending(command: list[str], stderr: int | None = None) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=stderr, text=True)
+    # As `ispom.child.Child`, but of text: it ends with this process, and no Ctrl-C of the terminal comes to it.
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=stderr, text=True, process_group=0)
     try:
         yield process
     finally:

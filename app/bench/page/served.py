@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ispom.child import end_with_parent
 from ispom.io.tum import tum_text
 from ispom.methods import default_methods
 from ispom.sequences import open_sequence
@@ -129,4 +130,5 @@ def main(argument: str) -> int:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     sys.exit(main(sys.argv[1]))

@@ -17,6 +17,7 @@ from typing import Any
 import viser
 from aiohttp import ClientSession, ClientWebSocketResponse, CookieJar, WSMsgType
 
+from ispom.child import end_with_parent
 from ispom.errors import InputError
 
 PATIENCE_S = 3600.0
@@ -118,4 +119,5 @@ async def _stay(address: str, count: int, reads: bool) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     asyncio.run(_stay(sys.argv[1], int(sys.argv[2]), sys.argv[3] == "reads"))

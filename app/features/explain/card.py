@@ -18,7 +18,7 @@ from ...decisions import answers, limit, margin, mark, sentence
 from ...run.history.quantities import DROPPED
 from ...run.history.record import ExposureRecord
 from ...run.model.drawn_size import unit_in_metres
-from ...texts import length
+from ...texts import PROVISIONAL, computing_time, length
 from ...uncertainty import describe
 from .verdict import Severity, Verdict, verdict, waiting
 
@@ -159,12 +159,17 @@ def _card(step: Step, record: ExposureRecord, shown: int) -> Card:
         colours.label(step.method),
         _css(step.method),
         found,
-        " · ".join(dict.fromkeys(filter(None, (TAGS[found.severity], "keyframe" if step.key_frame else "")))),
+        _tag(step, found.severity),
         "" if record.index == shown else f"at frame {record.index}",
         None if failed is None else _check(step.method, failed, own.checks),
         others,
         details(step, record) if record.index == shown else None,
     )
+
+
+def _tag(step: Step, severity: Severity) -> str:
+    words = PROVISIONAL if step.provisional else TAGS[severity], "keyframe" if step.key_frame else ""
+    return " · ".join(dict.fromkeys(filter(None, words)))
 
 
 def details(step: Step, record: ExposureRecord) -> Details:
@@ -218,14 +223,16 @@ def _facts(step: Step, record: ExposureRecord) -> Iterator[Fact]:
     if text := describe(step, unit_m):
         yield Fact("pose", text, f"{name}.sigma_position")
     if (error := record.errors_m.get(name)) is not None:
-        yield Fact("error", f"{length(error)} from the ground truth", f"{name}.error_m")
+        yield Fact("live error", f"{length(error)} from the ground truth, not aligned", f"{name}.error_m")
+    if step.provisional:
+        yield Fact("pose", f"{PROVISIONAL}: it waits for the first fit", f"{name}.provisional")
     if step.scale is not None:
         yield Fact("scale", f"{step.scale:.4g} {registered(name).scale}", f"{name}.scale")
     if step.scale_sigma is not None:
         text = f"± {100 * step.scale_sigma:.2g} % since the start (1 sigma)"
         yield Fact("scale drift", text, f"{name}.scale_sigma")
     if step.seconds:
-        yield Fact("time", f"{1000 * sum(step.seconds.values()):.1f} ms", f"{name}.seconds")
+        yield Fact("time", computing_time(sum(step.seconds.values())), f"{name}.seconds")
 
 
 def _tracks(method: str, camera: str, tracks: Tracks) -> Iterator[Fact]:

@@ -28,7 +28,7 @@ class Severity(StrEnum):
     OK = "ok"
     KEYFRAME = "keyframe"
     PROVISIONAL = "provisional"
-    """There is no map yet; the pose is a guess, or there is none."""
+    """There is no map or fit yet: the pose is a guess, or there is none."""
     WARNING = "warning"
     LOST = "lost"
 
@@ -68,6 +68,8 @@ def verdict(step: Step, frame: int, values: Mapping[str, Value]) -> Verdict:
     if warnings:
         headline, detail = made.words(warnings[0], WARNING)
         return made.verdict(Severity.WARNING, headline, detail, warnings[0])
+    if step.provisional:
+        return made.verdict(Severity.PROVISIONAL, "Provisional pose", "it waits for the first fit")
     return _initialising(made) if step.status == Status.INITIALISING else _tracking(made, values)
 
 

@@ -7,12 +7,11 @@ from typing import cast, get_args
 import numpy as np
 
 from ispom.errors import InputError
-from ispom.evaluation.ate import Alignment, aligned, alignment
-from ispom.evaluation.ate import ate_m as distance_m
+from ispom.evaluation.ate import Alignment
 from ispom.evaluation.between_stereo import between_stereo_rmse_m, spline_between_stereo_rmse_m
-from ispom.evaluation.metrics import MIN_POSES
 from ispom.evaluation.rpe import rpe
 from ispom.evaluation.step_scale import StepScale, step_scale
+from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError
 from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.types import Trajectory
@@ -21,9 +20,8 @@ from ..ran import Ran
 
 
 def ate_m(ran: Ran, method: str, alignment: str) -> float:
-    """Root mean square distance of the positions from the true ones [m], after an alignment."""
-    own, true = _compared(ran, method)
-    return distance_m(aligned(own, true, _kind(alignment)), true)
+    """Absolute trajectory error: root mean square distance of the aligned positions from the true ones [m]."""
+    return _error(ran, method, alignment).ate_m
 
 
 def ate_percent(ran: Ran, method: str, alignment: str) -> float:
@@ -33,19 +31,18 @@ def ate_percent(ran: Ran, method: str, alignment: str) -> float:
 
 def rpe_m(ran: Ran, method: str, alignment: str) -> float:
     """Root mean square error of the motion from one pose to the next [m]."""
-    own, true = _compared(ran, method)
-    return rpe(aligned(own, true, _kind(alignment)), true)[0]
+    error = _error(ran, method, alignment)
+    return rpe(error.aligned, error.reference)[0]
 
 
 def error_at_end_m(ran: Ran, method: str, alignment: str) -> float:
     """Distance of the last position from the true one [m]."""
-    own, true = _compared(ran, method)
-    return float(np.linalg.norm(aligned(own, true, _kind(alignment)).translations[-1] - true.translations[-1]))
+    return float(_error(ran, method, alignment).position_errors_m[-1])
 
 
 def metres_per_unit(ran: Ran, method: str) -> float:
     """By which its path has to be multiplied to come closest to the true one."""
-    return alignment(*_compared(ran, method), "sim3").scale
+    return _error(ran, method, "sim3").reference_from_estimate.scale
 
 
 def step_scale_end(ran: Ran, method: str) -> float:
@@ -61,9 +58,8 @@ def step_scale_curve(ran: Ran, method: str) -> tuple[Array, Array]:
 
 def error_curve(ran: Ran, method: str, alignment: str) -> tuple[Array, Array]:
     """Over time [s]: distance of the positions from the true ones [m], after an alignment."""
-    own, true = _compared(ran, method)
-    errors = np.linalg.norm(aligned(own, true, _kind(alignment)).translations - true.translations, axis=1)
-    return (true.times_ns - ran.sequence.times_ns[0]) * 1e-9, errors
+    error = _error(ran, method, alignment)
+    return (error.reference.times_ns - ran.sequence.times_ns[0]) * 1e-9, error.position_errors_m
 
 
 def length_m(ran: Ran, method: str) -> float:
@@ -103,6 +99,10 @@ def _compared(ran: Ran, method: str) -> tuple[Trajectory, Trajectory]:
     if len(own) < MIN_POSES:
         raise InputError(f"{method} has {len(own)} poses with a known truth, {MIN_POSES} are needed")
     return own, true
+
+
+def _error(ran: Ran, method: str, alignment: str) -> TrajectoryError:
+    return TrajectoryError(*_compared(ran, method), _kind(alignment))
 
 
 def _step_scale(ran: Ran, method: str) -> StepScale:

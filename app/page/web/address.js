@@ -85,7 +85,7 @@ export function makeAddress(send, drives) {
 }
 
 const refused = (state, asked) => state.notices.some(({ kind, number }) => kind === "error" && number > asked.notices);
-const idle = (state) => state.target === null && !state.activity;
+const idle = (state) => state.target === null && !state.activity && !state.question;
 
 // What is shown, as an address names it.
 function hashOf(state) {

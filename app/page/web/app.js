@@ -7,6 +7,7 @@ import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makePeople } from "./people.js";
 import { makePlot } from "./plot.js";
+import { makeQuestion } from "./question.js";
 import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
@@ -25,7 +26,7 @@ let state = null;
 let taught = null; // the lesson, as the server sent it last
 const pane = { wide: false, tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
-const people = makePeople(send, (text) => showNotice({ text, kind: "info" }), () => show(state));
+const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
 const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), showViewer);
 
 function paneBecame(change) {
@@ -53,7 +54,7 @@ function connect() {
 
 // The session's state, at the exposure that this page looks at.
 function show(state) {
-  const shown = people.shown(state, axis.data.times);
+  const shown = people.shown(state);
   window.ispom.shown = shown;
   showState(shown);
   axis.show(shown);
@@ -61,6 +62,7 @@ function show(state) {
   viewer.follow(shown);
   address.follow(shown);
   controls.follow(!people.drives());
+  ask(shown.question, people.drives());
   lesson.follow(people.drives(), state.people);
   tour(shown);
 }
@@ -93,6 +95,7 @@ const controls = openControls(dark.matches, press, command, (tab) => paneBecame(
 const address = makeAddress(people.command, people.drives);
 const showPlot = makePlot(command);
 const tour = makeTour();
+const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
 const axis = makeAxis((index) => command({ do: "seek", index }));

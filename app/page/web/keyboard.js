@@ -4,10 +4,12 @@ import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
 import { hideTour } from "./tour.js";
 
 const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
-const MOVED = "[role=slider], [role=tab], #splitter"; // with the arrows, and with these:
+const LIST = "[aria-haspopup=listbox]"; // a text field as well: what is typed there searches in the list
+const MOVED = "[role=slider], [role=tab], [role=radio], input[type=radio], #splitter"; // with the arrows, and with these:
 const MOVES = ["ArrowLeft", "ArrowRight", "Home", "End", "Space"];
 const PRESSED = "button, [role=checkbox], input[type=checkbox]";
 const reached = new WeakSet(); // what got the focus by key: any key makes a button that was clicked look as if it had
+let pointed = false; // whether the pointer was used last: a list that was clicked looks as if it had been reached by key
 let names = {};
 
 export function setKeys(keys) {
@@ -16,8 +18,10 @@ export function setKeys(keys) {
 }
 
 export function listen(page, command) {
-  page.addEventListener("focusin", ({ target }) => reached[target.matches(":focus-visible") ? "add" : "delete"](target));
+  page.addEventListener("pointerdown", () => (pointed = true), { capture: true });
+  page.addEventListener("focusin", ({ target }) => reached[!pointed && target.matches(":focus-visible") ? "add" : "delete"](target));
   page.addEventListener("keydown", (event) => {
+    pointed = false;
     const key = keyOf(event);
     const own = { "?": toggleKeys, Escape: () => hideKeys() || hideTour() }[key];
     if ((!own && !names[key]) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
@@ -35,11 +39,13 @@ function keyOf({ key, shiftKey }) {
   return shiftKey && (plain.length > 1 || plain !== plain.toUpperCase()) ? `Shift+${plain}` : plain;
 }
 
-// Where text is typed, and what the key itself moves or presses; but the slider of the exposures steps with all else.
+// Where text is typed, a list that is open, and what the key itself moves or presses, where the focus came by key: after a click the next
+// keys are the run's. But the slider of the exposures steps with all else, and in a dialog a button is pressed.
 function keepsKey(target, key) {
+  if (target.matches(LIST)) return target.ariaExpanded === "true" || reached.has(target);
   if (target.matches(TEXT)) return true;
-  if (target.matches(MOVED)) return MOVES.includes(key) && labelOf(target) !== "exposure";
-  return key === "Space" && target.matches(PRESSED) && reached.has(target);
+  if (target.matches(MOVED)) return MOVES.includes(key) && reached.has(target) && labelOf(target) !== "exposure";
+  return key === "Space" && target.matches(PRESSED) && (reached.has(target) || Boolean(target.closest("dialog")));
 }
 
 function labelOf(target) {

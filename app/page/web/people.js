@@ -1,38 +1,28 @@
 // Several people at one session: one drives, the others follow, or look around at exposures of their own. The server
-// decides who drives (app/page/people.py); where a page looks on its own, only the page knows.
+// decides who drives (app/page/people.py), and what a page that looks around shows (app/page/looking.py).
 const place = document.getElementById("people");
-const STEPS = { forward: 1, back: -1 };
 
-// `send` gives a command to the server, `tell` shows a sentence, `moved` is called when this page shows another exposure.
-export function makePeople(send, tell, moved) {
+// `send` gives a command to the server, `command` one that a hand asked for, `tell` shows a sentence.
+export function makePeople(send, command, tell) {
   let state = null; // the session's
-  let own = null; // the exposure that this page looks at; null while it follows
   const drives = () => !state || state.people.driving || (state.people.driver === null && state.people.may_drive);
 
-  function lookAt(index) {
-    own = index === null ? null : Math.min(Math.max(index, 0), state.computed - 1);
-    paint(state.people);
-    moved();
-  }
+  const words = document.createElement("span");
 
-  // What one who does not drive asks for: they can look elsewhere, all else is the driver's.
-  function lookAround(message) {
-    const now = own ?? state.index;
-    if (message.do === "seek") lookAt(message.index);
-    else if (message.do in STEPS) lookAt(now + STEPS[message.do]);
-    else if (message.do === "start") lookAt(0);
-    else if (message.do === "end") lookAt(state.computed - 1);
-    else tell(`${driver(state.people)} drives this session${state.people.may_drive ? "; take over to change it" : ""}. You can look at any exposure.`);
-  }
-
-  function paint(people) {
-    const { driving, others, you, may_drive } = people;
-    const mine = driving ? "You drive" : `${driver(people)} drives, you ${own === null ? "follow" : `look at exposure ${own}`}`;
-    const words = document.createElement("span");
+  function say({ people, looking }) {
+    const { driving, others, you } = people;
+    const mine = driving ? "You drive" : `${driver(people)} drives, you ${looking === null ? "follow" : `look at exposure ${looking}`}`;
     words.textContent = `${mine} · ${others.length === 1 ? "1 other" : `${others.length} others`} here`;
-    words.title = `You are person ${you}. One person drives a session; the others see the same, or look at other exposures.`;
+    words.title = `You are person ${you}. One person drives a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here. The panels at the left show what whoever drives looks at.`;
+  }
+
+  function paint({ people: { driving, others, may_drive }, looking, playing }) {
     const buttons = [];
-    if (!driving && own !== null) buttons.push(button("Follow", () => lookAt(null)));
+    if (!driving) {
+      const moves = { back: "◀ Step", play: playing ? "‖ Pause" : "▶ Play", forward: "Step ▶" };
+      buttons.push(...Object.entries(moves).map(([name, text]) => button(text, () => command({ do: name }))));
+    }
+    if (!driving && looking !== null) buttons.push(button("Follow", () => send({ do: "follow" })));
     if (!driving && may_drive) buttons.push(button("Take over", () => send({ do: "take_over" })));
     for (const other of driving ? others.filter((each) => each.may_drive) : []) {
       buttons.push(button(`Hand over to person ${other.number}`, () => send({ do: "hand_over", to: other.number })));
@@ -40,19 +30,24 @@ export function makePeople(send, tell, moved) {
     place.replaceChildren(...(driving && !others.length ? [] : [words, ...buttons]));
   }
 
+  let painted = "";
   return {
     drives,
-    command: (message) => (drives() ? send(message) : lookAround(message)),
-    // The session's new state as this page shows it; `times` are those of the exposures [ms].
-    shown: (next, times) => {
+    command: send,
+    // The session's new state as this page shows it.
+    shown: (next) => {
       const before = state;
       state = next;
       if (before && before.people.driving !== next.people.driving) {
         tell(next.people.driving ? "You drive now." : `${driver(next.people)} drives now.`);
       }
-      if (before?.run !== next.run || next.people.driving) own = null;
-      if (JSON.stringify(before?.people) !== JSON.stringify(next.people)) paint(next.people);
-      return own === null ? next : { ...next, index: own, time_s: (times[own] ?? 0) / 1000, playing: false };
+      if (before && next.refused[0] > before.refused[0]) tell(next.refused[1]);
+      const shown = next.look === null ? next : { ...next, ...next.look };
+      say(shown);
+      const wanted = JSON.stringify([next.people, next.looking === null, shown.playing]);
+      if (painted !== wanted) paint(shown); // not at each exposure: a button that is drawn again while it is pressed is not clicked
+      painted = wanted;
+      return shown;
     },
   };
 }

@@ -2,7 +2,7 @@
 // where the browser could not remember that; later it is at the end of the list of the keys.
 const SEEN = "ispom.tour";
 const STEPS = [
-  ["bar", "Methods", "Each dot is a method that estimates the camera's path. The number beside it, where ground truth and a metric unit are known, is its position error at the exposure shown; point at it for more."],
+  ["bar", "Methods", "Each dot is a method that estimates the camera's path. The number is the error of its trajectory so far (ATE; needs ground truth). Hover for details."],
   ["axis", "Time", "All exposures of the recording, with each method's key frames; red is lost. Click to go there. Space plays, ← and → step."],
   ["left", "Explain", "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Look shows single features."],
   ["left", "Try something else", "Change a setting in the tab Methods and press Fork: the run goes on from here as a branch beside the old one. Break stops where a condition holds."],

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.evaluation.association import associate
-from ispom.evaluation.ate import Alignment, alignment, placed, rms
-from ispom.evaluation.comparison import MIN_POSES
+from ispom.evaluation.ate import Alignment, alignment, placed
+from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError, error_against_truth
 from ispom.geometry import Array, Pose
 from ispom.solvers.trajectory.interpolation import interpolate
 from ispom.types import Rig, Sequence, Trajectory
@@ -49,11 +49,6 @@ class Placed:
         """How many of the file's poses lie up to a time."""
         return int(np.searchsorted(self.poses.times_ns, time_ns, side="right"))
 
-    def rmse_m(self, count: int) -> float | None:
-        """Root mean square error over the first `count` exposures; None where no error is known there."""
-        known = self.errors_m[:count][np.isfinite(self.errors_m[:count])]
-        return rms(known) if len(known) else None
-
     def missing(self, count: int) -> int:
         """Of the first `count` exposures: those without a pose."""
         return int(np.isnan(self.positions[:count, 0]).sum())
@@ -85,6 +80,11 @@ class Beside:
     def errors_m(self) -> Array:
         """(N,) at the exposures; NaN where unknown."""
         return np.full(len(self.times_ns), np.nan) if self.of_truth is None else self.of_truth.errors_m
+
+    def error(self, truth: Trajectory, rig: Rig, until_ns: int) -> TrajectoryError | None:
+        """Against shared_world_from_rig of the ground truth, up to a time; None with too few common times."""
+        known = self.trajectory.select(self.trajectory.times_ns <= until_ns)
+        return error_against_truth(known, truth, rig, self.given.alignment)
 
     def placed(self, reference: Trajectory, against: str, rig: Rig, kind: Alignment | None = None) -> Placed | None:
         """Aligned to shared_world_from_rig of the reference (called `against`); None with too few common times."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ispom.geometry import Pose
+from ispom.io.rows import LARGEST, MAX_TIME_S
 from ispom.types import Trajectory
 
 from ..events import Stepped
@@ -17,6 +18,7 @@ from .run_folder import RunFolder
 from .table import GrowingTable, read_table
 
 JOURNAL = "poses.csv"
+MOST_EXPOSURES = 10**9
 _VALUES = ("x", "y", "z", "qx", "qy", "qz", "qw")
 COLUMNS = ("exposure", "method", "frame", "unit_m", "time_ns", *_VALUES)
 """A row for each pose, given or revised: of a method and time the last one counts. `unit_m` is empty while unknown."""
@@ -58,7 +60,7 @@ class PoseJournal:
 
 
 def read_journal(path: Path) -> Journal:
-    """InputError never: rows that are damaged are as if they had not been written."""
+    """Rows that are damaged are as if they had not been written. InputError as `read_table`."""
     poses: dict[str, dict[int, Pose]] = {}
     frames, units, exposures = {}, {}, 0
     for row in read_table(path):
@@ -66,14 +68,19 @@ def read_journal(path: Path) -> Journal:
             values = np.array([float(row[name]) for name in _VALUES])
             time_ns, index = int(row["time_ns"]), int(row["exposure"])
             unit_m = float(row["unit_m"]) if row["unit_m"] else None
-        except ValueError:
+            method, frame = row["method"], row["frame"]
+        except (KeyError, ValueError):
             continue
-        if not np.isfinite(values).all() or not math.isclose(float(np.linalg.norm(values[3:])), 1.0, abs_tol=0.01):
+        if not (abs(values) <= LARGEST).all() or abs(time_ns) > MAX_TIME_S * 10**9 or not 0 <= index < MOST_EXPOSURES:
             continue
-        if row["frame"] not in ("rig", "left", "right", "video"):
+        if unit_m is not None and not 1 / LARGEST <= unit_m <= LARGEST:
             continue
-        poses.setdefault(row["method"], {})[time_ns] = Pose.from_xyzw(values[3:], values[:3])
-        frames[row["method"]], units[row["method"]] = row["frame"], unit_m
+        if not math.isclose(float(np.linalg.norm(values[3:])), 1.0, abs_tol=0.01):
+            continue
+        if frame not in ("rig", "left", "right", "video"):
+            continue
+        poses.setdefault(method, {})[time_ns] = Pose.from_xyzw(values[3:], values[:3])
+        frames[method], units[method] = frame, unit_m
         exposures = max(exposures, index + 1)
     found = {method: Trajectory.of(list(known.items()), frames[method]) for method, known in poses.items()}
     return Journal(exposures, found, units)

@@ -16,6 +16,7 @@ from ispom.io.tum import tum_text
 from ispom.methods import method as registered
 from ispom.types import Frame, Rig, Trajectory
 
+from ...texts import ALIGNED, computing_time, length, length_unit, lengths
 from .run_folder import segment_file, trajectory_file
 from .statistics import RunStatistics
 
@@ -96,6 +97,7 @@ def summary(report: Mapping[str, Any]) -> str:
     """The metrics as a few lines for the terminal."""
     lines = [f"skipped: {fault}" for fault in report["skipped"]]
     width = max(map(len, report["methods"]), default=0)
+    unit = length_unit(entry.get("ate_m") for entry in report["methods"].values())
     for method, entry in report["methods"].items():
         parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
         if not entry["located"]:
@@ -103,16 +105,16 @@ def summary(report: Mapping[str, Any]) -> str:
         if "segments" in entry:
             parts.append(f"{len(entry['segments'])} segments that nothing joins")
         if entry.get("ate_m") is not None:
-            parts.append(f"ATE {entry['ate_m']:.3f} m ({entry['aligned']})")
+            parts.append(f"ATE {length(entry['ate_m'], unit)} ({ALIGNED[entry['aligned']]})")
         if entry.get("t_err_percent") is not None:
             parts.append(f"drift {entry['t_err_percent']:.2f} %")
         if entry.get("between_stereo_rmse_m") is not None:
-            between, spline = entry["between_stereo_rmse_m"], entry["spline_between_stereo_rmse_m"]
-            parts.append(f"between stereo {1000 * between:.1f} mm (spline {1000 * spline:.1f} mm)")
+            between, spline = lengths([entry["between_stereo_rmse_m"], entry["spline_between_stereo_rmse_m"]])
+            parts.append(f"between stereo {between} (spline {spline})")
         if entry.get("step_scale_end_over_start") is not None:
             parts.append(f"step scale at the end {entry['step_scale_end_over_start']:.2f} of that at the start")
         if entry["ms_per_exposure"]["median"] is not None:
-            parts.append(f"{entry['ms_per_exposure']['median']:.0f} ms per exposure")
+            parts.append(f"median {computing_time(entry['ms_per_exposure']['median'] / 1000)} per exposure")
         lines.append(f"{method:<{width}} {', '.join(parts)}")
     return "\n".join(lines)
 

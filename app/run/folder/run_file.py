@@ -122,7 +122,7 @@ def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
 
 def _stage(entry: Mapping[str, Any]) -> Stage:
     at, methods = entry.get("at"), entry.get("methods")
-    if not isinstance(at, int) or at < 1 or not isinstance(methods, list) or not methods:
+    if not isinstance(at, int) or at < 0 or not isinstance(methods, list) or not methods:
         raise InputError(f"{RUN} says of a fork {str(entry)[:60]!r}: restore the file, or run again")
     return Stage(at, in_order(str(name) for name in methods), _config(entry.get("config"), "forked.config"))
 

@@ -13,7 +13,7 @@ from ispom.io.files import exists
 from ispom.io.whole import PART, part_of, replace_whole
 from ispom.methods import names
 
-from ...outputs import is_signed, signature
+from ...outputs import is_signed, mark_text, signature
 from .lock import LOCK, locked
 
 MARKER = "INCOMPLETE"
@@ -89,7 +89,7 @@ class RunFolder:
     @property
     def reason(self) -> str:
         """Why the run is not complete. OSError where that cannot be read."""
-        return (self.path / MARKER).read_text(encoding="utf-8", errors="replace").splitlines()[0]
+        return next(iter(mark_text(self.path / MARKER).splitlines()), "")
 
     def __enter__(self) -> Self:
         return self

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Self
 
+from ispom.io.rows import MAX_TIME_S
 from ispom.types import Step
 
 from ..events import Stepped
@@ -65,8 +67,10 @@ def counted(rows: Iterable[Mapping[str, str]]) -> RunStatistics:
     """What the rows of steps.csv tell of times, losses and segments."""
     statistics = RunStatistics()
     for row in rows:
-        with suppress(ValueError):
+        with suppress(KeyError, ValueError, OverflowError):
             time_ns, ms = int(row["time_ns"]), 1000 * float(row["seconds"])
+            if abs(time_ns) > MAX_TIME_S * 10**9 or not 0 <= ms < math.inf:
+                continue
             statistics.count(row["method"], time_ns, ms, row["status"], row["restarted"] == "1")
     return statistics
 

@@ -25,6 +25,8 @@ from .step_log import DECISION_COLUMNS, STEP_COLUMNS
 Record = tuple[int, dict[str, str]]
 """Number of the line, and the cells by column."""
 KINDS = {quantity.key: quantity.kind for quantity in STEP_QUANTITIES}
+LATER = frozenset({"provisional"})
+"""Columns that runs of earlier versions lack: nothing is known of them there."""
 RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), get_args(DecisionKind)
 
 
@@ -62,11 +64,12 @@ def stored_steps(folder: Path) -> Iterator[Iterator[StoredStep]]:
 def _records(path: Path, file: TextIOWrapper, columns: tuple[str, ...]) -> Iterator[Record]:
     reader = csv.DictReader(file, strict=True)
     try:
-        if tuple(reader.fieldnames or ()) != columns:
+        if tuple(reader.fieldnames or ()) not in (columns, tuple(name for name in columns if name not in LATER)):
             raise InputError(f"{path} line 1 does not name the columns that this version writes: run again")
         for row in reader:
             if None in row or None in row.values():
-                raise InputError(f"{path} line {reader.line_num} has not {len(columns)} columns: run again")
+                count = len(reader.fieldnames or ())
+                raise InputError(f"{path} line {reader.line_num} has not {count} columns: run again")
             yield reader.line_num, row
     except UnicodeDecodeError:
         raise InputError(f"{path} is not a text file: run again") from None
@@ -150,6 +153,8 @@ def _decision(path: Path, line: int, row: Mapping[str, str]) -> Decision:
 
 def _value(path: Path, line: int, row: Mapping[str, str], key: str) -> Value:
     kind = KINDS.get(key, "text")
+    if key in LATER and key not in row:
+        return None
     if kind == "number":
         return _number(path, line, row, key)
     return row[key] == "1" if kind == "flag" else row[key]

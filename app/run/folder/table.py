@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import csv
-import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+
+from ispom.errors import InputError
+from ispom.io.files import exists, opened, require_file
+from ispom.io.whole import create_file
 
 from .run_folder import RunFolder
+
+LONGEST_LINE = 1 << 20
+"""Bytes of a row that we write: one of 500 checks is far below."""
 
 
 class GrowingTable:
@@ -23,7 +29,7 @@ class GrowingTable:
         self._folder, self._name, self._whole = folder, name, 0
         self._file = None
         try:
-            self._file = folder.part(name).open("wb", buffering=0)
+            self._file = create_file(folder.part(name))
         except OSError as error:
             folder.missed(name, error)
         self.add([columns])
@@ -59,15 +65,41 @@ class GrowingTable:
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
-    """The whole rows of a table whose writer may have been killed; none where there is no such file."""
-    if not path.exists():
+    """The whole rows of a table whose writer may have been killed; none where there is no such file.
+
+    Rows that are damaged are left out. InputError where the path is no regular file, or cannot be read.
+    """
+    if not exists(path):
         return []
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
-    rows = csv.DictReader(line for line in lines if line.endswith("\n"))
-    return [row for row in rows if None not in row.values()]
+    with opened(path) as file:
+        rows, found = csv.DictReader(_whole_lines(file)), list[dict[str, str]]()
+        while True:
+            with suppress(csv.Error):
+                row = next(rows, None)
+                if row is None:
+                    return found
+                if None not in row and None not in row.values():
+                    found.append(row)
+
+
+def _whole_lines(file: BinaryIO) -> Iterator[str]:
+    """Until the first that is not whole: nothing is taken from a file that has no lines, however large it is."""
+    while (line := file.readline(LONGEST_LINE)).endswith(b"\n"):
+        yield line.decode(errors="replace")
 
 
 def cut_to_rows(path: Path) -> None:
-    """Takes away a last row that was not written to its end. OSError where that cannot be."""
-    content = path.read_bytes()
-    os.truncate(path, content.rfind(b"\n") + 1)
+    """Takes away a last row that was not written to its end.
+
+    InputError where the path is a link, or no table. OSError where the file cannot be changed.
+    """
+    if path.is_symlink():
+        raise InputError(f"{path} is a link: remove it, and repair again")
+    size = require_file(path)
+    with path.open("r+b") as file:
+        start = max(0, size - LONGEST_LINE)
+        file.seek(start)
+        end = start + file.read(LONGEST_LINE).rfind(b"\n") + 1
+        if start and end == start:
+            raise InputError(f"{path} is no table, for its last row has no end: remove it, and repair again")
+        file.truncate(end)

@@ -81,11 +81,13 @@ def _sigma_deg(step: Step, error_m: float | None) -> Value:
 
 DROPPED = {f"dropped_{status.name.lower()}": status for status in TrackStatus if status.dropped}
 """By key: why a track ended."""
+LIVE_ERROR = "live error: distance of the pose as given then from the truth, not aligned; none while provisional"
 STEP_QUANTITIES = (
     StepQuantity("status", lambda s, _: str(s.status), "initialising, tracking, lost", "text", choices=tuple(Status)),
     StepQuantity("key_frame", lambda s, _: bool(s.key_frame), "whether it became a key frame", "flag"),
     StepQuantity("restarted", lambda s, _: bool(s.restarted), "whether a new world begins here", "flag"),
-    StepQuantity("error_m", lambda _, error: error, "distance from the truth, as the pose was given then", unit="m"),
+    StepQuantity("provisional", lambda s, _: bool(s.provisional), "whether its pose waits for a first fit", "flag"),
+    StepQuantity("error_m", lambda _, error: error, LIVE_ERROR, unit="m"),
     StepQuantity("scale", lambda s, _: s.scale, "factor that carried the unit into this step"),
     StepQuantity("scale_sigma", lambda s, _: s.scale_sigma, "standard deviation of the logarithm of the unit"),
     StepQuantity("sigma_position", lambda s, _: _sigma(s, slice(0, 3)), "1 sigma of the position along its worst axis"),

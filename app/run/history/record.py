@@ -18,7 +18,9 @@ class MethodStatus:
 
     status: Status
     error_m: float | None = None
-    """Distance from the truth; None where that is not known."""
+    """Live error, as Stepped.errors_m; None where that is not known."""
+    provisional: bool = False
+    """Whether its pose waits for the first fit of an integration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ class ExposureRecord:
     def of(event: Stepped, before: ExposureRecord | None) -> ExposureRecord:
         statuses = dict(before.statuses) if before else {}
         for step in event.steps:
-            statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method))
+            statuses[step.method] = MethodStatus(step.status, event.errors_m.get(step.method), step.provisional)
         kind = "video" if isinstance(event.exposure, VideoFrame) else "stereo"
         return ExposureRecord(
             event.index,

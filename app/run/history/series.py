@@ -93,6 +93,13 @@ class Series:
         found = self._stepped[method].rfind(1, 0, index + 1) if method in self._stepped else -1
         return found if found >= 0 else None
 
+    def median_seconds(self, method: str) -> float | None:
+        """Median computing time of the exposures on which a method stepped [s]; None where it never did."""
+        name = f"{method}.seconds"
+        values = self.said(name, self._length)[1] if name in self.quantities else np.zeros(0)
+        known = values[np.isfinite(values)]
+        return float(np.median(known)) if len(known) else None
+
     def stepped(self, methods: Iterable[str], index: int) -> bool:
         """Whether one of these methods stepped on the exposure; "" stands for the exposure itself."""
         return any(self._stepped[method][index] for method in methods if method in self._stepped)

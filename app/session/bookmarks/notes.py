@@ -53,7 +53,7 @@ def put(
     """
     entries = None if bookmarks is None else [asdict(bookmark) for bookmark in bookmarks]
     new = {"note": None if note is None else tidy(note), "about": about, "bookmarks": entries}
-    kept = read_mapping(path) if exists(path) else {}
+    kept = _written(path)
     kept |= {name: value for name, value in new.items() if value is not None}
     try:
         if any(kept.values()):
@@ -69,14 +69,20 @@ def read_notes(path: Path, sequence: Sequence) -> tuple[Bookmark, ...]:
 
     InputError where the file is not as written.
     """
-    if not exists(path):
-        return ()
-    entries = read_mapping(path).get("bookmarks", [])
+    entries = _written(path).get("bookmarks", [])
     if not isinstance(entries, list) or len(entries) > MOST:
         raise InputError(f"{path} has no bookmarks as the app writes them: correct or remove it")
     found = (_placed(_bookmark(path, entry), sequence) for entry in entries)
     by_exposure = {bookmark.exposure: bookmark for bookmark in found if bookmark is not None}
     return tuple(by_exposure[i] for i in sorted(by_exposure))
+
+
+def _written(path: Path) -> dict[Any, Any]:
+    """What the file says, nothing where there is none. InputError where it is a link: it may show any file of the
+    user."""
+    if path.is_symlink():
+        raise InputError(f"{path} is a link: put the file itself there, or remove it")
+    return read_mapping(path) if exists(path) else {}
 
 
 def _bookmark(path: Path, entry: object) -> Bookmark:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Similarity
 from ispom.methods import Config, with_asked
 
@@ -25,6 +26,19 @@ MOST = 12
 NAME_LENGTH = 40
 
 
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """How accurate and how fast a branch was when this was measured last: see `app/session/accuracy.py`."""
+
+    errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
+    """By method: of the trajectory as it is known now; none without ground truth, or with too few poses."""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """By method: median computing time of an exposure [s]."""
+
+
+NOTHING = Measured()
+
+
 @dataclass(frozen=True)
 class Branch:
     """A run as the page lists it."""
@@ -40,9 +54,12 @@ class Branch:
     computed: int = 0
     """Exposures, those of its parent included."""
     tally: Tally = Tally()
+    measured: Measured = NOTHING
     held: Held = Held()
     hidden: bool = False
     """Whether it is not drawn while another is shown."""
+    reproducible: bool = False
+    """Whether nothing is lost with it: a lesson makes it again, or its run is in a folder."""
 
     @property
     def colour(self) -> Rgb:
@@ -72,8 +89,8 @@ def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...]
 def differences(where: str, old: Any, new: Any) -> tuple[str, ...]:
     """What differs between two settings of a method, or of a part of it, a phrase each: `FLAG OLD → NEW`."""
     found: list[str] = []
-    for field in fields(new):
-        a, b, flag = getattr(old, field.name), getattr(new, field.name), f"{where}.{field.name.replace('_', '-')}"
+    for setting in fields(new):
+        a, b, flag = getattr(old, setting.name), getattr(new, setting.name), f"{where}.{setting.name.replace('_', '-')}"
         if is_dataclass(b):
             found += differences(flag, a, b)
         elif a != b:

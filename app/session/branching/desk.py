@@ -57,7 +57,9 @@ class BranchDesk:
         differences = changes((before.methods, before.config), (methods, config))
         return self.add(fork, name, state.index + 1, differences)
 
-    def add(self, run: CurrentRun, name: str, at: int, differences: tuple[str, ...]) -> tuple[CurrentRun, Resumed]:
+    def add(
+        self, run: CurrentRun, name: str, at: int, differences: tuple[str, ...], *, reproducible: bool = False
+    ) -> tuple[CurrentRun, Resumed]:
         """A run as a branch of the one that is shown, from exposure `at` on; as `show`. InputError beyond MOST."""
         state = self._store.state
         if len(self._runs) >= MOST:
@@ -66,7 +68,7 @@ class BranchDesk:
         self._runs[number] = run
         named = _name(name) or f"branch {number}"
         branch = Branch(number, named, state.branch, at, differences, len(run.history), run.tally)
-        self._store.set(branches=(*state.branches, branch))
+        self._store.set(branches=(*state.branches, replace(branch, reproducible=reproducible)))
         return self.show(number)
 
     def show(self, number: int) -> tuple[CurrentRun, Resumed]:

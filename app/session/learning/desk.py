@@ -46,8 +46,8 @@ class LessonDesk:
         """InputError where it cannot be done now."""
         learning = self._store.state.lesson
         match command:
-            case Learn(name, place):
-                self._begin(name, place)
+            case Learn(name):
+                self._enter(self._library.lesson(name), self._place_in(command))
             case EndLesson():
                 self._end()
             case TurnTo(place) if learning is not None:
@@ -74,6 +74,20 @@ class LessonDesk:
                     return
         raise InputError("a question of the lesson is open: answer it and reveal the answer, or end the lesson first")
 
+    def opens_a_run(self, command: Learn | TurnTo) -> bool:
+        """Whether the step that is asked for begins with another run than the one that is shown.
+
+        InputError for an unknown lesson.
+        """
+        learning = self._store.state.lesson
+        if isinstance(command, Learn):
+            lesson, place = self._library.lesson(command.name), self._place_in(command)
+        elif learning is not None:
+            lesson, place = learning.lesson, command.place
+        else:
+            return False
+        return 0 <= place < len(lesson.steps) and not self._is_shown(lesson.steps[place].own)
+
     def turn(self) -> None:
         """The next part of the way, where the one before is done."""
         if self._jobs and self._store.state.target is None:
@@ -93,10 +107,13 @@ class LessonDesk:
     def busy(self) -> bool:
         return bool(self._jobs)
 
-    def _begin(self, name: str, place: int | None) -> None:
-        lesson = self._library.lesson(name)
+    def _place_in(self, command: Learn) -> int:
+        """The step to begin with."""
+        if command.place is not None:
+            return command.place
+        lesson = self._library.lesson(command.name)
         done = self._library.progress.steps.get(lesson.name, 0)
-        self._enter(lesson, (done if done < len(lesson.steps) else 0) if place is None else place)
+        return done if done < len(lesson.steps) else 0
 
     def _enter(self, lesson: Lesson, place: int) -> None:
         if not 0 <= place < len(lesson.steps):
@@ -128,9 +145,13 @@ class LessonDesk:
     def _show_own(self, asked: Asked) -> None:
         """The run of the step: the one that is shown, where it was asked in the same words."""
         shown = self._shown()
-        if shown is None or asked != self._asked or shown is not self._runs.get(OWN):
+        if shown is None or not self._is_shown(asked):
             shown = self._open_run(asked)
         self._asked, self._runs = asked, {OWN: shown}
+
+    def _is_shown(self, asked: Asked) -> bool:
+        shown = self._shown()
+        return shown is not None and asked == self._asked and shown is self._runs.get(OWN)
 
     def _ask(self, learning: Learning) -> None:
         ask, at = learning.step.ask, learning.step.at

@@ -9,7 +9,7 @@ import numpy as np
 from ispom.solvers.trajectory.stages import Kind, Stage, stages
 from ispom.types import SegmentFit, SplineFit, Step
 
-from ...texts import length
+from ...texts import Unit, angle, length, length_unit
 
 SEGMENT: dict[Kind, tuple[str, str]] = {
     "given": (
@@ -66,17 +66,18 @@ def _segment(fit: SegmentFit, stage: int) -> dict[str, Any]:
         facts.append(("scale", f"{fit.scale:.4g} m per unit"))
         facts.append(("rotation about the first pose", _degrees(fit.turn_rad)))
     facts.append(("orientation missed at the end", _degrees(fit.residual_rad)))
+    unit = length_unit(stage.gap_m for stage in found)
     return {
         "title": f"{at + 1} of {len(found)}: {title}",
         "help": help_text,
         "head": SEGMENT_HEAD,
-        "rows": [(SEGMENT[s.kind][0], i == at, _off(s)) for i, s in enumerate(found)],
+        "rows": [(SEGMENT[s.kind][0], i == at, _off(s, unit)) for i, s in enumerate(found)],
         "facts": facts,
     }
 
 
-def _off(stage: Stage) -> tuple[str, str, str]:
-    return length(stage.gap_m), _degrees(stage.direction_rad), _degrees(stage.orientation_rad)
+def _off(stage: Stage, unit: Unit) -> tuple[str, str, str]:
+    return length(stage.gap_m, unit), _degrees(stage.direction_rad), _degrees(stage.orientation_rad)
 
 
 def _spline(fit: SplineFit, stage: int) -> dict[str, Any]:
@@ -112,4 +113,4 @@ def _errors(fit: SplineFit, which: np.ndarray) -> tuple[str, str]:
 
 
 def _degrees(angle_rad: float) -> str:
-    return f"{np.degrees(angle_rad):.3f}°"
+    return angle(float(np.degrees(angle_rad)))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 APPLIED = "Apply restarts the run from the first exposure; Fork runs on from the one after that shown."
 PENDING = f"**Changed, not applied yet.** {APPLIED}"
 FORK = "Fork"
-APPLY_HINT = "Starts the run again from the first exposure with these methods and settings; its branches are left."
+APPLY_HINT = "Starts the run again from the first exposure with these methods and settings, without its branches."
 RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 START, STOP = "Record", "Stop recording"
 NONE: tuple[str, ...] = ("none yet",)
 RECORD = "Writes the run, from its first exposure on, into a file of the folder recordings; again: closes the file."
-REVIEW = "Shows it in this page as it was; nothing is computed. The run that is shown now is left."
+REVIEW = "Shows it in this page as it was; nothing is computed. It takes the place of the run that is shown."
 VIEWER = ".".join(version("rerun-sdk").split(".")[:2])
 
 

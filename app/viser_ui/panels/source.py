@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,8 @@ class SourcePanel:
         self.folder = gui.add_folder("Source", expand_by_default=False)
         with self.folder:
             self._source = gui.add_text("source", session.state.source, hint=HINT)
-            hint = "Opens the source with the options below; the run that is shown, and its branches, are left."
+            self._source.on_update(lambda _: self._named())
+            hint = "Opens the source with the options below. Branches that would be lost are asked about first."
             gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, hint=hint).on_click(self._open)
             self._recent = gui.add_dropdown("recent", NOTHING, initial_value=NONE, hint=RECENT)
             self._recent.on_update(lambda _: self._choose(self._recent.value))
@@ -42,6 +44,8 @@ class SourcePanel:
             self._browse.on_update(lambda _: self._enter(self._browse.value))
             with gui.add_folder("Options of the source", expand_by_default=False):
                 self._options = ConfigForm(gui, session.state.source_options)
+        self._usual, self._other = session.state.source_options, False
+        """The options that the app was started with, and whether the field names another source than the one shown."""
         self._entries: dict[str, Entry] = {}
         self._look_into(session.folders.home)
 
@@ -56,6 +60,16 @@ class SourcePanel:
 
     def _open(self, _: object) -> None:
         self._session.post(do.Open(self._source.value.strip(), self._options.value))
+
+    def _named(self) -> None:
+        """Options of the source that is shown are its own: for another one, they become the usual ones in sight."""
+        state = self._state or self._session.state
+        other = self._source.value.strip() != state.source
+        if other and not self._other:
+            written, shown = self._options.value, state.source_options
+            names = [f.name for f in fields(written) if getattr(written, f.name) == getattr(shown, f.name)]
+            self._options.show(replace(written, **{name: getattr(self._usual, name) for name in names}))
+        self._other = other
 
     def _choose(self, name: str) -> None:
         if name != NONE:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -12,7 +11,7 @@ from queue import Empty, Queue
 from threading import Thread
 from typing import Any, BinaryIO, NoReturn
 
-from ispom.child import Child
+from ispom.child import PYTHON, Child
 
 LINE_BYTES = 16 << 20
 """The longest answer."""
@@ -33,7 +32,7 @@ class Pipe:
     def __init__(self, command: Sequence[str], timeout_s: float) -> None:
         """Starts the program; each answer is waited for up to so long."""
         supervisor = Path(__file__).with_name("supervise.py")
-        self._child = Child([sys.executable, "-E", "-S", str(supervisor), *command])
+        self._child = Child([*PYTHON, "-E", "-S", str(supervisor), *command])
         self._timeout_s = timeout_s
         self._deadline = 0.0
         self._stopped = False

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ispom.errors import InputError
 from ispom.geometry import Array, Pose
 from ispom.io.calibrations.placed import Placed, camera_from
 from ispom.io.files import read_bytes
-from ispom.io.mapping import MAX_BYTES, finite_numbers, read_mapping
+from ispom.io.mapping import MAX_BYTES, finite_numbers, parse_yaml, read_mapping
 from ispom.types import Camera
 
 _COUNTS = (0, 4, 5, 8, 12, 14)
@@ -105,10 +104,7 @@ def _read(path: Path) -> dict[Any, Any]:
         return read_mapping(path)
     body = text.replace("!!opencv-matrix", "")
     body = body.split("\n", 1)[1] if body.startswith("%YAML") else body
-    try:
-        content = yaml.safe_load(body)
-    except yaml.YAMLError:
-        content = None
+    content = parse_yaml(path, body)
     if not isinstance(content, dict):
         raise InputError(f"{path} is not a YAML file of OpenCV: restore it")
     return content

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ispom.errors import InputError
+from ispom.errors import InputError, counted
 from ispom.io.files import is_folder, require_file
 from ispom.io.mapping import read_mapping
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 METADATA = "metadata.yaml"
 """What makes a folder a bag of ROS 2."""
+_STAMPED = 12
+"""Bytes before and with the time stamp of an image."""
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 
 
@@ -32,9 +34,14 @@ class Index:
     """Where the messages of one topic are."""
 
     stamps_ns: NDArray[np.int64]
-    """(N,) increasing: the headers' times, of the exposures; where those are 0, when the messages were written."""
+    """(N,) increasing: the headers' times, of the exposures; where those are 0 or repeat, when the messages were
+    written."""
     places: list[tuple[int, int]]
     """When message i was written [ns], and how many messages of its topic were written before at that very time."""
+    own_clock: bool = False
+    """Whether the times are those at which the messages were written."""
+    notes: tuple[str, ...] = ()
+    """About messages that were left out, and about times that repeat."""
 
 
 class BagFile:
@@ -51,16 +58,41 @@ class BagFile:
             self.types: dict[str, str] = dict(sorted((c.topic, c.msgtype) for c in reader.connections))
         """Message type by topic."""
 
-    def index(self, topic: str) -> Index:
-        """Reads the topic's messages once, without decoding them."""
-        stamps, places, same = [], [], (0, -1)
+    def holds(self, topic: str) -> bool:
+        """Whether the topic has a message."""
+        with self._reading() as reader:
+            return next(iter(reader.messages(_connections(reader, topic))), None) is not None
+
+    def index(self, topic: str, own_clock: bool | None = None) -> Index:
+        """Reads the topic's messages once, without decoding them. Their times are those of their headers or, with
+        `own_clock`, those of the bag; by default the latter where the former repeat."""
+        stamps, written, places, same, copies, last = [], [], [], (0, -1), 0, b""
         with self._reading() as reader:
             for _, time_ns, raw in reader.messages(_connections(reader, topic)):
                 same = (time_ns, same[1] + 1 if same[0] == time_ns else 0)
-                stamps.append(_stamp_ns(raw, reader.is2) or time_ns)
+                stamp = _stamp_ns(raw, reader.is2) or time_ns
+                content, last = last, raw
+                if stamps and stamps[-1] == stamp and content[_STAMPED:] == raw[_STAMPED:]:
+                    copies += 1  # recorded twice
+                    continue
+                stamps.append(stamp)
+                written.append(time_ns)
                 places.append(same)
-        times_ns, first = np.unique(np.array(stamps, np.int64), return_index=True)
-        return Index(times_ns, [places[i] for i in first])
+        repeated = [len(times) - len(set(times)) for times in (stamps, written)]
+        if own_clock is None:
+            own_clock = repeated[1] < repeated[0]
+        times_ns, first = np.unique(np.array(written if own_clock else stamps, np.int64), return_index=True)
+        left_out = copies + len(places) - len(first)
+        notes = []
+        if own_clock and repeated[0]:
+            which = f"{repeated[0]} of {counted(len(stamps), 'image')} of {topic}"
+            repeat = "repeats" if repeated[0] == 1 else "repeat"
+            notes.append(f"{which} {repeat} the time stamp of another: the times of the bag are used")
+        if left_out:
+            notes.append(
+                f"{left_out} of {counted(len(stamps) + copies, 'image')} of {topic} skipped: of one time with another"
+            )
+        return Index(times_ns, [places[i] for i in first], own_clock, tuple(notes))
 
     def message(self, topic: str, place: tuple[int, int] | None = None) -> Any:
         """The message at a place of its index, or the topic's first one; None where there is none."""

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Array
-from ispom.io.camera import read_camera, usable
+from ispom.io.calibrations.ros import MODELS
+from ispom.io.camera import usable
 from ispom.io.files import exists, is_folder
 from ispom.sequences.formats.bag_file import IMAGE_TYPES, INFO_TYPE, METADATA, BagFile, Index
-from ispom.sequences.formats.folder import CAMERA, CAMERA_ENTRIES
-from ispom.sequences.images import decode
+from ispom.sequences.formats.folder import CAMERA, read_settings
+from ispom.sequences.guess import guessed
+from ispom.sequences.images import as_bytes, decode, sampled, span_of_values, values_of
 from ispom.sequences.matching import pairs, unmatched_note
 from ispom.sequences.recording import Recording, Side
 from ispom.sequences.rectification import remapped, undistortion
@@ -24,21 +28,44 @@ from ispom.types import Camera, Image
 BAG_SUFFIXES = frozenset({".bag", ".mcap", ".db3"})
 SIDES = (("left", "right"), ("cam0", "cam1"), ("camera0", "camera1"), ("infra1", "infra2"))
 """How topics of a pair are called."""
-MODELS = ("plumb_bob", "rational_polynomial", "")
-ENCODINGS: dict[str, tuple[int, int | None]] = {
-    "mono8": (1, None),
-    "8UC1": (1, None),
-    "rgb8": (3, None),
-    "bgr8": (3, cv2.COLOR_BGR2RGB),
-    "8UC3": (3, cv2.COLOR_BGR2RGB),
-    "rgba8": (4, cv2.COLOR_RGBA2RGB),
-    "bgra8": (4, cv2.COLOR_BGRA2RGB),
-    "bayer_rggb8": (1, cv2.COLOR_BayerRGGB2RGB),
-    "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2RGB),
-    "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2RGB),
-    "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2RGB),
+_BAYER = {
+    "rggb": cv2.COLOR_BayerRGGB2RGB,
+    "bggr": cv2.COLOR_BayerBGGR2RGB,
+    "gbrg": cv2.COLOR_BayerGBRG2RGB,
+    "grbg": cv2.COLOR_BayerGRBG2RGB,
 }
-"""Bytes per pixel, and what makes RGB of them."""
+_COLOURS = {
+    "rgb": (3, None),
+    "bgr": (3, cv2.COLOR_BGR2RGB),
+    "rgba": (4, cv2.COLOR_RGBA2RGB),
+    "bgra": (4, cv2.COLOR_BGRA2RGB),
+}
+ENCODINGS: dict[str, tuple[type[np.generic], int, int | None]] = {
+    "mono8": (np.uint8, 1, None),
+    "mono16": (np.uint16, 1, None),
+    **{f"{name}8": (np.uint8, *how) for name, how in _COLOURS.items()},
+    **{f"{name}16": (np.uint16, *how) for name, how in _COLOURS.items()},
+    **{f"bayer_{name}8": (np.uint8, 1, how) for name, how in _BAYER.items()},
+    **{f"bayer_{name}16": (np.uint16, 1, how) for name, how in _BAYER.items()},
+    "8UC1": (np.uint8, 1, None),
+    "8UC3": (np.uint8, 3, cv2.COLOR_BGR2RGB),
+    "8UC4": (np.uint8, 4, cv2.COLOR_BGRA2RGB),
+    "16UC1": (np.uint16, 1, None),
+    "16SC1": (np.int16, 1, None),
+    "16UC3": (np.uint16, 3, cv2.COLOR_BGR2RGB),
+    "16UC4": (np.uint16, 4, cv2.COLOR_BGRA2RGB),
+    "32FC1": (np.float32, 1, None),
+    "32FC3": (np.float32, 3, cv2.COLOR_BGR2RGB),
+    "yuv422": (np.uint8, 2, cv2.COLOR_YUV2RGB_UYVY),
+    "uyvy": (np.uint8, 2, cv2.COLOR_YUV2RGB_UYVY),
+    "yuv422_yuy2": (np.uint8, 2, cv2.COLOR_YUV2RGB_YUY2),
+    "yuyv": (np.uint8, 2, cv2.COLOR_YUV2RGB_YUY2),
+}
+"""Kind and number of values per pixel, and what makes RGB of them where they are bytes."""
+
+
+FIRST = 10
+"""Images of which one must be readable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,63 +95,106 @@ def looks_like_bag(path: Path) -> bool:
     return path.suffix.lower() in BAG_SUFFIXES or (is_folder(path) and exists(path / METADATA))
 
 
-def open_bag(path: Path) -> Recording:
+def open_bag(path: Path, calibration: Path | None = None) -> Recording:
     """The recording of a bag's stereo pair, or else of its first camera; InputError names what is missing or wrong.
 
-    Opening reads the bag once, for the times of its images.
+    `calibration` is that of a camera whose camera_info is missing, or says that it is not calibrated. Opening reads the
+    bag once, for the times of its images.
     """
     bag = BagFile(path)
     topics = sorted((topic for topic, kind in bag.types.items() if kind in IMAGE_TYPES), key=_rank)
     if not topics:
         raise InputError(f"{path} has no image topic: give a bag with images")
-    infos = {topic: _info(bag, topic) for topic in topics}
+    topics = [topic for topic in topics if bag.holds(topic)] or topics
+    infos = {topic: _usable_info(bag, topic) for topic in topics}
     for left in topics:
         right = next((left.replace(*names) for names in SIDES if names[0] in left), left)
         first, second = infos[left], infos.get(right)
-        if right != left and first is not None and second is not None and _baseline_m(first, second) > 0:
+        if right != left and isinstance(first, _Info) and isinstance(second, _Info) and _baseline_m(first, second) > 0:
+            if calibration is not None:
+                raise _calibrated(path, calibration)
             return _pair(bag, (left, right), (first, second))
-    return _single(bag, topics[0], infos[topics[0]], topics[1:])
+    cameras = [topic for topic in topics if not _is_depth(topic)] or topics
+    known = [topic for topic in cameras if isinstance(infos[topic], _Info)]
+    topic = (known if known and calibration is None else cameras)[0]
+    return _single(bag, topic, infos[topic], [other for other in topics if other != topic], calibration)
 
 
-def _single(bag: BagFile, topic: str, info: _Info | None, others: list[str]) -> Recording:
+def _calibrated(path: Path, calibration: Path) -> InputError:
+    return InputError(f"{path} has its own calibration: leave --camera {calibration} out")
+
+
+def _usable_info(bag: BagFile, topic: str) -> _Info | InputError | None:
+    """The topic's camera_info, or why it cannot be used; None where there is none, or it says nothing."""
+    try:
+        return _info(bag, topic)
+    except InputError as fault:
+        return fault
+
+
+def _single(
+    bag: BagFile, topic: str, info: _Info | InputError | None, others: list[str], calibration: Path | None
+) -> Recording:
     beside = bag.path.resolve().parent / CAMERA
-    if info is None and not exists(beside):
-        raise InputError(f"{bag.path} has no camera_info for {topic}: write {beside} with {CAMERA_ENTRIES}")
-    camera = read_camera(beside) if info is None else info.raw
-    if info is not None and _is_rectified(topic):
-        camera = usable(info.rectified, f"{bag.path}: P of {topic}")
-    index = _index(bag, topic)
+    index, guess = _index(bag, topic), None
     notes = (f"Of {bag.path.name} only {topic} is used, not {', '.join(others)}.",) if others else ()
+    notes += _notes(bag, index)
+    if isinstance(info, _Info):
+        if calibration is not None:
+            raise _calibrated(bag.path, calibration)
+        camera = usable(info.rectified, f"{bag.path}: P of {topic}") if _is_rectified(topic) else info.raw
+    elif calibration is not None or exists(beside):
+        camera, _, unknown = read_settings(calibration or beside)
+        notes += unknown
+    elif info is not None:
+        raise info
+    else:
+        size = _Images(bag, topic, index).first_size()
+        guess = guessed(size, None)
+        camera = guess.camera(size)
+        notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {beside}",)
+    images = _Images(bag, topic, index, (camera.width, camera.height))
+    times_ns = index.stamps_ns
+    return Recording(
+        f"bag {bag.path.name}", camera, None, times_ns, lambda _, i: images.read(i), None, notes, guess=guess
+    )
 
-    def read(_: Side, i: int) -> Image:
-        return _image(bag, topic, index, i, camera)
 
-    return Recording(f"bag {bag.path.name}", camera, None, index.stamps_ns, read, None, notes)
+def _notes(bag: BagFile, *indices: Index) -> tuple[str, ...]:
+    return tuple(f"{bag.path.name}: {note}" for index in indices for note in index.notes)
 
 
 def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> Recording:
-    left, right = _index(bag, topics[0]), _index(bag, topics[1])
+    left, right = _indices(bag, topics)
     i_left, i_right = pairs(left.stamps_ns, right.stamps_ns)
     if not len(i_left):
         raise InputError(f"{bag.path}: no images of {' and '.join(topics)} are of the same time: record both together")
     camera = usable(infos[0].rectified, f"{bag.path}: P of {topics[0]}")
     size = (camera.width, camera.height)
     maps = [undistortion(info.raw, info.turn, info.projection, size) for info in infos]
-    streams = {"left": (0, left, i_left), "right": (1, right, i_right)}
+    raws = [
+        _Images(bag, topic, index, (info.raw.width, info.raw.height))
+        for topic, index, info in zip(topics, (left, right), infos, strict=True)
+    ]
+    streams = {"left": (0, i_left), "right": (1, i_right)}
 
     def read(side: Side, i: int) -> Image:
-        k, index, matched = streams[side]
-        image = _image(bag, topics[k], index, int(matched[i]), infos[k].raw)
+        k, matched = streams[side]
+        image = raws[k].read(int(matched[i]))
         return image if _is_rectified(topics[k]) or infos[k].is_straight else remapped(image, maps[k])
 
-    notes = unmatched_note(len(left.places), len(right.places), len(i_left))
+    notes = _notes(bag, left, right) + unmatched_note(len(left.places), len(right.places), len(i_left))
     baseline_m = _baseline_m(*infos)
     return Recording(f"bag {bag.path.name}", camera, baseline_m, left.stamps_ns[i_left], read, None, notes)
 
 
 def _rank(topic: str) -> tuple[bool, bool, bool, str]:
     """Cameras before depth images, rectified before raw, as they are before compressed."""
-    return "depth" in topic.lower(), not _is_rectified(topic), topic.endswith("/compressed"), topic
+    return _is_depth(topic), not _is_rectified(topic), topic.endswith("/compressed"), topic
+
+
+def _is_depth(topic: str) -> bool:
+    return "depth" in topic.lower()
 
 
 def _is_rectified(topic: str) -> bool:
@@ -146,7 +216,17 @@ def _index(bag: BagFile, topic: str) -> Index:
     return index
 
 
+def _indices(bag: BagFile, topics: tuple[str, str]) -> tuple[Index, Index]:
+    """Of a pair, both by one clock: where stamps repeat, by that which makes more pairs."""
+    left, right = _index(bag, topics[0]), _index(bag, topics[1])
+    if not (left.own_clock or right.own_clock):
+        return left, right
+    tried = [(bag.index(topics[0], own_clock), bag.index(topics[1], own_clock)) for own_clock in (True, False)]
+    return max(tried, key=lambda both: len(pairs(both[0].stamps_ns, both[1].stamps_ns)[0]))
+
+
 def _info(bag: BagFile, topic: str) -> _Info | None:
+    """InputError where it is of no camera that can be used; None where there is none, or it says nothing."""
     name = f"{topic.removesuffix('/compressed').rsplit('/', 1)[0]}/camera_info"
     message = bag.message(name) if bag.types.get(name) == INFO_TYPE else None
     if message is None:
@@ -156,40 +236,90 @@ def _info(bag: BagFile, topic: str) -> _Info | None:
         return np.array(getattr(message, key, getattr(message, key.upper(), ())), float)
 
     k, d, r, p = values("k").reshape(3, 3), values("d"), values("r").reshape(3, 3), values("p").reshape(3, 4)
+    if not k.any() and not p.any():  # uncalibrated (sensor_msgs/CameraInfo)
+        return None
     good = all(np.isfinite(a).all() for a in (k, d, r, p)) and k[0, 0] > 0 and k[1, 1] > 0
-    if not good or len(d) not in (0, 4, 5, 8) or message.distortion_model not in MODELS:
+    lens = MODELS.get(message.distortion_model or "plumb_bob")
+    if not good or lens is None or len(d) not in ((0, 4) if lens == "fisheye" else (0, 4, 5, 8)):
         model = message.distortion_model or "no"
-        raise InputError(f"{bag.path}: {name} is no pinhole camera ({model} distortion model): calibrate it as one")
+        raise InputError(
+            f"{bag.path}: {name} is of no camera that is known ({model} distortion model, {len(d)} coefficients): "
+            "calibrate it as a pinhole or fisheye camera, or give --camera"
+        )
     intrinsics = k[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
-    raw = Camera(message.width, message.height, *intrinsics, distortion=tuple(d.tolist()))
+    raw = Camera(message.width, message.height, *intrinsics, distortion=tuple(d.tolist()), lens=lens)
     return _Info(usable(raw, f"{bag.path}: {name}"), r, p)
 
 
-def _image(bag: BagFile, topic: str, index: Index, i: int, camera: Camera) -> Image:
-    message = bag.message(topic, index.places[i])
-    where = f"{bag.path}: image {i} of {topic}"
-    compressed = bag.types[topic] == IMAGE_TYPES[1]
-    if compressed:
-        return decode(bytes(message.data), where, (camera.width, camera.height))
-    image = _pixels(message, where)
-    if image is None:
-        raise UnreadableImage(f"{where} is not whole or of no known format: restore the bag")
-    height, width = image.shape[:2]
-    if (width, height) != (camera.width, camera.height):
-        wanted = f"{camera.width} x {camera.height}"
-        raise InputError(f"{where} is {width} x {height}, not {wanted} as its camera: correct the calibration")
-    return image
+class _Images:
+    """The images of one topic, decoded when asked for."""
+
+    def __init__(self, bag: BagFile, topic: str, index: Index, size: tuple[int, int] | None = None) -> None:
+        """Of this size (width, height) where it is known."""
+        self._bag, self._topic, self._index, self._size = bag, topic, index, size
+        self._compressed = bag.types[topic] == IMAGE_TYPES[1]
+
+    def read(self, i: int) -> Image:
+        """Image i, grey or RGB; InputError where it is unreadable, of an unknown encoding, or of another size."""
+        where, message = self._where(i), self._bag.message(self._topic, self._index.places[i])
+        if self._compressed:
+            return decode(bytes(message.data), where, self._size, span=lambda: self._span)
+        values = _values(message, where)
+        height, width = values.shape[:2]
+        if self._size is not None and (width, height) != self._size:
+            wanted = f"{self._size[0]} x {self._size[1]}"
+            raise InputError(f"{where} is {width} x {height}, not {wanted} as its camera: correct the calibration")
+        if values.dtype != np.uint8:
+            values = as_bytes(values, self._span)
+        conversion = ENCODINGS[message.encoding][2]
+        image = values if conversion is None else np.asarray(cv2.cvtColor(values, conversion), np.uint8)
+        image = np.ascontiguousarray(image)
+        image.setflags(write=False)
+        return image
+
+    def first_size(self) -> tuple[int, int]:
+        """(width, height) of the first image that can be read."""
+        fault = None
+        for i in range(min(len(self._index.places), FIRST)):
+            try:
+                return self.read(i).shape[1::-1]
+            except UnreadableImage as error:
+                fault = fault or error
+        raise fault or InputError(f"{self._bag.path}: {self._topic} holds no image: give a bag with images")
+
+    @cached_property
+    def _span(self) -> tuple[float, float]:
+        """What is black and white in all images of the topic."""
+        found = []
+        for i in sampled(len(self._index.places)):
+            message = self._bag.message(self._topic, self._index.places[i])
+            try:
+                of = values_of if self._compressed else _values
+                values = of(bytes(message.data) if self._compressed else message, self._where(i))
+            except InputError:
+                continue
+            if values is not None:
+                found.append(values[np.isfinite(values)])
+        return span_of_values(found)
+
+    def _where(self, i: int) -> str:
+        return f"{self._bag.path}: image {i} of {self._topic}"
 
 
-def _pixels(message: Any, where: str) -> Image | None:
+def _values(message: Any, where: str) -> NDArray[Any]:
+    """(H, W) or (H, W, C) as the message has them; UnreadableImage where it is not whole."""
     if message.encoding not in ENCODINGS:
         raise InputError(f"{where} has encoding {message.encoding}, give one of {', '.join(ENCODINGS)}")
-    channels, conversion = ENCODINGS[message.encoding]
+    kind, channels, conversion = ENCODINGS[message.encoding]
     width, height, step = message.width, message.height, message.step
-    if step < width * channels or len(message.data) < height * step or not width * height:
-        return None
-    rows = np.asarray(message.data, np.uint8)[: height * step].reshape(height, step)[:, : width * channels]
-    image = np.ascontiguousarray(rows.reshape((height, width, channels) if channels > 1 else (height, width)))
-    image = image if conversion is None else np.asarray(cv2.cvtColor(image, conversion), np.uint8)
-    image.setflags(write=False)
-    return image
+    kind = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    wide = width * channels * kind.itemsize
+    if step < wide or len(message.data) < height * step or not width * height:
+        raise UnreadableImage(f"{where} is not whole: restore the bag")
+    if (channels == 2 and width % 2) or (conversion in _BAYER.values() and min(width, height) < 2):
+        raise UnreadableImage(
+            f"{where} has {width} x {height} px, which {message.encoding} cannot have: restore the bag"
+        )
+    rows = np.asarray(message.data, np.uint8)[: height * step].reshape(height, step)[:, :wide]
+    values = np.ascontiguousarray(rows).view(kind)
+    return values.reshape((height, width, channels) if channels > 1 else (height, width)).astype(kind.newbyteorder("="))

@@ -3,7 +3,8 @@
 They may lie in a folder `images` of it, as COLMAP has them.
 
 Times are those of `times.txt` there (one per image, seconds), or follow from `rate_hz` in camera.yaml and the numbers
-in the names, of which some may be missing; without a rate, names that are times count (named.py).
+in the names, of which some may be missing; without a rate, names that are times count (named.py). Images in formats
+that are not read count as missing.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ispom.io.camera import CAMERA_KEYS, SIZES
 from ispom.io.files import exists, is_folder, names
 from ispom.io.mapping import read_mapping
 from ispom.sequences.guess import guess_of_photo
-from ispom.sequences.images import IMAGE_SUFFIXES, read_image, require_size
+from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, read_image, require_size
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.recording import Recording
 from ispom.sequences.stream import CLOCK_KEYS, Clock, Stream, clock_of, size_of
@@ -76,9 +77,29 @@ def named_images(folder: Path) -> Named:
     if not found:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
     try:
-        return named(found)
+        return named(found, unread_images(folder))
     except InputError as fault:
         raise InputError(f"{folder}: {fault.args[0]}") from None
+
+
+def unread_images(folder: Path) -> list[str]:
+    """The images in a folder whose format is not read, such as those of iPhones (HEIC)."""
+    return [name for name in names(folder) if _suffix(name) in UNREAD_SUFFIXES]
+
+
+def _unread_note(folder: Path, images: Named) -> str:
+    """How many images of other formats lie between those that are read."""
+    unread = unread_images(folder)
+    read = {Path(name).stem.lower() for name in images.names}
+    alone = [name for name in unread if Path(name).stem.lower() not in read]
+    kinds = ", ".join(sorted({_suffix(name) for name in alone or unread}))
+    if alone:
+        gaps = "" if images.unread is None else "; their numbers are gaps in time"
+        return (
+            f"{folder}: {counted(len(alone), 'image')} in formats that are not read ({kinds}) skipped{gaps}: convert "
+            "them to JPEG or PNG to use them"
+        )
+    return f"{folder}: {counted(len(unread), 'copy', 'copies')} of the images as {kinds} skipped" if unread else ""
 
 
 def folder_stream(
@@ -105,6 +126,9 @@ def folder_stream(
         notes = (note, f"{folder}: times are those in the names of the images" if clock.times is None else "")
     if images.stamps_ns is None and images.numbers is None:
         notes = (*notes, f"{folder}: the names of the images are not numbered in one way: taken in alphabetical order")
+    if images.stamps_ns is None or (clock.times is None and clock.rate_hz is None):
+        notes = (*notes, *(f"{folder}: {note}" for note in images.notes))
+    notes = (*notes, _unread_note(folder, images))
 
     def read(i: int) -> Image:
         return read_image(paths[i], size)
@@ -114,4 +138,9 @@ def folder_stream(
 
 def _is_image(name: str) -> bool:
     """Hidden files are those that other systems leave beside the real ones."""
-    return Path(name).suffix.lower() in IMAGE_SUFFIXES and not name.startswith(".")
+    return _suffix(name) in IMAGE_SUFFIXES
+
+
+def _suffix(name: str) -> str:
+    """In lower case; "" of a hidden file."""
+    return "" if name.startswith(".") else Path(name).suffix.lower()

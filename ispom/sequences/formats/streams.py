@@ -57,6 +57,12 @@ def _ticks(path: Path, left: Given, right: Given) -> dict[str, NDArray[np.int64]
     found = ticks_of_pair(left.images, right.images)
     if found is not None:
         return {"left": found[0], "right": found[1]}
+    clocks = [one.clock.times is not None or one.clock.rate_hz is not None for one in (left, right)]
+    if not any(clocks) and (left.stamps_ns is None) != (right.stamps_ns is None):
+        raise InputError(
+            f"{path}: the names of the images of only one of left and right are times: give the times of both, or name "
+            "both in one way"
+        )
     counts = [len(left.images.names), len(right.images.names)]
     by_order = [one.clock.times is None and one.stamps_ns is None for one in (left, right)]
     if all(by_order) and counts[0] != counts[1]:

@@ -7,10 +7,8 @@ from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
-
 from ispom.errors import InputError
-from ispom.io.mapping import read_mapping
+from ispom.io.mapping import parse_yaml, read_mapping
 from ispom.settings import Range, from_plain, settings
 from ispom.simulation.scenario.calibrations import WrongBaseline, WrongLens, WrongMount, WrongPair, WrongShutter
 from ispom.simulation.scenario.fault import Fault
@@ -153,8 +151,8 @@ def _check(values: Any, where: str) -> None:
 def _plain(word: str) -> Any:
     """A number, true, false or a word."""
     try:
-        value = yaml.safe_load(word)
-    except yaml.YAMLError:
+        value = parse_yaml(word, word)
+    except InputError:
         return word
     return value if isinstance(value, bool | int | float) else word
 

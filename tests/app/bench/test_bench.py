@@ -6,16 +6,14 @@ import json
 import math
 import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import child, consistency, measure, plan, studies, tables, unit
+from ispom_app.bench import child, measure, plan, tables, unit
 from ispom_app.bench.peers import PEERS
 from ispom_app.cli import main
 
-from ispom.evaluation.consistency import Errors
 from tests.alone import METHODS
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive
@@ -28,7 +26,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unit.Unit, "measure", lambda self, times=7: self.samples_ms.append(10.0))
 
     def measured_elsewhere(module: str, task: dict, one_thread: bool = True) -> object:
-        assert module == "measure"
+        assert module == "ispom_app.bench.measure"
         return measure.answer(task)
 
     monkeypatch.setattr(child, "found", measured_elsewhere)
@@ -65,7 +63,6 @@ def test_rows_peers_and_what_is_absent(tmp_path: Path, capsys: pytest.CaptureFix
     ("arguments", "word"),
     [
         (["--runs", "0"], "--runs"),
-        (["--seeds", "1"], "--seeds"),
         (["--sources", "mars"], "mars"),
         (["--json", "nowhere/b.json"], "nowhere"),
     ],
@@ -75,36 +72,6 @@ def test_misuse_is_told(arguments: list[str], word: str, capsys: pytest.CaptureF
     assert word in capsys.readouterr().err
 
 
-def test_consistency_is_told_of_what_has_covariances(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    def made(seed: int) -> Errors:
-        twists = np.random.default_rng(seed).normal(size=(10, 6))
-        return Errors(np.arange(10), twists, np.tile(np.eye(6) / 4, (10, 1, 1)))
-
-    monkeypatch.setattr(consistency, "_errors", lambda sequence, method: made(sequence))
-    monkeypatch.setattr(consistency, "_known", lambda sequence, seed, cameras: sequence)
-    monkeypatch.setattr(consistency, "open_simulated", lambda name, seed, folder, duration_s, world: seed)
-    monkeypatch.setattr(studies, "names", lambda: ("stereo",))
-    found = lambda module, task: consistency.measured(  # noqa: E731
-        "stereo", task["scene"], task["cameras"], task["seeds"], tmp_path
-    )
-    monkeypatch.setattr(child, "found", found)
-    assert main(["bench", "--consistency", "--seeds", "5", "--json", str(tmp_path / "c.json")]) == 0
-    row, *others = json.loads((tmp_path / "c.json").read_text())["consistency"]
-    assert [(r["cameras"], r["scene"]) for r in (row, *others)] == list(product(consistency.KNOWN, consistency.FLIGHTS))
-    assert (
-        row["pose"]["above"] == 1
-        and row["pose"]["below"] == 0
-        and row["pose"]["longest_above_s"] == pytest.approx(9e-9)
-    )
-    assert row["pose"]["sigma_factor"] == pytest.approx(2, rel=0.1) and row["position"]["dof"] == 3
-    monkeypatch.setattr(child, "found", lambda module, task: {})
-    assert main(["bench", "--consistency"]) == 0
-    told = capsys.readouterr().out
-    assert "orientation" in told and "gives no covariances" in told
-
-
 def test_every_peer_stands_beside_a_row() -> None:
     methods = {case.key: case.methods for case in plan.CASES}
     assert all(method in methods[key] for key, method in PEERS)
@@ -112,8 +79,8 @@ def test_every_peer_stands_beside_a_row() -> None:
 
 def test_a_row_in_a_process_of_its_own(tmp_path: Path) -> None:
     task = {"case": "kitti-06", "source": str(tmp_path), "pair": [], "runs": 1, "method": "stereo.paper"}
-    assert "empty folder" in child.found("measure", task)["error"]
-    assert "failed, please report it" in child.found("nothing", task)["error"]
+    assert "empty folder" in child.found("ispom_app.bench.measure", task)["error"]
+    assert "failed, please report it" in child.found("ispom_app.bench.nothing", task)["error"]
 
 
 def test_the_unit() -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import os
+from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from ispom_app.calibrate.job import Asked, Job
@@ -14,6 +18,7 @@ from ispom_app.cli import main
 
 from ispom.calibration.targets import parse_target
 from ispom.errors import InputError
+from ispom.io.files import bounded
 from ispom.io.rig import read_rig
 from ispom.simulation.filming import VIDEO
 
@@ -105,6 +110,46 @@ def test_a_mistake_is_one_sentence(asked: Asked, said: str) -> None:
     job.start(asked)
     job.wait(60)
     assert said in job.progress.fault and not job.progress.doing
+
+
+def test_a_link_in_a_folder_that_may_be_opened_does_not_lead_out_of_it(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    data.mkdir()
+    for name in ("secret.png", "data/a.png"):
+        cv2.imwrite(str(tmp_path / name), np.zeros((60, 80), np.uint8))
+    (data / "b.png").symlink_to(tmp_path / "secret.png")
+    job = Job(folder=tmp_path / "kept", bounds=lambda: bounded((data,)))
+    job.start(Asked("video", (str(data),), SPEC))
+    job.wait(60)
+    assert "b.png is outside" in job.progress.fault
+    with pytest.raises(InputError, match="outside"):
+        image_of(job.progress, "video", 1)
+
+
+BAD: dict[str, Callable[[Path], object]] = {
+    "pipe": lambda path: os.mkfifo(path, 0o600),
+    "latin-1": lambda path: path.write_bytes(b"\xe9"),
+    "deep": lambda path: path.write_text('{"a":' * 100_000),
+    "a list": lambda path: path.write_text("[]"),
+    "other kinds": lambda path: path.write_text('{"target": {}, "cameras": 3, "verdict": []}'),
+    "many words": lambda path: path.write_text(json.dumps({"target": "x" * 10**6, "cameras": {}, "verdict": ""})),
+    "a folder": lambda path: path.mkdir(),
+    "a link to nothing": lambda path: path.symlink_to("nowhere"),
+    "an endless file": lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 1 << 40),
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are POSIX's")
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("what", BAD)
+def test_one_bad_folder_does_not_hide_the_others(what: str, tmp_path: Path) -> None:
+    for name in ("2020-01-01", "2030-01-01"):
+        (tmp_path / name).mkdir()
+        good = {"target": SPEC, "cameras": {"video": {}}, "verdict": "good"}
+        (tmp_path / name / NUMBERS).write_text(json.dumps(good))
+    (tmp_path / "2025-01-01").mkdir()
+    BAD[what](tmp_path / "2025-01-01" / NUMBERS)
+    assert [each.name for each in kept_in(tmp_path)] == ["2030-01-01", "2020-01-01"]
 
 
 def test_what_may_not_be_opened_is_refused() -> None:

@@ -34,6 +34,17 @@ def listening(_: Plan, run: Run, out: Path, __: bool) -> Row:
     return Row(run, None, {name: float(_open_to_all(process)) for name, process in opened.items() if process})
 
 
+def ports(_: Plan, run: Run, out: Path, __: bool) -> Row:
+    """How many ports the scheduler's process, and the worker's, have."""
+    own = psutil.Process()
+    found = {"of_scheduler": own.parent(), "of_worker": own}
+    return Row(run, None, {name: float(len(_listening(process))) for name, process in found.items() if process})
+
+
+def _listening(process: psutil.Process) -> set[int]:
+    return {c.laddr.port for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN}
+
+
 def _open_to_all(process: psutil.Process) -> int:
     listening = [c.laddr for c in process.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
     assert listening

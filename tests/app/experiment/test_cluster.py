@@ -66,6 +66,12 @@ def test_nothing_listens_but_on_this_machine(tmp_path: Path) -> None:
     assert row.values == {"of_scheduler": 0, "of_worker": 0}
 
 
+def test_there_are_no_pages_of_dask(tmp_path: Path) -> None:
+    """Each process has the port that is encrypted, with keys of its own, and no other."""
+    (row, _) = rows(tmp_path, made.ports, count=1, seeds=(0,))
+    assert row.values == {"of_scheduler": 1, "of_worker": 1}
+
+
 def test_no_cluster_at_an_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "ANSWER_S", 0.5)
     plan = made.plan()

@@ -74,7 +74,7 @@ def test_a_lesson_is_what_its_file_says():
         ("---\ntitle", "title", "has no front matter: begin it with"),
         ("title: A title\n", "", "front matter: Object missing required field `title`"),
         ("minutes: 5", "minutes: five", "front matter: Expected `int`, got `str` - at `$.minutes`"),
-        ("minutes: 5", "minutes: [", "front matter, line 4 of its YAML: this is not valid YAML"),
+        ("minutes: 5", "minutes: [", "front matter: its YAML line 4 is not valid YAML"),
         ("minutes: 5", "minutes: 5\nlevel: 3", "front matter: Object contains unknown field `level`"),
         ("[stereo.paper]", "[stero]", "'stero' is no method"),
         ("```step\nat", "```\nat", "step 1 has 0 blocks ```step"),
@@ -130,3 +130,32 @@ def test_progress_is_kept_and_never_goes_back(tmp_path):
     assert again.reached("scale", 1) == {"scale": 2} and again.reached("clock", 1) == {"scale": 2, "clock": 1}
     path.write_text("{damaged")
     assert Library(progress=path).progress.steps == {}
+
+
+NEST = "l0: &l0 [x]\n" + "".join(f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 9)}]\n" for i in range(1, 12))
+HOSTILE = {
+    "aliases": NEST,
+    "deep": "values: " + "[" * 5000,
+    "a wrong tag": "at: !!int ''",
+    "a timestamp": "at: !!timestamp x",
+    "digits": "at: " + "9" * 5000,
+    "itself": "values: &a [*a]",
+    "a name twice": "at: 1\nat: 2",
+    "not text": "? [1, 2]\n: 3",
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("where", ["front", "step"])
+@pytest.mark.parametrize("what", HOSTILE)
+def test_yaml_that_stands_for_too_much_is_one_sentence(where: str, what: str) -> None:
+    line = "minutes: 5\n" if where == "front" else "at: 10\n"
+    with pytest.raises(InputError, match="lesson mine") as caught:
+        read_lesson("mine", LESSON.replace(line, f"{HOSTILE[what]}\n"))
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
+
+
+@pytest.mark.timeout(60)
+def test_blocks_without_an_end_are_counted_once() -> None:
+    with pytest.raises(InputError, match="blocks ```step"):
+        read_lesson("mine", LESSON + "```step\n" * 30_000)

@@ -16,6 +16,7 @@ from ispom_app.page.rerun_assets import NAMES
 from ispom_app.rerun_log.tape import Tape
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import State
 from ispom_app.subscribers import Subscribers
 from ispom_app.viser_ui.portless import PortlessViser
@@ -31,6 +32,7 @@ class FakeSession:
         self.run: CurrentRun | None = None
         self.changes = Subscribers()
         self.commands: list[do.Command] = []
+        self.folders = Folders()
 
     def post(self, command: do.Command) -> None:
         self.commands.append(command)

@@ -149,8 +149,10 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
     row(page).focus()
     page.tab.keyboard.press("Enter")
     page.until("state.plotted === ''", "the plot to be closed")
-    page.tab.keyboard.press("Tab")
-    page.tab.keyboard.press("Space")
+    other = page.controls.locator('.explain button[data-plot="monocular.alive"]')
+    page.controls.get_by_text("Tracks and numbers", exact=True).click()
+    other.focus()
+    page.tab.keyboard.press("Enter")
     page.until("state.plotted !== ''", "the plot of the next line")
     name = page.state["plotted"]
     assert name != NAME and not page.state["playing"]

@@ -92,8 +92,10 @@ def test_a_picture_without_the_viewer_has_all_the_rest_and_says_so(browser, app:
 
 def test_the_splitter_never_cuts_the_controls(page: Page):
     splitter = page.tab.locator("#splitter")
-    for _ in range(4):
-        splitter.press("ArrowLeft")
+    splitter.focus()
+    for key in ("Shift+Tab", "Tab", *["ArrowLeft"] * 4):  # by key: after a click the arrows are the run's
+        page.tab.keyboard.press(key)
+    assert page.tab.locator("#splitter:focus").count() == 1
     edge = splitter.bounding_box()["x"]
     for role, name in (("button", "Step ▶"), ("tab", "Record")):
         box = page.controls.get_by_role(role, name=name).bounding_box()
@@ -108,7 +110,41 @@ def test_a_pose_and_its_error_are_two_things(page: Page):
     for width in (1280, 1600):
         page.tab.set_viewport_size({"width": width, "height": 720})
         text = stereo.locator(".error").evaluate(label)
-        assert "err" in text and "none" not in text.split()[-1]
+        assert "ATE" in text and "none" not in text.split()[-1]
+
+
+def test_branches_are_not_lost_without_a_question(page: Page):
+    """Opening a source discarded them silently."""
+    page.tab.set_viewport_size({"width": 1280, "height": 720})
+    page.send("{do: 'seek', index: 10}")
+    page.until("state.index === 10", "the seek")
+    page.controls.get_by_role("tab", name="Methods").click()
+    page.controls.get_by_role("button", name="Fork at exposure 11").click()
+    page.until("state.branches.length === 2 && state.ended && !state.playing", "the branch")
+    dialog, run = page.tab.locator("#question"), page.state["run"]
+
+    def ask() -> None:
+        page.controls.get_by_role("button", name="Apply and restart").click()
+        dialog.wait_for()
+        assert "the branch branch 1" in dialog.inner_text()
+
+    ask()
+    page.tab.keyboard.press("Escape")
+    dialog.wait_for(state="hidden")
+    ask()
+    page.tab.reload()  # it is still to be answered
+    page.until("state.total > 0", "the state")
+    dialog.wait_for()
+    dialog.get_by_role("button", name="Stay here").click()
+    dialog.wait_for(state="hidden")
+    page.until(f"state.question === null && state.run === {run} && state.branches.length === 2", "all as it was")
+    page.tab.evaluate("location.hash = '#run=double:40'")  # the run that is shown: nothing to ask
+    page.controls.get_by_role("tab", name="Methods").click()
+    ask()
+    page.tab.keyboard.press("Tab")
+    page.tab.keyboard.press("Space")
+    dialog.wait_for(state="hidden")
+    page.until(f"state.run > {run} && state.branches.length === 1 && state.ended", "the restart")
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])

@@ -92,6 +92,70 @@ def test_every_key_does_what_the_list_says_wherever_the_focus_is(page: Page, whe
         page.until(CONSEQUENCES[action.name], f"{action.key} with the focus on {where}")
 
 
+def opened_tab(page: Page, name: str) -> None:
+    page.controls.get_by_role("tab", name=name, exact=True).click()
+
+
+def clicked_slider(page: Page) -> None:
+    opened_tab(page, "Methods")
+    if page.controls.get_by_role("slider").count() < 2:
+        page.controls.get_by_text("Stereo settings", exact=True).click()
+    page.controls.get_by_role("slider").nth(1).click()
+
+
+def clicked_box(page: Page) -> None:
+    opened_tab(page, "View")
+    for _ in range(2):  # and back
+        page.controls.get_by_role("checkbox").first.click()
+
+
+def chosen_from_a_list(page: Page) -> None:
+    page.controls.get_by_label("speed", exact=True).click()
+    page.controls.get_by_role("option", name="1 x", exact=True).click()
+
+
+CLICKED = {
+    "a tab": lambda page: opened_tab(page, "Branches"),
+    "the slider of a setting": clicked_slider,
+    "a checkbox": clicked_box,
+    "a list, and one of its entries": chosen_from_a_list,
+    "a folder": lambda page: page.controls.get_by_text("Moves and loop", exact=True).click(),
+    "the splitter": lambda page: page.tab.locator("#splitter").click(),
+}
+
+
+@pytest.mark.parametrize("where", CLICKED)
+def test_a_key_is_the_runs_after_a_click_on_anything_that_is_no_text_field(page: Page, where: str):
+    """Arrows switched tabs, moved sliders and dragged the splitter; a list kept all keys once it had been clicked."""
+    splitter = page.tab.locator("#splitter").bounding_box()
+    begin(page, "play")
+    CLICKED[where](page)
+    tab = page.controls.locator("[role=tab][aria-selected=true]").inner_text()
+    for name in ("forward", "back", "start", "stereo", "key_frame", "play"):
+        begin(page, name)
+        key = next(action.key for action in ACTIONS if action.name == name)
+        page.tab.keyboard.press(key)
+        page.until(CONSEQUENCES[name], f"{key} after a click on {where}")
+    assert page.controls.locator("[role=tab][aria-selected=true]").inner_text() == tab
+    assert page.tab.locator("#splitter").bounding_box() == splitter
+    assert page.controls.locator("[role=listbox]:visible").count() == 0
+
+
+def test_what_was_reached_by_key_keeps_the_keys_that_move_or_press_it(page: Page):
+    """Who has no mouse changes tabs, sliders and boxes by key."""
+    opened_tab(page, "Branches")
+    page.tab.locator("#splitter").focus()
+    begin(page, "play")
+    page.controls.get_by_role("tab", name="Branches", exact=True).focus()
+    page.tab.keyboard.press("Shift+Tab")
+    page.tab.keyboard.press("Tab")
+    page.tab.keyboard.press("ArrowRight")
+    page.controls.locator("[role=tab][aria-selected=true]", has_text="Break").wait_for()
+    assert page.state["index"] == FROM
+    page.tab.keyboard.press("k")
+    page.until("state.index === 22", "the key frame")
+
+
 @pytest.mark.parametrize("name", BUTTONS)
 def test_every_button_of_the_moves(page: Page, name: str):
     begin(page, name)

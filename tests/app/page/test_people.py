@@ -11,7 +11,7 @@ from ispom_app.session import commands as do
 
 from tests.app.page.served import COOKIE, Served, serving
 
-ANN, BEN, EVE = Person("ann"), Person("ben"), Person("eve", may_drive=False)
+ANN, BEN, CEC, EVE = Person("ann"), Person("ben"), Person("cec"), Person("eve", may_drive=False)
 
 
 @pytest.fixture
@@ -44,13 +44,27 @@ def test_a_reload_keeps_the_wheel_and_an_empty_seat_is_taken_by_the_next_command
     people.join(ANN)
     people.join(BEN)
     people.leave(ANN)
-    assert people.seen_by(BEN)["driver"] is None
     people.join(ANN)
     assert people.drives(ANN) and not people.drives(BEN)
     people.leave(ANN)
     assert people.drives(BEN) and not people.drives(EVE)
     people.join(ANN)
     assert not people.drives(ANN)
+
+
+def test_the_last_one_who_is_left_and_may_drives(people: People) -> None:
+    """Nobody drove, and the page said so, until a command came."""
+    for person in (ANN, BEN, CEC, EVE):
+        people.join(person)
+    people.leave(ANN)
+    assert drivers(people, BEN, CEC, EVE) == [False, False, False]  # either may take over
+    people.leave(CEC)
+    assert drivers(people, BEN, EVE) == [True, False] and people.seen_by(EVE)["driver"] == people.seen_by(BEN)["you"]
+    people.join(ANN)  # only a reload
+    assert drivers(people, ANN, BEN) == [True, False]
+    people.leave(ANN)
+    people.leave(BEN)
+    assert drivers(people, EVE) == [False]
 
 
 def test_two_pages_of_one_browser_are_one_person(people: People) -> None:
@@ -69,7 +83,8 @@ def test_of_those_who_do_not_drive_viser_hears_only_where_they_look_from(people:
         msgspec.msgpack.encode(m) for m in ({"type": "ViewerCameraMessage"}, {"type": "GuiUpdateMessage"}, [1])
     )
     assert [people.passes(BEN, m) for m in (camera, control)] == [True, False]
-    assert people.passes(BEN, broken) and people.passes(BEN, b"\xc1")  # viser closes the connection for these
+    assert not people.passes(BEN, broken) and not people.passes(BEN, b"\xc1")
+    assert not people.passes(BEN, msgspec.msgpack.encode({"type": []}))
     assert people.passes(ANN, control)
 
 

@@ -44,15 +44,64 @@ def test_one_who_does_not_drive_looks_at_other_exposures_alone(both: tuple[Page,
     follower.until("window.ispom.shown.index === 22", "to follow again")
 
 
+LOOKS = {
+    "k": "window.ispom.shown.index === 22",
+    "Shift+k": "window.ispom.shown.index === 17",
+    "Shift+ArrowRight": "window.ispom.shown.index === 23",
+    "Shift+ArrowLeft": "window.ispom.shown.index === 12",
+    "Home": "window.ispom.shown.index === 0",
+    "a": "window.ispom.shown.loop?.[0] === 20",
+    "Space": "window.ispom.shown.playing || window.ispom.shown.index > 21",
+}
+"""Of each key at exposure 20, as in test_keys.py."""
+
+
+@pytest.mark.parametrize("key", LOOKS)
+def test_every_key_that_only_looks_is_theirs(both: tuple[Page, Page], key: str):
+    """All but arrows, Home and End were refused, in a sentence that said "you can look at any exposure"."""
+    driver, follower = both
+    follower.send("{do: 'follow'}")
+    seek(driver, 20)
+    follower.until("window.ispom.shown.index === 20 && state.looking === null", "to follow")
+    follower.tab.keyboard.press(key)
+    follower.until(LOOKS[key], key)
+    follower.until(
+        "document.getElementById('exposure').textContent.includes(` ${window.ispom.shown.index} /`)", "the bar"
+    )
+    assert follower.tab.locator(".notice").count() == 0
+    assert (driver.state["index"], driver.state["playing"], driver.state["loop"]) == (20, False, None)
+
+
+def test_their_buttons_play_and_step_and_their_bar_has_the_numbers_of_their_exposure(both: tuple[Page, Page]):
+    driver, follower = both
+    follower.send("{do: 'follow'}")
+    seek(driver, 20)
+    follower.until("window.ispom.shown.index === 20 && state.looking === null", "to follow")
+    errors = "[...document.querySelectorAll('#methods .error')].map((e) => e.textContent).join()"
+    before = follower.tab.evaluate(errors)
+    follower.tab.get_by_role("button", name="◀ Step").click()
+    follower.until("window.ispom.shown.index === 19", "the step")
+    follower.until(f"{errors} !== '{before}'", "the errors at that exposure")
+    seek(driver, 19)
+    driver.until("state.index === 19", "the same exposure")
+    assert follower.tab.evaluate(errors) == driver.tab.evaluate(errors)
+    follower.tab.get_by_role("button", name="▶ Play").click()
+    follower.until("!window.ispom.shown.playing && window.ispom.shown.index === 43", "the end")
+    assert driver.state["index"] == 19 and not driver.state["playing"]
+    follower.tab.get_by_role("button", name="Follow").click()
+
+
 def test_what_they_cannot_do_is_said_and_changes_nothing(both: tuple[Page, Page]):
     driver, follower = both
     seek(driver, 20)
     follower.until("window.ispom.shown.index === 20", "to follow")
-    follower.tab.keyboard.press("Space")
+    follower.tab.keyboard.press("m")
     follower.tab.get_by_text("Person 1 drives this session; take over to change it.").wait_for()
     follower.send("{do: 'seek', index: 3}")  # past the page, as a script would
     seek(driver, 21)
     follower.until("state.index === 21 && !window.ispom.state.playing", "only the driver's command")
+    assert not driver.tab.evaluate("window.ispom.axis.bookmarks.length")
+    follower.send("{do: 'follow'}")
     panel = follower.tab.frame_locator("#controls")
     play = panel.get_by_role("button", name="Play").first
     assert play.evaluate("(e) => getComputedStyle(e).pointerEvents") == "none"
@@ -70,3 +119,18 @@ def test_the_wheel_is_taken_and_handed_back(both: tuple[Page, Page]):
     driver.until("state.people.driving", "to drive again")
     seek(driver, 9)
     follower.until("window.ispom.shown.index === 9", "to follow")
+
+
+def test_the_last_browser_that_is_left_is_in_control(browser, app: App, both: tuple[Page, Page]):  # noqa: F811
+    """It said "Nobody drives, you follow", and its buttons and sliders were dead."""
+    driver, follower = both
+    seek(driver, 20)
+    follower.until("window.ispom.shown.index === 20", "to follow")
+    driver.tab.goto(app.url.replace("?", "calibration?"))  # a page of the app, but none of the session
+    follower.until("state.people.driving && state.people.others.length === 0", "to drive")
+    assert follower.tab.locator("#people").inner_text() == ""
+    panel = follower.tab.frame_locator("#controls")
+    panel.get_by_role("button", name="◀ Step").click()
+    follower.until("state.index === 19", "the step of the panel's button")
+    driver.tab.goto(app.url)
+    driver.until("state.total > 0 && state.people.driver === 2", "the other one to drive")

@@ -37,7 +37,7 @@ def test_a_moved_copy_of_the_truth_has_no_error() -> None:
     moved = truth.moved(left=Pose.from_rotvec(np.array([0.3, -1.0, 0.2]), np.array([4.0, 5.0, -6.0])))
     found = analysis.errors(run(moved), "stereo")
     assert found is not None and found.position_m.max() < 1e-9 and found.rotation_deg.max() < 1e-5
-    assert analysis.plotted(run(moved), "stereo")[1] == "se3 to truth, 100 poses"
+    assert analysis.plotted(run(moved), "stereo")[1] == "SE(3) to truth, 100 poses"
 
 
 def test_orientation_on_a_straight_path_is_that_of_the_poses() -> None:
@@ -72,8 +72,8 @@ def test_the_worst_moments_are_the_worst() -> None:
     columns["seconds"] = np.where(TIMES[40] == TIMES, 2.0, 1.0)
     steps = Steps(np.arange(100), TIMES, status, np.zeros(100, bool), columns, {})
     found = {moment.exposure: moment.why for moment in moments.worst(run(straight(), steps={"stereo": steps}))}
-    assert found[40] == ("stereo: lost", "stereo: slowest, 2000 ms") and 41 not in found
-    assert found[70] == ("stereo: largest live error, 5 m",)
+    assert found[40] == ("stereo: lost", "stereo: slowest, 2.00 s") and 41 not in found
+    assert found[70] == ("stereo: largest live error, 5.00 m",)
 
 
 def test_a_long_line_keeps_its_peaks() -> None:

@@ -42,9 +42,9 @@ def test_the_columns_of_one_method_stand_together_with_differences_to_the_first_
         (MethodName("stereo"), 2),
     ]
     assert list(found.head) == ["", "a", "b", "a", "b"] and found.starts == {0, 1, 3}
-    ate = rows["ATE (RMS) [m]"]
-    assert [cell.value for cell in ate] == [0.5, 0.4, 0.2, 0.25]
-    assert [None if cell.difference is None else round(cell.difference, 9) for cell in ate] == [None, -0.1, None, 0.05]
+    ate = rows["ATE (RMS) [mm]"]
+    assert [cell.value for cell in ate] == [500, 400, 200, 250], "all of a row in the unit that suits it"
+    assert [None if cell.difference is None else round(cell.difference, 9) for cell in ate] == [None, -100, None, 50]
     assert best(ate) == [False, True, True, False]
 
 
@@ -68,10 +68,10 @@ def test_a_method_and_the_papers_are_of_one_kind() -> None:
     found, rows = table(run("a", stereo=entry(0.1)), run("b", **{"stereo.paper": entry(0.3)}))
     assert [(group.head, group.span) for group in found.groups] == [("", 1), ("stereo", 2)]
     assert list(found.head) == ["", "a: stereo", "b: stereo.paper"]
-    assert best(rows["ATE (RMS) [m]"]) == [True, False]
+    assert best(rows["ATE (RMS) [mm]"]) == [True, False]
 
 
 def test_a_single_run_is_compared_with_nothing() -> None:
     found, rows = table(run("a", stereo=entry(None), integrated=entry(0.2)))
     assert not found.groups and list(found.head) == ["", MethodName("stereo"), MethodName("integrated")]
-    assert rows["ATE (RMS) [m]"] == [None, 0.2]
+    assert rows["ATE (RMS) [mm]"] == [None, 200]

@@ -21,6 +21,7 @@ from ispom_app.run.events import without_images
 from ispom_app.run.playback import Playback
 
 from ispom.errors import InputError
+from ispom.io import whole
 from ispom.io.whole import part_of
 from tests import doubles
 from tests.alone import METHODS
@@ -52,7 +53,7 @@ def full_after(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
             room[0] -= taken
             return taken
 
-    monkeypatch.setattr(piped_file, "FileIO", Full)
+    monkeypatch.setattr(whole, "FileIO", Full)
 
 
 def test_a_closed_file_verifies(run, tmp_path):
@@ -89,7 +90,7 @@ def test_a_flush_waits_for_a_slow_disk(run, tmp_path, monkeypatch):
             Event().wait(0.05)
             return super().write(piece)
 
-    monkeypatch.setattr(piped_file, "FileIO", Slow)
+    monkeypatch.setattr(whole, "FileIO", Slow)
     monkeypatch.setattr(file_recording, "FLUSH_EVERY", 1)
     monkeypatch.setattr(file_recording, "WAIT_S", 60.0)
     with file_recording.FileRecording(tmp_path / "run.rrd", run.opened) as file:
@@ -130,8 +131,8 @@ def test_an_unwritable_path_says_so(run, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full, a disk without space")
-def test_a_full_disk_never_makes_the_writer_wait(tmp_path):
-    (tmp_path / "run.rrd").symlink_to("/dev/full")
+def test_a_full_disk_never_makes_the_writer_wait(tmp_path, monkeypatch):
+    monkeypatch.setattr(piped_file, "create_file", lambda _: FileIO("/dev/full", "wb"))
     file = PipedFile(tmp_path / "run.rrd")
     with open(file.target, "wb", buffering=0) as pipe:
         file.opened()
@@ -162,7 +163,7 @@ def test_a_disk_that_does_not_answer_is_waited_for_no_longer_than_asked(run, tmp
                 answer.wait()
             return super().write(piece)
 
-    monkeypatch.setattr(piped_file, "FileIO", Stalled)
+    monkeypatch.setattr(whole, "FileIO", Stalled)
     monkeypatch.setattr(file_recording, "CLOSE_S", 1e9)
     file = file_recording.FileRecording(tmp_path / "run.rrd", run.opened)
     gone.set()

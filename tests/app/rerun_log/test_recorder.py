@@ -20,11 +20,13 @@ from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.run.events import Finished, Stepped
 from ispom_app.run.history.encoding import decode, encode
 from ispom_app.run.history.record import ExposureRecord
+from ispom_app.run.model.true_path import FIRST
 from ispom_app.run.playback import Playback
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.blueprint.api import View
 from rerun.chunk import RrdReader
 
+from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.geometry import Pose, Similarity
 from ispom.types import Camera, Rig, StereoPair, Tracks, TrackStatus, VideoFrame
 from tests import doubles
@@ -240,11 +242,30 @@ def single_camera(truth: bool = True) -> Playback:
     return Playback(alone, ("monocular",), builder=helpers.build)
 
 
-@pytest.mark.parametrize(("truth", "reason"), [(True, "has no metric unit"), (False, "has no ground truth")])
-def test_a_single_camera_is_shown_in_its_own_unit_and_says_why_it_has_no_error(tmp_path, truth, reason):
-    run = single_camera(truth)
-    layout = blueprint(run.opened)
-    names = {view.name for view in views(layout.root_container)}
+def test_a_single_camera_has_the_true_path_and_its_error_after_an_alignment(tmp_path):
+    run = single_camera()
+    names = {view.name for view in views(blueprint(run.opened).root_container)}
+    assert "world [own unit, not metres; true path aligned by Sim(3)]" in names and "error [m]" in names
+    with FileRecording(tmp_path / "run.rrd", run.opened) as file:
+        for event in events(run):
+            file.write(event)
+        finished = run.finish()
+        file.write(finished)
+    rows = read(tmp_path / "run.rrd")
+    assert "plots/error/none" not in rows and len(column(rows["world/truth/path"], "strips")) == 1
+    assert len(column(rows["world/truth"], "mat3x3")) > 1, "aligned again as the path grew, and at the end"
+    assert run.truth is not None
+    found = error_against_truth(finished.trajectories["monocular"], run.truth, run.sequence.rig, "sim3")
+    assert found is not None
+    curve = [row[0] for row in column(rows["plots/error/monocular/aligned"], "scalars")]
+    assert np.allclose(curve, found.position_errors_m) and len(curve) == len(found.estimate)
+    newest = column(rows["plots/error/monocular/sim3"], "scalars")
+    assert len(newest) == len(curve) - FIRST + 1
+
+
+def test_without_ground_truth_it_says_why_there_is_no_error(tmp_path):
+    run, reason = single_camera(truth=False), "has no ground truth"
+    names = {view.name for view in views(blueprint(run.opened).root_container)}
     assert "world [own unit, not metres]" in names and "error [m]" in names
     with FileRecording(tmp_path / "run.rrd", run.opened) as file:
         for event in events(run):

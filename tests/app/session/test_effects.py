@@ -45,7 +45,7 @@ def test_the_rerun_is_a_branch_with_the_prediction_beside_it(session: Session) -
     effect = session.state.effect
     assert effect is not None and effect.computed == session.state.total
     (prediction,) = effect.predictions
-    assert prediction.linear and prediction.rmse_m is not None and prediction.predicted_rmse_m is not None
+    assert prediction.linear and prediction.ate_m is not None and prediction.predicted_ate_m is not None
     session.post(do.RunPerturbed())
     wait_for(lambda: session.state.branch == 1, "the branch")
     opened = session.opened
@@ -72,6 +72,8 @@ def test_while_the_rerun_is_shown_predictions_are_of_the_run_before_it(session: 
 
 def test_another_run_has_no_prediction_yet(session: Session) -> None:
     session.post(do.Restart(("stereo",), session.state.config))
+    wait_for(lambda: session.state.question, "the question")
+    session.post(do.Confirm(session.state.question.number, True))  # type: ignore[union-attr]
     wait_for(lambda: len(session.state.branches) == 1 and session.state.effect is None, "the new run")
 
 

@@ -102,6 +102,9 @@ def test_the_app_follows_it_and_another_source_ends_it(calibration: Path, tmp_pa
         session.post(do.Seek(3))
         wait_for(lambda: session.state.index == 3 and not session.state.playing, "a look back")
         session.post(do.Open("double:20"))
+        wait_for(lambda: session.state.question, "the question")  # nothing else keeps what the camera saw
+        assert stream.url in session.state.question.text  # type: ignore[union-attr]
+        session.post(do.Confirm(session.state.question.number, True))  # type: ignore[union-attr]
         wait_for(lambda: session.state.source == "double:20" and session.state.phase == "ready", "the other source")
         assert session.close(5.0)
 

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from ispom_app.cli import main
 from ispom_app.options import SourceOptions
 from ispom_app.rerun_log.live import LiveStream
 from ispom_app.rerun_log.stored_tape import StoredTape
+from ispom_app.review.folder import read_stored
 from ispom_app.session import commands as do
 from ispom_app.session.recording.listing import list_recordings
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.sources.known import run_name
 from ispom_app.session.state import Kept
+from ispom_app.viser_ui.panels.look.tab import LookTab, looked_at
+from ispom_app.viser_ui.panels.look.track_picture import track_picture
 from ispom_app.viser_ui.screen import Screen
 
 from ispom.sequences import open_sequence
+from ispom.types import Tracks, TrackStatus
 from tests import doubles
 from tests.app.helpers import started, wait_for
 from tests.sequences.kitti_folder import make_drive
@@ -279,3 +287,87 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
     assert isinstance(live.tape, StoredTape) and live.tape.read(0, 1 << 40) == recorded
     session.close(5)
     live.close()
+
+
+def computed_tracks(run: Path, index: int, camera: str) -> Tracks:
+    """As the run had them at this exposure while it went on."""
+    playback = read_stored(run, opener, build).playback
+    event = [playback.step() for _ in range(index + 1)][-1]
+    return next(step.tracks[camera] for step in event.steps if camera in step.tracks)  # type: ignore[index]
+
+
+def columns(picture: str) -> list[float]:
+    """Of the points that are drawn, in order."""
+    return sorted(float(u) for u in re.findall(r"M([-\d.]+) [-\d.]+h0", picture))
+
+
+def reports(session: Session) -> dict[str, str]:
+    """What the Look tab shows below its picture, by the panel's name."""
+    html = SimpleNamespace(_report=LookTab._report, _chips=None)
+    shown = looked_at(session, session.state)
+    assert shown is not None
+    panels = ("track", "tracks", "lifetimes", "key frames", "residuals", "geometry")
+    return {panel: LookTab._report(html, panel, shown) for panel in panels}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("camera", ["video", "left"])
+def test_the_closer_look_has_the_tracks_that_the_recording_has(session: Session, run: Path, camera: str) -> None:
+    """It said "no tracks" beside a viewer that drew them."""
+    shown = looked_at(session, replace(session.state, displayed=session.history[15], camera=camera))
+    assert shown is not None and shown.index is not None and shown.pictured == camera
+    live = computed_tracks(run, shown.index, camera)
+    text = track_picture(shown)
+    assert len(columns(text)) == len(live) > 0 and f"{len(live)} tracks, of the recording" in text
+    np.testing.assert_allclose(columns(text), np.sort(live.uv[:, 0] + 0.5), atol=0.11)
+    coloured = track_picture(replace(shown, colour_by="age"))
+    assert len(columns(coloured)) == (live.status < TrackStatus.LOST).sum()
+
+
+def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(session: Session) -> None:
+    session.post(do.Seek(9))
+    wait_for(lambda: session.state.index == 9, "the exposure")
+    session.post(do.Fork(session.state.methods, session.state.config))
+    session.post(do.Speed(None))
+    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the fork")
+    before, own = (
+        looked_at(session, replace(session.state, displayed=session.history[index], camera="video"))
+        for index in (5, 20)
+    )
+    assert before is not None and "of the recording" in track_picture(before)
+    assert own is not None and "data-pick" in track_picture(own) and not own.missing
+
+
+def test_what_a_stored_run_does_not_have_of_tracks_is_said_with_what_to_do(session: Session) -> None:
+    assert all("fork it at an earlier exposure" in text for text in reports(session).values())
+    shown = looked_at(session, session.state)
+    assert shown is not None and "data-pick" not in track_picture(shown)
+    count = session.state.notice_count
+    session.post(do.Pick("video", 15, 10.0, 10.0))
+    wait_for(lambda: session.state.notice_count > count, "the refusal")
+    assert "fork it at an earlier exposure" in session.state.notices[-1].text
+
+
+def test_without_a_recording_the_closer_look_says_what_to_do_and_not_that_there_are_none(
+    run: Path, tmp_path: Path
+) -> None:
+    kept = Path(shutil.copytree(run, tmp_path / "kept"))
+    (kept / "run.rrd").unlink()
+    session = opened(tmp_path, kept)
+    shown = looked_at(session, session.state)
+    assert shown is not None
+    text = track_picture(shown)
+    assert "<image" in text and "no tracks" not in text and not columns(text)
+    assert all("fork it at an earlier exposure" in text for text in reports(session).values())
+    session.close(5)
+
+
+def test_a_recording_alone_is_looked_at_with_its_own_images_and_tracks(run: Path, tmp_path: Path) -> None:
+    alone = Path(shutil.copy(run / "run.rrd", tmp_path / "alone.rrd"))
+    session = opened(tmp_path, alone)
+    for camera in ("video", "left"):
+        shown = looked_at(session, replace(session.state, camera=camera))
+        assert shown is not None and shown.pictured == camera
+        text = track_picture(shown)
+        assert "<image" in text and columns(text) and "of the recording" in text
+    assert all("cannot be computed again" in text for text in reports(session).values())
+    session.close(5)

@@ -11,11 +11,13 @@ import viser
 from ispom_app.run.model.tally import Tally
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
+from ispom_app.session.accuracy import measured
 from ispom_app.session.branching.branches import Beside, Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
+from ispom_app.texts import MILLIMETRE
 from ispom_app.viser_ui.branch_scene import BranchScene
-from ispom_app.viser_ui.panels.compare.branches import COMPARE, DELETE, SHOW, BranchesPanel
+from ispom_app.viser_ui.panels.compare.branches import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
 
 from ispom.evaluation.metrics import errors
 from tests import doubles
@@ -45,7 +47,7 @@ def two(run: CurrentRun) -> State:
 
 def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
     asked: list[do.Command] = []
-    run: Any = SimpleNamespace(aligned_ate_m=lambda method: 0.25)
+    run: Any = SimpleNamespace(opened=SimpleNamespace(truth=None))
     session: Any = SimpleNamespace(state=state, post=asked.append, branch=lambda number: run)
     panel = BranchesPanel(server.gui, session)
     panel.show(state)
@@ -78,25 +80,37 @@ def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServe
     panel, _ = made(server, two)
     text = panel._text.content
     assert "first run, from exposure 9 on: stereo.max-tracks 500 → 300. 12 of 22 exposures" in text
-    assert text.count("Stereo") == 2 and "lost" in text and "RMSE" in text
+    assert text.count("Stereo") == 2 and "lost" in text and "ATE" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
 
 
-def test_without_a_metric_unit_the_error_is_that_after_a_similarity(server: viser.ViserServer, two: State) -> None:
-    tally = Tally({"monocular": replace(two.branches[0].tally.methods["monocular"], with_error=0)})
-    branches = tuple(replace(branch, tally=tally) for branch in two.branches)
-    panel, _ = made(server, replace(two, branches=branches))
-    assert panel._text.content.count("0.2500 m (sim3)") == 2
-    panel.show(replace(two, branches=branches, playing=True))
-    assert panel._text.content.count("0.2500 m (sim3)") == 1, "not of one that is being computed"
+def test_every_error_is_the_ate_with_its_alignment_named(server: viser.ViserServer, run: CurrentRun) -> None:
+    branch = Branch(0, "first run", computed=22, tally=run.tally, measured=measured(run))
+    rows = _entry(branch, with_branches(run, branch), {}, MILLIMETRE, True)["methods"]
+    assert [row["ate"].split()[-1] for row in rows if row["ate"]] == ["Sim(3)", "SE(3)"]
+    assert all("poses, aligned by" in row["ate_hint"] for row in rows if row["ate"])
+    assert {row["ms"] for row in rows} == {"5.00"}
 
 
-def test_the_aligned_error_is_that_of_the_evaluation(run: CurrentRun) -> None:
+def test_without_ground_truth_there_is_no_error(run: CurrentRun) -> None:
+    branch = Branch(0, "first run", computed=22, tally=run.tally)
+    rows = _entry(branch, with_branches(run, branch), {}, MILLIMETRE, False)["methods"]
+    assert {row["ate"] for row in rows} == {"no truth"}
+
+
+def test_two_branches_are_compared_over_their_common_frames_unless_one_is_not_drawn(run: CurrentRun) -> None:
+    both = tuple(Branch(n, str(n), tally=run.tally, measured=measured(run)) for n in (0, 1))
+    state, common = with_branches(run, *both), _Common()
+    assert set(common.of(state)) == {(n, method) for n in (0, 1) for method in ("monocular", "integrated")}
+    assert common.of(state) is common.of(state), "computed once"
+    assert not common.of(with_branches(run, both[0], replace(both[1], hidden=True)))
+
+
+def test_the_error_is_that_of_the_evaluation(run: CurrentRun) -> None:
     finished, truth = run.playback.finish(), run.opened.truth
     assert truth is not None
     wanted = errors(finished.trajectories["monocular"], truth, run.opened.sequence.rig, metric=False)["ate_m"]
-    assert run.aligned_ate_m("monocular") == pytest.approx(wanted, abs=1e-9)
-    assert run.aligned_ate_m("nobody") is None
+    assert measured(run).errors["monocular"].ate_m == wanted
 
 
 def test_methods_are_in_the_order_of_the_registry(server: viser.ViserServer, run: CurrentRun) -> None:

@@ -12,12 +12,19 @@ import pytest
 import viser
 from ispom_app import colours
 from ispom_app.run.playback import Playback
+from ispom_app.session.accuracy import errors_beside, measured
 from ispom_app.session.branching.branches import Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
+from ispom_app.texts import METRE, MILLIMETRE, length
 from ispom_app.viser_ui.panels.compare import error_curves as panels
 from ispom_app.viser_ui.panels.compare.branches import BranchesPanel
-from ispom_app.viser_ui.panels.compare.error_curves import ErrorCurvesPanel, error_curves, thinned
+from ispom_app.viser_ui.panels.compare.error_curves import (
+    ErrorCurvesPanel,
+    aligned_curves,
+    live_curves,
+    thinned,
+)
 
 from tests import doubles
 from tests.alone import METHODS
@@ -39,20 +46,24 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
 @pytest.fixture
 def state(run: CurrentRun) -> State:
     count = len(run.history)
-    branches = (Branch(0, "first run", computed=count), Branch(1, "fewer", 0, 5, (), 16))
-    return replace(reduce(State("double:20"), run.opened), branches=branches, computed=count)
+    known = measured(run)
+    branches = Branch(0, "first run", computed=count, measured=known), Branch(1, "fewer", 0, 5, (), 16, measured=known)
+    state = replace(reduce(State("double:20"), run.opened), branches=branches, computed=count)
+    return replace(state, beside_errors=errors_beside(state.beside, run))
 
 
 def labels(state: State, run: CurrentRun) -> list[str]:
-    return [curve.label for curve in error_curves(state, lambda _: run.series)]
+    return [curve.label for curve in aligned_curves(state, lambda _: run)]
 
 
 def test_every_drawn_branch_and_every_other_program_has_its_curves(state: State, run: CurrentRun) -> None:
-    own = [colours.label(m) for m in METHODS]
-    assert labels(state, run) == [*own, *(f"fewer: {label}" for label in own), "orb"]
+    own = ["Monocular, Sim(3)", "Integrated, SE(3)"]  # two stereo poses fix no alignment
+    assert labels(state, run) == [*own, *(f"fewer: {label}" for label in own), "orb, SE(3)"]
     hidden = replace(state, branches=(state.branches[0], replace(state.branches[1], hidden=True)))
-    assert labels(hidden, run) == [*own, "orb"]
-    curves = list(error_curves(state, lambda _: run.series))
+    assert labels(hidden, run) == [*own, "orb, SE(3)"]
+    live = [curve.label for curve in live_curves(hidden, lambda _: run)]
+    assert live == [f"{colours.label(m)}, live" for m in METHODS], "another program has no live poses"
+    curves = list(aligned_curves(state, lambda _: run))
     assert len(curves[0].values) == 22 and len(curves[len(own)].values) == 16, "each as far as it is computed"
     assert curves[-1].colour == colours.beside(0) and curves[len(own)].colour == state.branches[1].colour
 
@@ -61,7 +72,7 @@ def test_a_source_without_truth_has_none(run: CurrentRun) -> None:
     bare = CurrentRun(Playback(replace(SEQUENCE, truth=None), METHODS, builder=helpers.build), 10**8)
     bare.step()
     state = replace(reduce(State("double:20"), bare.opened), computed=1)
-    assert not list(error_curves(state, lambda _: bare.series))
+    assert not list(aligned_curves(state, lambda _: bare)) and not list(live_curves(state, lambda _: bare))
 
 
 def test_a_point_is_the_largest_error_of_its_exposures() -> None:
@@ -80,8 +91,9 @@ class Drawn:
 
     @property
     def points(self) -> int:
-        assert self.panel._plot is not None
-        return len(self.panel._plot.data[0])
+        plot = self.panel._plots[1].plot
+        assert plot is not None
+        return len(plot.data[0])
 
 
 def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, run, monkeypatch) -> None:
@@ -90,7 +102,7 @@ def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, r
     for computed, at_s in ((4, 100.0), (8, 100.5), (12, 101.0), (16, 101.5)):
         drawn.clock.now = at_s
         branch = replace(state.branches[0], computed=computed)
-        drawn.panel.show(replace(state, computed=computed, branches=(branch,)))
+        drawn.panel.show(replace(state, computed=computed, playing=True, branches=(branch,)))
         seen.append(drawn.points)
     assert seen == [4, 4, 12, 12]
     branch = replace(state.branches[0], computed=22)
@@ -106,9 +118,10 @@ def test_a_long_run_has_no_more_points_than_the_plot_has_room_for(server, state,
 
 
 def test_the_table_has_a_row_for_each_other_program(server: viser.ViserServer, state: State) -> None:
-    session: Any = SimpleNamespace(state=state, post=print)
+    session: Any = SimpleNamespace(state=state, post=print, branch=lambda _: None)
     text = BranchesPanel(server.gui, session)._text.content
     assert "Other programs" in text and "orb: a.tum, aligned to the ground truth by se3" in text
     (other,) = state.beside
-    assert other.of_truth is not None and f"{other.of_truth.rmse_m(22):.3f} m" in text
+    truth = state.beside_errors["orb"]
+    assert f"{length(truth.ate_m, METRE)} SE(3)" in text or f"{length(truth.ate_m, MILLIMETRE)} SE(3)" in text
     assert Path(other.given.file.path).name in text

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import viser
 from ispom_app.features.explain.panel import ExplainPanel, report
+from ispom_app.options import SourceOptions
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
@@ -210,6 +211,23 @@ def test_a_source_is_found_in_folders_and_opened_with_its_options(gui, session, 
     assert (asked.options.stereo_every, asked.options.max_exposures, asked.options.camera) == (5, 100, None)
     panel._recent.value = "sim:city"
     assert panel._source.value == "sim:city"
+
+
+def test_options_of_the_source_that_is_shown_are_not_those_of_another(gui, session):
+    """A calibration or a stereo rate went on to the next source, out of sight."""
+    panel = SourcePanel(gui, session)
+    own = SourceOptions(stereo_every=3, camera=Path("mine.yaml"))
+    panel.show(replace(session.state, run=7, source_options=own))
+    assert panel._options.value == own
+    by_hand(panel._options._inputs["max_exposures"], 40)
+    by_hand(panel._source, "double:1")
+    by_hand(panel._source, "double:15")
+    panel._open(None)
+    assert session.asked == [do.Open("double:15", SourceOptions(max_exposures=40))]
+    by_hand(panel._options._inputs["stereo_every"], 3)  # chosen for this one
+    by_hand(panel._source, "double:16")
+    panel._open(None)
+    assert session.asked[-1] == do.Open("double:16", SourceOptions(max_exposures=40, stereo_every=3))
 
 
 def test_a_folder_that_a_page_cannot_name_is_told_by_its_escapes(gui, session, tmp_path: Path):

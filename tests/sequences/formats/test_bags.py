@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -53,13 +54,145 @@ def test_a_file_of_a_ros_2_bag_alone(tmp_path: Path) -> None:
     assert len(open_sequence(str(next(folder.glob("*.mcap"))))) == 6
 
 
-def test_without_camera_info_a_camera_file_is_asked_for(tmp_path: Path) -> None:
-    path = make_bag(tmp_path, "ros1", ("cam0", "cam1"), info=False)
-    with pytest.raises(InputError, match=r"no camera_info for /cam0/image_raw: write .*camera\.yaml"):
-        open_sequence(str(path))
-    (tmp_path / "camera.yaml").write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
+@pytest.mark.parametrize("info", [False, "zeros"])
+def test_a_camera_without_calibration_is_a_guess_or_that_of_a_file(info: bool | str, tmp_path: Path) -> None:
+    path = make_bag(tmp_path, "ros1", ("cam0", "cam1"), info=info)
     sequence = open_sequence(str(path))
-    assert len(sequence) == 6 and "not /cam1/image_raw" in sequence.notes[0]
+    camera = sequence.rig.camera("video")
+    assert (camera.width, camera.height, camera.fx) == (96, 64, 0.7 * 96) and sequence.guess is not None
+    assert any("no calibration for /cam0/image_raw: give --camera" in note for note in sequence.notes)
+    for beside in (False, True):
+        file = tmp_path / ("camera.yaml" if beside else "own.yaml")
+        file.write_text("{width: 96, height: 64, fx: 80, fy: 80, cx: 47.5, cy: 31.5}")
+        sequence = open_sequence(str(path), camera=None if beside else file)
+        assert len(sequence) == 6 and "not /cam1/image_raw" in sequence.notes[0] and sequence.guess is None
+        assert sequence.rig.camera("video").fx == 80
+        sequence[0]
+
+
+def test_a_calibration_takes_the_place_of_none_that_is_good(tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text("{width: 96, height: 64, fx: 90, fy: 90, cx: 47.5, cy: 31.5}")
+    odd = make_bag(tmp_path / "odd", "ros1", ("camera",), info="double_sphere")
+    with pytest.raises(InputError, match=r"no camera that is known \(double_sphere .* or give --camera"):
+        open_sequence(str(odd))
+    assert open_sequence(str(odd), camera=tmp_path / "own.yaml").rig.camera("video").fx == 90
+    for cameras in (("camera",), ("left", "right")):
+        whole = make_bag(tmp_path / cameras[0], "ros1", cameras)
+        with pytest.raises(InputError, match="has its own calibration: leave --camera"):
+            open_sequence(str(whole), camera=tmp_path / "own.yaml")
+
+
+def test_a_fisheye_is_read_as_in_files_of_ros(tmp_path: Path) -> None:
+    camera = open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), info="equidistant"))).rig.camera("video")
+    assert camera.lens == "fisheye" and camera.distortion == (0.01, 0, 0, 0)
+
+
+def grey(image: np.ndarray) -> np.ndarray:
+    return np.dstack([image] * 3)
+
+
+def uyvy(image: np.ndarray, luma: int) -> np.ndarray:
+    found = np.full((*image.shape, 2), 128, np.uint8)
+    found[..., luma] = (16 + image * (219 / 255)).round()
+    return found
+
+
+ENCODED: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mono8": lambda image: image,
+    "8UC1": lambda image: image,
+    "rgb8": grey,
+    "bgr8": grey,
+    "rgba8": lambda image: np.dstack([grey(image), image * 0]),
+    "bgra8": lambda image: np.dstack([grey(image), image * 0]),
+    "mono16": lambda image: image.astype("<u2") * 257,
+    "16UC1": lambda image: image.astype("<u2") * 16,
+    "mono16 ": lambda image: image.astype(">u2") * 4,
+    "16SC1": lambda image: image.astype("<i2") * 64,
+    "rgb16": lambda image: grey(image).astype("<u2") * 257,
+    "bgra16": lambda image: np.dstack([grey(image), image]).astype("<u2") * 257,
+    "32FC1": lambda image: image.astype("<f4") / 255,
+    "yuv422": lambda image: uyvy(image, 1),
+    "uyvy": lambda image: uyvy(image, 1),
+    "yuv422_yuy2": lambda image: uyvy(image, 0),
+    "yuyv": lambda image: uyvy(image, 0),
+}
+"""Of an image in grey, also with 10, 12 and 14 bits; with a space behind its name: in the other order of bytes."""
+
+
+@pytest.mark.parametrize("encoding", ENCODED)
+def test_every_encoding_gives_the_same_image(encoding: str, tmp_path: Path) -> None:
+    path = make_bag(tmp_path, "ros1", ("camera",), encode=lambda image: (encoding.strip(), ENCODED[encoding](image)))
+    sequence = open_sequence(str(path))
+    for i, image in enumerate(images(6, 8)):
+        exposure = sequence[i]
+        assert isinstance(exposure, VideoFrame) and exposure.image.dtype == np.uint8
+        seen = exposure.image if exposure.image.ndim == 2 else exposure.image.mean(axis=2)
+        # Values are scaled by their range: of an image whose largest value is not that of its kind, a little off.
+        np.testing.assert_allclose(seen, image, atol=2)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize(("pattern", "red"), [("rggb", (0, 0)), ("bggr", (1, 1)), ("gbrg", (1, 0)), ("grbg", (0, 1))])
+def test_red_is_red_whatever_the_pattern(pattern: str, red: tuple[int, int], bits: int, tmp_path: Path) -> None:
+    def mosaic(image: np.ndarray) -> tuple[str, np.ndarray]:
+        found = np.zeros(image.shape, np.uint8 if bits == 8 else "<u2")
+        found[red[0] :: 2, red[1] :: 2] = 2**bits - 1
+        return f"bayer_{pattern}{bits}", found
+
+    exposure = open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), encode=mosaic)))[0]
+    assert isinstance(exposure, VideoFrame)
+    np.testing.assert_array_equal(exposure.image[8:-8, 8:-8].reshape(-1, 3).mean(axis=0).round(), [255, 0, 0])
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_compressed_images_of_more_than_8_bits_have_the_range_of_all(bits: int, tmp_path: Path) -> None:
+    def wide(image: np.ndarray) -> tuple[str, np.ndarray]:
+        return "mono16", np.rint(image * ((2**bits - 1) / 255)).astype(np.uint16)
+
+    sequence = open_sequence(str(make_bag(tmp_path, "ros1", ("camera",), compressed=True, encode=wide)))
+    for i, image in enumerate(images(6, 8)):
+        exposure = sequence[i]
+        assert isinstance(exposure, VideoFrame)
+        np.testing.assert_allclose(exposure.image, image, atol=1)
+
+
+@pytest.mark.parametrize("encoding", ["nv24", "jpeg", ""])
+def test_an_encoding_that_is_not_known_is_refused_at_once(encoding: str, tmp_path: Path) -> None:
+    path = make_bag(tmp_path, "ros1", ("camera",), encode=lambda image: (encoding, image))
+    with pytest.raises(InputError, match=f"has encoding {encoding}, give one of mono8"):
+        open_sequence(str(path))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_images_whose_stamps_repeat_have_the_times_of_the_bag(kind: str, tmp_path: Path) -> None:
+    path = make_bag(tmp_path, kind, ("camera",), stamp=lambda i: START_NS + i // 2 * 2 * STEP_NS)
+    sequence = open_sequence(str(path))
+    assert sequence.times_ns.tolist() == [START_NS + i * STEP_NS for i in range(6)]
+    assert "3 of 6 images of /camera/image_raw repeat the time stamp of another" in sequence.notes[0]
+    for i, image in enumerate(images(6, 8)):
+        exposure = sequence[i]
+        assert isinstance(exposure, VideoFrame)
+        np.testing.assert_array_equal(exposure.image, image)
+
+
+def test_a_pair_whose_stamps_repeat_is_by_one_clock(tmp_path: Path) -> None:
+    path = make_bag(tmp_path, "ros1", ("left", "right"), stamp=lambda i: START_NS + i // 2 * 2 * STEP_NS)
+    sequence = open_sequence(str(path))
+    assert sequence.kinds.count("stereo") == 6 and sum("repeat the time" in note for note in sequence.notes) == 2
+
+
+def test_an_image_that_was_recorded_twice_is_left_out_and_noted(tmp_path: Path) -> None:
+    first = images(6, 8)[0]
+    path = make_bag(
+        tmp_path,
+        "ros1",
+        ("camera",),
+        encode=lambda image: ("mono8", first),
+        stamp=lambda i: START_NS + i // 2 * STEP_NS,
+    )
+    sequence = open_sequence(str(path))
+    assert sequence.times_ns.tolist() == [START_NS + i * STEP_NS for i in range(3)]
+    assert "3 of 6 images of /camera/image_raw skipped" in sequence.notes[0]
 
 
 def test_without_the_extra_its_name_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -240,6 +240,57 @@ def test_names_without_numbers_are_told(tmp_path: Path) -> None:
     assert any("taken in alphabetical order" in note for note in sequence.notes)
 
 
+def test_images_that_are_not_read_are_noted_and_their_numbers_are_gaps(tmp_path: Path) -> None:
+    folder = make_images(tmp_path, frames=8)
+    for i in (1, 2, 4, 6):
+        (folder / f"{i}.png").rename(folder / f"{i}.HEIC")
+    sequence = open_sequence(str(folder))
+    assert (sequence.times_ns // 50_000_000).tolist() == [0, 3, 5, 7]
+    assert any("4 images in formats that are not read (.heic) skipped" in note for note in sequence.notes)
+
+
+def test_raw_copies_of_images_are_no_gaps(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    for i in range(6):
+        (folder / f"{i}.NEF").touch()
+    sequence = open_sequence(str(folder))
+    assert (np.diff(sequence.times_ns) == 50_000_000).all() and "6 copies" in sequence.notes[0]
+
+
+def test_names_that_are_decimal_seconds_are_times(tmp_path: Path) -> None:
+    folder = make_images(tmp_path, frames=12)
+    camera = folder / "camera.yaml"
+    camera.write_text(camera.read_text().replace("rate_hz: 20\n", ""))
+    for i in range(12):
+        (folder / f"{i}.png").rename(folder / f"frame_{i / 8}.png")
+    sequence = open_sequence(str(folder))
+    assert sequence.times_ns.tolist() == [i * 125_000_000 for i in range(12)]
+    for i, image in enumerate(images(12, 0)):
+        exposure = sequence[i]
+        assert isinstance(exposure, VideoFrame)
+        np.testing.assert_array_equal(exposure.image, image)
+
+
+def test_a_counter_that_starts_again_is_no_gap(tmp_path: Path) -> None:
+    folder = make_images(tmp_path, frames=8)
+    for i in range(8):
+        (folder / f"{i}.png").rename(folder / f"DSC_{(9995 + i) % 9999 + 1:04d}.png")
+    sequence = open_sequence(str(folder))
+    assert (np.diff(sequence.times_ns) == 50_000_000).all()
+    assert any("starts again after 9999" in note for note in sequence.notes)
+    exposure = sequence[5]
+    assert isinstance(exposure, VideoFrame)
+    np.testing.assert_array_equal(exposure.image, images(8, 0)[5])
+
+
+def test_a_pair_of_which_one_camera_s_names_are_times_is_refused(tmp_path: Path) -> None:
+    folder = pair_folder(tmp_path / "flight")
+    for i in range(6):
+        (folder / "right" / f"{i}.png").rename(folder / "right" / f"{i / 8}.png")
+    with pytest.raises(InputError, match="only one of left and right are times"):
+        open_sequence(str(folder))
+
+
 def test_one_image_of_another_size_is_left_out_of_a_run(tmp_path: Path) -> None:
     """Such as one photo among the frames: it ended the run, as if it were all of them."""
     folder = make_images(tmp_path)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ispom.geometry import Pose, Similarity
-from ispom.solvers.trajectory.alignment import umeyama
+from ispom.solvers.trajectory.alignment import RunningAlignment, umeyama
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -34,3 +34,18 @@ def test_points_without_extent_leave_the_scale_alone() -> None:
 def test_unequal_numbers_are_refused() -> None:
     with pytest.raises(ValueError, match="as many"):
         umeyama(np.zeros((3, 3)), np.zeros((4, 3)), with_scale=False)
+
+
+@pytest.mark.parametrize("with_scale", [True, False])
+def test_a_running_alignment_is_that_of_all_points_so_far(with_scale: bool) -> None:
+    rng = np.random.default_rng(3)
+    source = 1000 + rng.standard_normal((50, 3)).cumsum(axis=0)
+    target = 2.5 * source @ Pose.exp(np.array([0, 0, 0, 0.3, -0.2, 0.1])).rotation.T + rng.standard_normal((50, 3))
+    running = RunningAlignment(with_scale)
+    for count, (a, b) in enumerate(zip(source, target, strict=True), 1):
+        running.add(a, b)
+        if count > 3:
+            whole = umeyama(source[:count], target[:count], with_scale)
+            found = running.target_from_source
+            assert found.scale == pytest.approx(whole.scale, rel=1e-9)
+            assert np.allclose(found.apply(source[:count]), whole.apply(source[:count]), atol=1e-7)

@@ -121,3 +121,8 @@ def test_the_worst_of_several() -> None:
 
 def test_a_check_may_have_its_headline_in_its_sentence() -> None:
     assert Check("a", "b", "warning", passes="Fine.", fails="Lens dirty: {value} spots.").topic == ""
+
+
+def test_a_pose_from_before_the_first_fit_is_provisional() -> None:
+    made = found("integrated", Status.TRACKING, values={"inliers": 12}, provisional=True)
+    assert (made.severity, made.headline) == (Severity.PROVISIONAL, "Provisional pose")

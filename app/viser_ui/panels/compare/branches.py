@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import viser
 
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import in_order
 
 from .... import colours
 from ....run.beside.placed import Beside
-from ....run.model.tally import MethodTally
 from ....session import commands as do
-from ....session.branching.branches import NAME_LENGTH, Branch
+from ....session.accuracy import over_common_frames
+from ....session.branching.branches import NAME_LENGTH, Branch, Measured
 from ....session.state import State
+from ....texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
 from ...markup import render
 
 if TYPE_CHECKING:
     from ....session.session import Session
 
-AlignedAte = Callable[[Branch, str], float | None]
-"""Of a branch and a method: ATE [m] after a similarity alignment."""
 NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
 COMMANDS = {SHOW: do.ShowBranch, COMPARE: do.CompareBranch, DELETE: do.DeleteBranch}
@@ -34,9 +34,8 @@ HINT = (
 class BranchesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._branches, self._shown = session, (), -1
-        self._ates: dict[tuple[int, int, str], float | None] = {}
-        """By branch, exposures and method: of those without a metric unit."""
-        self._text = gui.add_html(_text(session.state, self._ate_m))
+        self._common = _Common()
+        self._text = gui.add_html(_text(session.state, self._common, self._has_truth))
         self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
         self._choice.on_update(lambda _: self._fill())
         self._buttons = gui.add_button_group("", tuple(COMMANDS), hint=HINT)
@@ -70,7 +69,7 @@ class BranchesPanel:
             self._name.value, self._drawn.value = branch.name, not branch.hidden
 
     def show(self, state: State) -> None:
-        if (text := _text(state, self._ate_m)) != self._text.content:
+        if (text := _text(state, self._common, self._has_truth)) != self._text.content:
             self._text.content = text
         labels, chosen, moved = _labels(state), self._chosen, state.branch != self._shown
         self._branches, self._shown = state.branches, state.branch
@@ -84,15 +83,25 @@ class BranchesPanel:
         for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
             control.visible = len(state.branches) > 1
 
-    def _ate_m(self, branch: Branch, method: str) -> float | None:
-        """After a similarity alignment, computed once for as many exposures."""
-        run, key = self._session.branch(branch.number), (branch.number, branch.computed, method)
-        if run is None:
-            return None
-        if key not in self._ates:
-            self._ates = {k: v for k, v in self._ates.items() if k[0] != branch.number or k[1] == branch.computed}
-            self._ates[key] = run.aligned_ate_m(method)
-        return self._ates[key]
+    def _has_truth(self, branch: Branch) -> bool:
+        run = self._session.branch(branch.number)
+        return run is not None and run.opened.truth is not None
+
+
+class _Common:
+    """The errors over the common frames of the branches that are drawn, computed once for the same errors."""
+
+    def __init__(self) -> None:
+        self._of: tuple[tuple[int, Measured], ...] = ()
+        self._found: Mapping[tuple[int, str], TrajectoryError] = {}
+
+    def of(self, state: State) -> Mapping[tuple[int, str], TrajectoryError]:
+        """By number and method; none where a branch has nothing to be compared with."""
+        drawn = [b for b in state.branches if b.number == state.branch or not b.hidden]
+        of = tuple((b.number, b.measured) for b in drawn)
+        if of != self._of:
+            self._of, self._found = of, over_common_frames(drawn)
+        return self._found
 
 
 def _counterpart(state: State) -> Branch | None:
@@ -111,45 +120,69 @@ def _label(branch: Branch) -> str:
     return f"{branch.number}: {branch.name}"
 
 
-def _text(state: State, ate_m: AlignedAte) -> str:
-    """The branches and how each method does in them, as HTML."""
-    branches = [_entry(branch, state, ate_m) for branch in state.branches]
-    return render("branches.html", branches=branches, others=[_other(beside, state) for beside in state.beside])
+def _text(state: State, common: _Common, has_truth: Callable[[Branch], bool]) -> str:
+    """The branches and how each method does in them, as HTML. All lengths of the tables share one unit."""
+    over_common = common.of(state)
+    errors = [error for b in state.branches for error in b.measured.errors.values()]
+    unit = length_unit(e.ate_m for e in (*errors, *over_common.values(), *state.beside_errors.values()))
+    branches = [_entry(branch, state, over_common, unit, has_truth(branch)) for branch in state.branches]
+    others = [_other(beside, state, unit) for beside in state.beside]
+    return render("branches.html", branches=branches, others=others, common=bool(over_common))
 
 
-def _other(beside: Beside, state: State) -> dict[str, Any]:
+def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
     """The trajectory of another program, over the exposures that the branch shown has computed."""
     placed = beside.of_truth
     known = {"name": beside.name, "colour": beside.colour, "file": beside.given.file.path.name}
     if placed is None:
-        return known | {"rmse": "no truth", "missing": "", "alignment": "aligned to the first method's poses"}
-    rmse_m, missing = placed.rmse_m(state.computed), placed.missing(state.computed)
-    rmse = "" if rmse_m is None else f"{rmse_m:.3f} m"
-    return known | {"rmse": rmse, "missing": missing, "alignment": placed.alignment}
+        return known | {"ate": "no truth", "missing": "", "alignment": "aligned to the first method's poses"}
+    error = state.beside_errors.get(beside.name)
+    ate = "" if error is None else _ate(error, unit)
+    return known | {"ate": ate, "missing": placed.missing(state.computed), "alignment": placed.alignment}
 
 
-def _entry(branch: Branch, state: State, ate_m: AlignedAte) -> dict[str, Any]:
+def _entry(
+    branch: Branch,
+    state: State,
+    over_common: Mapping[tuple[int, str], TrajectoryError],
+    unit: Unit,
+    has_truth: bool,
+) -> dict[str, Any]:
     names = {b.number: b.name for b in state.branches}
     origin = f"{branch.computed} of {state.total} exposures"
     if branch.parent is not None:
         changes = "; ".join(branch.changes) or "nothing changed"
         origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
-    shown = branch.number == state.branch
-    settled = not (shown and state.playing)  # while it is computed, the trajectory is another one at each exposure
     rows = []
     for name in in_order(branch.tally.methods):
-        tally = branch.tally.methods[name]
-        aligned_m = ate_m(branch, name) if tally.rmse_m is None and settled else None
-        rows.append(_row(name, tally, aligned_m))
+        common = over_common.get((branch.number, name))
+        cells = _row(name, branch, unit, has_truth)
+        if common is not None:
+            poses = len(common.estimate)
+            cells |= {"common": length(common.ate_m, unit), "common_hint": f"over the {poses} common frames"}
+        rows.append(cells)
     known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
-    return known | {"shown": shown, "origin": origin, "methods": rows}
+    return known | {"shown": branch.number == state.branch, "origin": origin, "methods": rows}
 
 
-def _row(method: str, tally: MethodTally, aligned_m: float | None) -> dict[str, Any]:
-    aligned = "n/a" if aligned_m is None else f"{aligned_m:.4f} m (sim3)"
+def _row(method: str, branch: Branch, unit: Unit, has_truth: bool) -> dict[str, Any]:
+    tally, error = branch.tally.methods[method], branch.measured.errors.get(method)
+    seconds = branch.measured.seconds.get(method)
+    ate, hint = "" if has_truth else "no truth", ""
+    if error is not None:
+        ate, hint = _ate(error, unit), f"over {len(error.estimate)} poses, aligned by {ALIGNMENTS[error.alignment]}"
+    elif has_truth and tally.provisional:
+        ate, hint = PROVISIONAL, "the method has no fit yet: its poses wait for the first one"
     return {
         "label": colours.label(method),
-        "rmse": aligned if tally.rmse_m is None else f"{tally.rmse_m:.3f} m",
+        "ate": ate,
+        "ate_hint": hint,
+        "common": "",
+        "common_hint": "",
         "lost": tally.lost,
-        "ms": "" if tally.ms is None else f"{tally.ms:.1f}",
+        "ms": "" if seconds is None else MILLISECOND.of(seconds),
     }
+
+
+def _ate(error: TrajectoryError, unit: Unit) -> str:
+    return f"{length(error.ate_m, unit)} {ALIGNED[error.alignment]}"

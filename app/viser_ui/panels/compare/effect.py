@@ -11,9 +11,10 @@ from ispom.types import Rig
 
 from .... import colours
 from ....sensitivity.rerun import CLOSE, Compared
-from ....sensitivity.words import column, said
+from ....sensitivity.words import cell, said, unit_of
 from ....session import commands as do
 from ....session.state import State
+from ....texts import Unit
 from ...controls import ConfigForm
 from ...markup import render
 
@@ -67,16 +68,17 @@ def _text(state: State) -> str:
     effect = state.effect
     if effect is None:
         return render("effect.html", effect=None)
+    unit = unit_of(effect.predictions, effect.outcomes)
     outcomes = {each.prediction.method: each for each in effect.outcomes}
     rows = [
         {
             "label": colours.label(each.method),
-            "shift": column(each.shift_m),
-            "rmse": column(each.rmse_m),
-            "predicted": column(each.predicted_rmse_m),
+            "shift": cell(each.shift_m, unit),
+            "ate": cell(each.ate_m, unit),
+            "predicted": cell(each.predicted_ate_m, unit),
             "linear": each.linear,
             "left_out": each.left_out,
-            **_outcome(outcomes.get(each.method)),
+            **_outcome(outcomes.get(each.method), unit),
         }
         for each in effect.predictions
     ]
@@ -84,7 +86,7 @@ def _text(state: State) -> str:
     return render("effect.html", effect=shown | {"ended": bool(outcomes), "close": round(100 * CLOSE)})
 
 
-def _outcome(outcome: Compared | None) -> dict[str, Any]:
+def _outcome(outcome: Compared | None, unit: Unit) -> dict[str, Any]:
     if outcome is None:
-        return {"rerun": "", "rerun_rmse": "", "held": True}
-    return {"rerun": column(outcome.shift_m), "rerun_rmse": column(outcome.rmse_m), "held": outcome.held}
+        return {"rerun": "", "rerun_ate": "", "held": True}
+    return {"rerun": cell(outcome.shift_m, unit), "rerun_ate": cell(outcome.ate_m, unit), "held": outcome.held}

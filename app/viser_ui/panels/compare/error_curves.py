@@ -1,4 +1,5 @@
-"""Error curves: how far every branch that is drawn, and every other program, is from the truth, on one axis."""
+"""Error curves of every branch that is drawn and of every other program: the aligned ones, whose root mean square is
+the ATE, and the live ones."""
 
 from __future__ import annotations
 
@@ -9,14 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 from viser import uplot
 
+from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Array
 from ispom.methods import in_order
 
 from .... import colours
 from ....run.history.series import Series
+from ....session.branching.branches import Branch
+from ....session.current_run import CurrentRun
 from ....session.state import State
+from ....texts import ALIGNED, length_unit
+from ...markup import render
 
 if TYPE_CHECKING:
     from ....session.session import Session
@@ -32,6 +39,10 @@ GREY = "#8a8a8a"
 AXIS: uplot.Axis = {"stroke": GREY, "grid": {"stroke": f"{GREY}40", "width": 1}, "ticks": {"stroke": f"{GREY}40"}}
 
 
+RunOf = Callable[[int], CurrentRun | None]
+"""Gives the run of a branch."""
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     label: str
@@ -42,48 +53,81 @@ class Curve:
 
     @property
     def drawn(self) -> uplot.Series:
-        return {"label": self.label, "stroke": colours.css(self.colour), "width": 1.5, "dash": self.dash}
+        return {
+            "label": self.label,
+            "stroke": colours.css(self.colour),
+            "width": 1.5,
+            "dash": self.dash,
+            "spanGaps": True,
+        }
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One of the two plots."""
+
+    title: str
+    note: str
+    curves: Callable[[State, RunOf], Iterator[Curve]]
 
 
 class ErrorCurvesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._gui, self._session = gui, session
-        self._folder = gui.add_folder("Position error [m]", visible=False)
-        self._plot: viser.GuiUplotHandle | None = None
+        self._session = session
+        self._plots = [_Plot(gui, kind) for kind in KINDS]
         self._shown: tuple[object, ...] = ()
-        self._names: tuple[tuple[str, str], ...] = ()
         self._due_s = 0.0
 
     def show(self, state: State) -> None:
-        wanted = (state.run, state.branch, state.computed, tuple((b.number, b.name, b.hidden) for b in state.branches))
-        soon = wanted[:2] == self._shown[:2] and wanted[3:] == self._shown[3:]
-        if wanted == self._shown or (soon and not state.ended and time.monotonic() < self._due_s):
+        branches = tuple((b.number, b.name, b.hidden, b.measured) for b in state.branches)
+        settled = branches, tuple(state.beside_errors.items())
+        wanted = (state.run, state.branch, state.computed, settled)
+        playing = state.playing and not state.ended and wanted[:2] == self._shown[:2] and self._same_branches(branches)
+        if wanted == self._shown or (playing and time.monotonic() < self._due_s):
             return
         self._shown, self._due_s = wanted, time.monotonic() + PLAYING_S
-        curves = list(error_curves(state, self._series))
-        count = max((len(curve.values) for curve in curves), default=0)
-        self._folder.visible = bool(curves)
+        for plot in self._plots:
+            plot.show(state, self._session.branch)
+
+    def _same_branches(self, branches: tuple[tuple[object, ...], ...]) -> bool:
+        """Whether they are those that are drawn, but for what was measured of them since."""
+        before: tuple[tuple[object, ...], ...] = self._shown[3][0]  # type: ignore[index]
+        return [b[:3] for b in branches] == [b[:3] for b in before]
+
+
+class _Plot:
+    def __init__(self, gui: viser.GuiApi, kind: Kind) -> None:
+        self._gui, self._kind = gui, kind
+        self.folder = gui.add_folder(kind.title, visible=False)
+        with self.folder:
+            gui.add_html(render("note.html", text=kind.note))
+        self.plot: viser.GuiUplotHandle | None = None
+        self._names: tuple[tuple[str, str], ...] = ()
+
+    def show(self, state: State, run_of: RunOf) -> None:
+        curves = list(self._kind.curves(state, run_of))
+        self.folder.visible = bool(curves)
         if curves:
-            self._draw(curves, count)
+            self._draw(curves)
 
-    def _series(self, number: int) -> Series | None:
-        run = self._session.branch(number)
-        return run.series if run is not None else None
-
-    def _draw(self, curves: list[Curve], count: int) -> None:
+    def _draw(self, curves: list[Curve]) -> None:
+        count = max(len(curve.values) for curve in curves)
+        largest_m = max(float(np.nanmax(curve.values)) for curve in curves)
+        unit = length_unit([largest_m])
+        self.folder.label = f"{self._kind.title} [{unit.name}]"
         width = -(-count // MOST_POINTS)
-        columns = (np.arange(0, count, width), *(thinned(curve.values, count, width) for curve in curves))
+        columns = (np.arange(0, count, width), *(thinned(curve.values, count, width) / unit.size for curve in curves))
         data = tuple(column.astype(np.float64) for column in columns)
         names = tuple((curve.label, colours.css(curve.colour)) for curve in curves)
-        scales = _scales(curves)
-        if self._plot is not None and names == self._names:
-            self._plot.data, self._plot.scales = data, scales
+        scales = _scales(largest_m / unit.size)
+        if self.plot is not None and names == self._names:
+            self.plot.data, self.plot.scales = data, scales
             return
         self._names = names
-        if self._plot is not None:
-            self._plot.remove()
-        with self._folder:
-            self._plot = self._gui.add_uplot(
+        if self.plot is not None:
+            self.plot.remove()
+        with self.folder:
+            self.plot = self._gui.add_uplot(
                 data,
                 ({"label": "exposure"}, *(curve.drawn for curve in curves)),
                 scales=scales,
@@ -93,31 +137,80 @@ class ErrorCurvesPanel:
             )
 
 
-def error_curves(state: State, series_of: Callable[[int], Series | None]) -> Iterator[Curve]:
-    """Of the branches that are drawn, the shown one first, and of other programs; only those with an error."""
-    drawn = [b for b in state.branches if b.number == state.branch or not b.hidden]
-    for branch in sorted(drawn, key=lambda b: b.number != state.branch):
-        series, shown = series_of(branch.number), branch.number == state.branch
-        if series is None:
-            continue
-        methods = {q.method for q in series.quantities.values() if q.key == "error_m"}
-        for i, method in enumerate(in_order(methods)):
-            values = series.values(f"{method}.error_m", 0, branch.computed)
-            label = colours.label(method)
+def aligned_curves(state: State, run_of: RunOf) -> Iterator[Curve]:
+    """Of the trajectories as known now, aligned to the ground truth; the branch that is shown first."""
+    for branch, shown in _drawn(state):
+        run = run_of(branch.number)
+        times_ns = run.playback.sequence.times_ns if run is not None else np.zeros(0, np.int64)
+        for i, method in enumerate(in_order(branch.measured.errors)):
+            error = branch.measured.errors[method]
+            values = _at_exposures(error, times_ns[: branch.computed])
             if np.isfinite(values).any():
+                label = f"{colours.label(method)}, {ALIGNED[error.alignment]}"
                 name = label if shown else f"{branch.name}: {label}"
                 dash = () if shown else DASHES[i % len(DASHES)]
                 yield Curve(name, colours.of(method) if shown else branch.colour, values, dash)
     for beside in state.beside:
-        values = beside.errors_m[: state.computed]
+        if (error := state.beside_errors.get(beside.name)) is not None:
+            values = _at_exposures(error, beside.times_ns[: state.computed])
+            yield Curve(f"{beside.name}, {ALIGNED[error.alignment]}", beside.colour, values)
+
+
+def live_curves(state: State, run_of: RunOf) -> Iterator[Curve]:
+    """Of the poses as they were given at their exposures, without an alignment and without provisional ones."""
+    for branch, shown in _drawn(state):
+        run = run_of(branch.number)
+        for i, (method, values) in enumerate(_live(run.series, branch.computed) if run is not None else ()):
+            label = f"{colours.label(method)}, live"
+            name = label if shown else f"{branch.name}: {label}"
+            dash = () if shown else DASHES[i % len(DASHES)]
+            yield Curve(name, colours.of(method) if shown else branch.colour, values, dash)
+
+
+def _live(series: Series, count: int) -> Iterator[tuple[str, Array]]:
+    """(N,) live errors of each method that has any."""
+    for method in in_order({q.method for q in series.quantities.values() if q.key == "error_m"}):
+        values = series.values(f"{method}.error_m", 0, count)
         if np.isfinite(values).any():
-            yield Curve(beside.name, beside.colour, values)
+            yield method, values
 
 
-def _scales(curves: list[Curve]) -> dict[str, uplot.Scale]:
+def _drawn(state: State) -> list[tuple[Branch, bool]]:
+    """The branches that are drawn, that which is shown first."""
+    drawn = [(b, b.number == state.branch) for b in state.branches if b.number == state.branch or not b.hidden]
+    return sorted(drawn, key=lambda each: not each[1])
+
+
+def _at_exposures(error: TrajectoryError, times_ns: NDArray[np.int64]) -> Array:
+    """(N,) of an error curve at exposures; NaN where it has no pose."""
+    values = np.full(len(times_ns), np.nan)
+    if len(times_ns):
+        after = np.searchsorted(times_ns, error.estimate.times_ns).clip(0, len(times_ns) - 1)
+        before = (after - 1).clip(0)
+        earlier = abs(error.estimate.times_ns - times_ns[before]) < abs(times_ns[after] - error.estimate.times_ns)
+        values[np.where(earlier, before, after)] = error.position_errors_m
+    return values
+
+
+KINDS = (
+    Kind(
+        "Position error",
+        "Of the trajectories as known now, aligned to the ground truth as named. The root mean square of a curve is "
+        "the ATE in the table above.",
+        aligned_curves,
+    ),
+    Kind(
+        "Live error",
+        "Of each pose as it was first given, in the gauge of the first stereo pair, without an alignment. Poses before "
+        "the first fit of an integration are provisional, and have none.",
+        live_curves,
+    ),
+)
+
+
+def _scales(largest: float) -> dict[str, uplot.Scale]:
     """From 0 to the largest error: uPlot finds no range itself where a curve begins with what is unknown."""
-    largest_m = max(float(np.nanmax(curve.values)) for curve in curves)
-    return {"x": {"time": False}, "y": {"range": (0.0, 1.05 * largest_m or 1.0)}}
+    return {"x": {"time": False}, "y": {"range": (0.0, 1.05 * largest or 1.0)}}
 
 
 def thinned(values: Array, count: int, width: int) -> Array:

@@ -13,7 +13,7 @@ from ....session.state import State
 from ....session.sweeping.commands import CancelSweep, RunSweep, ShowSwept
 from ....sweep.sweep import Outcome, Sweep
 from ....sweep.values import FEWEST, MOST, offered, proposed, shown
-from ....texts import duration, length
+from ....texts import Unit, digits, duration, length, length_unit
 from ...controls import hint_of, label_of
 from ...markup import render
 from .sweep_plot import SweepPlot
@@ -134,7 +134,8 @@ def _text(sweep: Sweep | None) -> str:
     if sweep is None:
         return render("sweep.html", sweep=None)
     places = range(len(sweep.swept.values))
-    known = [_row(sweep.swept.values[p], sweep.outcomes.get(p), sweep.under_way.get(p)) for p in places]
+    unit = length_unit((outcome.values or {}).get("ate_m") for outcome in sweep.outcomes.values())
+    known = [_row(sweep.swept.values[p], sweep.outcomes.get(p), sweep.under_way.get(p), unit) for p in places]
     progress = f"{len(sweep.outcomes)} of {len(places)} runs"
     if not sweep.ended:
         progress += f", {duration(sweep.left_s)} left" if sweep.left_s is not None else ""
@@ -143,7 +144,7 @@ def _text(sweep: Sweep | None) -> str:
     return render("sweep.html", sweep=sweep, label=colours.label(sweep.swept.method), progress=progress, rows=known)
 
 
-def _row(value: Any, outcome: Outcome | None, under_way: float | None) -> dict[str, str]:
+def _row(value: Any, outcome: Outcome | None, under_way: float | None, unit: Unit) -> dict[str, str]:
     row = {"value": shown(value), "ate": "", "relative": "", "located": "", "ms": "", "said": ""}
     if outcome is None:
         return row | {"said": "waits" if under_way is None else f"{100 * under_way:.0f} % of the exposures"}
@@ -152,8 +153,8 @@ def _row(value: Any, outcome: Outcome | None, under_way: float | None) -> dict[s
     found = outcome.values or {}
     ate, relative, located = (found.get(name) for name in ("ate_m", "t_err_percent", "located_percent"))
     return row | {
-        "ate": "n/a" if ate is None else length(ate),
+        "ate": "n/a" if ate is None else length(ate, unit),
         "relative": "n/a" if relative is None else f"{relative:.2f} %",
         "located": "n/a" if located is None else f"{located:.0f} %",
-        "ms": "" if outcome.ms is None else f"{outcome.ms:.1f}",
+        "ms": "" if outcome.ms is None else digits(outcome.ms),
     }

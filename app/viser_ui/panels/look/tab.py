@@ -15,6 +15,7 @@ from ....inspect.looked import Looked
 from ....inspect.selection import parsed
 from ....session import commands as do
 from ....session.state import Look, State
+from ...markup import render
 from .geometry import geometry_report
 from .key_frames import key_frames_report
 from .residuals import residuals_report
@@ -80,6 +81,8 @@ class LookTab:
         self._due_s = time.monotonic() + PLAYING_S
 
     def _report(self, look: Look, looked: Looked) -> str:
+        if looked.missing:
+            return render("note.html", text=looked.missing)
         if look == "track":
             return track_report(looked, self._chips)
         drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "key frames": key_frames_report}
@@ -101,6 +104,8 @@ def looked_at(session: Session, state: State) -> Looked | None:
         parsed(state.selected),
         state.camera,
         state.colour_by,
+        run.recorded,
+        run.stored.unavailable if run.stored is not None else "",
     )
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.errors import InputError
 from ispom.types import Image, Sequence, StereoPair, Tracks, TrackStatus
 
 from .... import colours
-from ....inspect.colouring import SCALES, palette
+from ....inspect.colouring import SCALES, Colouring, palette
 from ....inspect.epipolar import EpipolarLine, epipolar
 from ....inspect.looked import Looked
+from ....review.recorded_tracks import RecordedTracks
 from ...drawing import dots, in_view, picture, polyline
 from ...markup import render
 
@@ -23,17 +25,39 @@ WIDTH = 640
 def track_picture(looked: Looked) -> str:
     """As HTML."""
     known: dict[str, Any] = {"camera": looked.pictured, "index": looked.index, "image": None, "dots": (), "legend": ()}
-    known["moved"] = None
-    if looked.index is None or (image := image_of(looked.sequence, looked.index)) is None:
+    known |= {"moved": None, "pickable": not looked.missing}
+    if looked.index is None or (image := _image(looked)) is None:
         return render("track_picture.html", **known)
     known |= {"image": picture(image, WIDTH), "height": image.shape[0], "width": image.shape[1]}
-    if looked.seen is not None:
-        known |= {"dots": _dots(looked, looked.seen.tracks), "legend": _legend(looked, looked.seen.tracks)}
+    recorded = _recorded(looked)
+    if recorded is not None:
+        known |= {"dots": _grouped(recorded.uv_in(image), recorded.classes, looked.colour_by)}
+        known |= {"legend": _legend(looked, recorded.counts)}
+    elif looked.seen is not None:
+        counts = _counts(looked.seen.tracks)
+        known |= {"dots": _dots(looked, looked.seen.tracks), "legend": _legend(looked, counts)}
         if (moved := looked.seen.moved) is not None:
             pink = colours.css(colours.MOVING)
             known["moved"] = (pink, dots(moved.uv))
             known["legend"].append((pink, f"{len(moved)} move by themselves, as one rigid thing"))
-    return render("track_picture.html", **known, title=_title(looked), scale=_scale(looked), picked=_picked(looked))
+    title, scale, picked = _title(looked, recorded), _scale(looked), _picked(looked)
+    return render("track_picture.html", **known, title=title, scale=scale, picked=picked)
+
+
+def _image(looked: Looked) -> Image | None:
+    """That of the source, or else the one in the recording."""
+    assert looked.index is not None
+    found = image_of(looked.sequence, looked.index)
+    if found is None and looked.recorded is not None:
+        return looked.recorded.image(looked.pictured, looked.index)
+    return found
+
+
+def _recorded(looked: Looked) -> RecordedTracks | None:
+    """The tracks in the picture as the recording has them, where the run has none to look at one by one."""
+    if not looked.missing or looked.recorded is None or looked.index is None:
+        return None
+    return looked.recorded.tracks(looked.pictured, looked.index, looked.colour_by)
 
 
 def image_of(sequence: Sequence, index: int) -> Image | None:
@@ -57,7 +81,13 @@ def line_of(looked: Looked) -> EpipolarLine | None:
     return epipolar(lens, first.world_from_camera, last.world_from_camera, first.uv, last.uv)
 
 
-def _title(looked: Looked) -> str:
+def _title(looked: Looked, recorded: RecordedTracks | None) -> str:
+    if recorded is not None:
+        total, drawn = sum(recorded.counts.values()), len(recorded.uv)
+        some = f", {drawn} of them drawn" if drawn < total and looked.colour_by == "state" else ""
+        return f"{looked.pictured} image of exposure {looked.index}, {total or drawn} tracks{some}, of the recording"
+    if looked.missing:
+        return f"{looked.pictured} image of exposure {looked.index}"
     if looked.seen is None:
         return f"{looked.pictured} image of exposure {looked.index}: no tracks"
     method = colours.label(looked.seen.step.method)
@@ -72,21 +102,31 @@ def _dots(looked: Looked, tracks: Tracks) -> list[tuple[str, str]]:
     """(colour, path) of each group of tracks."""
     if looked.colour_by == "state":
         groups = tracks.status
-        tints = {int(status): colours.css(colour) for status, colour in colours.TRACK.items()}
     else:
         groups = np.where(tracks.status < TrackStatus.LOST, looked.knowledge.bins(tracks, looked.colour_by), -1)
+    return _grouped(tracks.uv, groups, looked.colour_by)
+
+
+def _grouped(uv: NDArray, groups: NDArray, colour_by: Colouring) -> list[tuple[str, str]]:
+    """(colour, path) of each group of points (N, 2): `groups` (N,) are states or bins, others are not drawn."""
+    if colour_by == "state":
+        tints = {int(status): colours.css(colour) for status, colour in colours.TRACK.items()}
+    else:
         tints = {i: colours.css(colour) for i, colour in enumerate(palette())}
-    return [(tint, dots(tracks.uv[groups == i])) for i, tint in tints.items() if (groups == i).any()]
+    return [(tint, dots(uv[groups == i])) for i, tint in tints.items() if (groups == i).any()]
 
 
-def _legend(looked: Looked, tracks: Tracks) -> list[tuple[str, str]]:
+def _counts(tracks: Tracks) -> dict[TrackStatus, int]:
+    counts = np.bincount(tracks.status, minlength=len(TrackStatus))
+    return {status: int(counts[status]) for status in TrackStatus if counts[status]}
+
+
+def _legend(looked: Looked, counts: dict[TrackStatus, int]) -> list[tuple[str, str]]:
     """(colour, text) of what is in the picture."""
     if looked.colour_by != "state":
         scale = SCALES[looked.colour_by]
         return [(colours.css(c), text) for c, text in zip(palette(), scale.labels(), strict=True)]
-    counts = np.bincount(tracks.status, minlength=len(TrackStatus))
-    present = [status for status in TrackStatus if counts[status]]
-    return [(colours.css(colours.TRACK[s]), f"{counts[s]} {s.reason}") for s in present]
+    return [(colours.css(colours.TRACK[s]), f"{count} {s.reason}") for s, count in counts.items()]
 
 
 def _picked(looked: Looked) -> dict[str, Any] | None:

@@ -137,6 +137,7 @@ class ModernIntegrated:
             decisions=(*fits, *limits, *decisions),
             parts=(part,),
             restarted=restarted,
+            provisional=pose is not None and state.window.reference is None,
             calibration=_calibration(state.window),
             spline=spline.moved(stereo_from_window(setup, state)) if spline is not None else None,
         )

@@ -98,6 +98,7 @@ class Integrated:
             decisions=tuple(decisions),
             parts=(part,),
             segments=tuple(segments),
+            provisional=pose is not None and state.scale is None,
         )
 
     def _with_metric(self, state: IntegratedState, part: Step) -> IntegratedState:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ispom_app.run.beside.placed import Beside
 from ispom_app.run.playback import truth_from_start
 from numpy.testing import assert_allclose
 
@@ -24,27 +25,35 @@ def truth() -> Trajectory:
     return found
 
 
+def ate_m(found: Beside, until_ns: int = 2**62) -> float:
+    error = found.error(truth(), SEQUENCE.rig, until_ns)
+    assert error is not None
+    return error.ate_m
+
+
 def test_another_world_is_aligned_to_the_ground_truth(tmp_path: Path) -> None:
-    found = beside(SEQUENCE, written(tmp_path / "a.tum", elsewhere(SEQUENCE))).of_truth
+    placed = beside(SEQUENCE, written(tmp_path / "a.tum", elsewhere(SEQUENCE)))
+    found = placed.of_truth
     assert found is not None
     assert_allclose(found.positions, truth().translations, atol=1e-6)
     assert_allclose(found.rotations, truth().rotations, atol=1e-6)
-    assert (found.rmse_m(40) or 1.0) < 1e-6 and not found.missing(40)
+    assert ate_m(placed) < 1e-6 and not found.missing(40)
+    assert placed.error(truth(), SEQUENCE.rig, int(SEQUENCE.times_ns[1])) is None, "two poses fix no alignment"
     assert "aligned to the ground truth by se3" in found.alignment and f"({len(SEQUENCE)} poses)" in found.alignment
 
 
 def test_another_unit_needs_sim3_and_its_scale_is_stated(tmp_path: Path) -> None:
     path = written(tmp_path / "a.tum", elsewhere(SEQUENCE, unit_m=0.25))
-    with_scale, rigid = beside(SEQUENCE, path, "a", "a=sim3").of_truth, beside(SEQUENCE, path).of_truth
-    assert with_scale is not None and rigid is not None
-    assert (with_scale.rmse_m(60) or 1.0) < 1e-6 and "scale 0.25" in with_scale.alignment
-    assert (rigid.rmse_m(60) or 0.0) > 0.1
+    with_scale, rigid = beside(SEQUENCE, path, "a", "a=sim3"), beside(SEQUENCE, path)
+    assert with_scale.of_truth is not None and "scale 0.25" in with_scale.of_truth.alignment
+    assert ate_m(with_scale) < 1e-6 and ate_m(rigid) > 0.1
 
 
 def test_poses_of_a_camera_are_carried_to_the_rig(tmp_path: Path) -> None:
     left = elsewhere(SEQUENCE, right=SEQUENCE.rig.rig_from_left)
-    found = beside(SEQUENCE, written(tmp_path / "a.tum", left), "a:left").of_truth
-    assert found is not None and (found.rmse_m(60) or 1.0) < 1e-6 and "poses of the left camera" in found.alignment
+    found = beside(SEQUENCE, written(tmp_path / "a.tum", left), "a:left")
+    assert found.of_truth is not None and "poses of the left camera" in found.of_truth.alignment
+    assert ate_m(found) < 1e-6
 
 
 def test_between_two_poses_it_is_interpolated_and_in_a_gap_unknown(tmp_path: Path) -> None:
@@ -79,8 +88,7 @@ def test_rows_of_a_kitti_file_are_the_images(tmp_path: Path) -> None:
     video = [i for i, kind in enumerate(SEQUENCE.kinds) if kind == "video"]
     np.savetxt(tmp_path / "video.txt", rows[video])
     for name in ("all.txt", "video.txt"):
-        found = beside(SEQUENCE, tmp_path / name).of_truth
-        assert found is not None and (found.rmse_m(60) or 1.0) < 1e-3
+        assert ate_m(beside(SEQUENCE, tmp_path / name)) < 1e-3
     np.savetxt(tmp_path / "some.txt", rows[:30])
     with pytest.raises(InputError, match=r"has 30 rows without times, and double 66 images"):
         beside(SEQUENCE, tmp_path / "some.txt")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+from io import FileIO
 from pathlib import Path
 
 import pytest
 from ispom_app.run.folder.run_folder import MARKER, RunFolder, is_incomplete
 
 from ispom.errors import InputError
+from ispom.io import whole
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -103,11 +105,12 @@ def test_a_place_that_cannot_be_a_folder_is_one_sentence(name: str, tmp_path: Pa
     assert (tmp_path / "file").read_text() == "kept"
 
 
-def test_files_that_do_not_fit_are_named_together(tmp_path: Path) -> None:
+def test_files_that_do_not_fit_are_named_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with RunFolder(tmp_path / "run") as folder:
-        for name in ("a.tum", "b.tum"):
-            folder.part(name).symlink_to("/dev/full")
-            folder.write(name, "x" * 100_000)
+        with monkeypatch.context() as disk:
+            disk.setattr(whole, "create_file", lambda _: FileIO("/dev/full", "wb"))
+            for name in ("a.tum", "b.tum"):
+                folder.write(name, "x" * 100_000)
         folder.write("c.tum", "")
     assert folder.problem is not None
     assert "a.tum, b.tum cannot be written (No space left on device): make room" in folder.problem

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import csv
+from io import FileIO
 from pathlib import Path
 
 import pytest
-from ispom_app.run.folder import run_folder, step_log
+from ispom_app.run.folder import run_folder, step_log, table
 from ispom_app.run.folder.run_folder import RunFolder
 from ispom_app.run.history.quantities import DROPPED
 from ispom_app.run.playback import Playback
 
+from ispom.io.whole import create_file
 from ispom.types import TrackStatus
 from tests import doubles
 from tests.app import helpers
@@ -47,9 +49,14 @@ def test_one_row_per_method_and_exposure(playback: Playback, tmp_path: Path) -> 
     assert said[0]["name"] == "parallax" and float(said[0]["value"]) == 14.2 and said[0]["passed"] == "0"
 
 
-def test_a_full_disk_ends_the_table_and_not_the_run(playback: Playback, tmp_path: Path) -> None:
+def test_a_full_disk_ends_the_table_and_not_the_run(
+    playback: Playback, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def create(path: Path) -> FileIO:
+        return FileIO("/dev/full", "wb") if path.name.endswith(run_folder.STEPS) else create_file(path)
+
+    monkeypatch.setattr(table, "create_file", create)
     folder = RunFolder(tmp_path)
-    folder.part(run_folder.STEPS).symlink_to("/dev/full")
     with step_log.StepLog(folder) as log:
         while not playback.done:
             log.add(playback.step())

@@ -143,6 +143,8 @@ def test_after_the_last_exposure_there_is_nothing_to_fork(session: Session) -> N
 def test_a_restart_begins_with_one_branch_again(session: Session) -> None:
     fork(session, "stereo")
     session.post(do.Restart(("stereo",), Config()))
+    wait_for(lambda: session.state.question, "the question")
+    session.post(do.Confirm(session.state.question.number, True))  # type: ignore[union-attr]
     wait_for(lambda: len(session.state.branches) == 1 and session.state.ended, "the new run")
     assert session.state.branch == 0 and session.state.branches[0].tally.methods.keys() == {"stereo"}
 

@@ -1,8 +1,8 @@
-"""`ispom bench --loops`: simulated drives that come back to their start, and others that look as if they did.
+"""`python -m tests.accuracy loops`: simulated drives that come back to their start, and others that only look so.
 
 The drives that come back go around sim:town's block (541 m), with loops and without. The others begin in the middle of
 a street of equal houses and end before they are there again: what they see looks like what they saw at other places,
-and every loop is a false one. `python -m ispom_app.bench.loops '{...}'` prints what was found as one line of JSON.
+and every loop is a false one. `python -m tests.accuracy.loops '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble, build
 from ispom.estimators.modern.loops.checks import LOOP_SHIFT
 from ispom.evaluation.ate import rms
@@ -211,4 +212,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

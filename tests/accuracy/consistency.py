@@ -1,6 +1,6 @@
-"""`ispom bench --consistency`: the covariances of the poses against simulated truth, over seeds.
+"""`python -m tests.accuracy consistency`: the covariances of the poses against simulated truth, over seeds.
 
-`python -m ispom_app.bench.consistency '{...}'` prints what was found as one line of JSON.
+`python -m tests.accuracy.consistency '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.evaluation.consistency import PARTS, Errors, consistency, errors
 from ispom.methods import Config
@@ -155,4 +156,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.bench.miscalibrated import drawn, miscalibrated
 
 from ispom.estimators.modern.stereo.estimator import ModernStereoConfig
 from ispom.sequences.formats.simulated import open_simulated
 from ispom.solvers.right_camera import OFFSET_X, OFFSET_Y, ROLL
 from ispom.types import StereoPair
+from tests.accuracy.miscalibrated import drawn, miscalibrated
 from tests.alone import run
 
 

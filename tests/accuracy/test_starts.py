@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.bench.starts import Started, starts
+
+from tests.accuracy.starts import Started, starts
 
 
 @pytest.mark.parametrize(

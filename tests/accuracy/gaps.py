@@ -1,7 +1,7 @@
-"""`ispom bench --gaps`: a stretch is cut out of a flight or a drive, and the camera may have turned meanwhile.
+"""`python -m tests.accuracy gaps`: a stretch is cut out of a flight or a drive, in which the camera may turn.
 
 Where enough of what was seen before the gap is seen again, a method should know where it is, as well as without the
-gap; else what follows should be a segment of its own. `python -m ispom_app.bench.gaps '{...}'` prints what was found as
+gap; else what follows should be a segment of its own. `python -m tests.accuracy.gaps '{...}'` prints what was found as
 one line of JSON.
 """
 
@@ -16,9 +16,11 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
+from ispom_app.bench.measure import ensemble_of
 from rich.console import Console
 from rich.table import Table
 
+from ispom.child import end_with_parent
 from ispom.ensemble import Ensemble
 from ispom.frontends import corners
 from ispom.frontends.row_search import PointSearch
@@ -33,7 +35,6 @@ from ispom.solvers.trajectory.alignment import umeyama
 from ispom.types import Camera, Exposure, Frame, Rig, Status, Step, StereoPair, Trajectory
 
 from .flights import FilmedMethod, Flight
-from .measure import ensemble_of
 
 Place = Literal["city", "town"]
 GAPS_S, TURNS_DEG = (1.0, 2.0, 3.0, 5.0, 7.0), (0.0, 20.0, 45.0, 90.0)
@@ -254,4 +255,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

@@ -6,12 +6,12 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from ispom_app.bench import child, gaps
-from ispom_app.bench.gaps import Found, Trial
-from ispom_app.cli import main
 
 from ispom.geometry import Pose
 from ispom.types import Camera
+from tests.accuracy import gaps, studies
+from tests.accuracy.__main__ import main
+from tests.accuracy.gaps import Found, Trial
 
 CAMERA = Camera(100, 100, 100.0, 100.0, 49.5, 49.5)
 TRIAL = Trial("sim:city seed 0", "stereo", 4.0, 2.0, 45.0)
@@ -47,7 +47,7 @@ def test_a_method_knows_its_place_or_says_that_it_does_not(
     assert Found(TRIAL, seen, outcome, error_m, 0.2).right is right  # type: ignore[arg-type]
 
 
-def test_the_bench_tells_of_both_methods(
+def test_the_study_covers_both_methods(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path
 ) -> None:
     def measured_elsewhere(module: str, task: dict) -> list[dict]:
@@ -55,8 +55,8 @@ def test_the_bench_tells_of_both_methods(
         trial = Trial(f"seed {task['seed']}", task["method"], 4.0, 2.0)
         return [asdict(Found(trial, 0.5, "located", 0.1, 0.2)), asdict(Found(trial, 0.1, "located", 0.9, 0.2))]
 
-    monkeypatch.setattr(child, "found", measured_elsewhere)
-    assert main(["bench", "--gaps", "--data", str(tmp_path)]) == 0
+    monkeypatch.setattr(studies, "found", measured_elsewhere)
+    assert main(["gaps", "--data", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "monocular: where at least 30% of the last image is seen again" in out
     assert "in 1 of 1; else 1 of 1 located; located with a larger error: 1" in " ".join(out.split())

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.bench.cameras import BLIND, CAMERAS, FLIGHT, Filmed, print_cameras, write_12_bits
 from rich.console import Console
 
 from ispom.sequences import open_sequence
 from ispom.sequences.formats.simulated import open_scenario
 from ispom.simulation.scenario.scenario import scenario_of_words
+from tests.accuracy.cameras import BLIND, CAMERAS, FLIGHT, Filmed, print_cameras, write_12_bits
 
 
 def test_twelve_bits_are_the_same_images(tmp_path: Path) -> None:

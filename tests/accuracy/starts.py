@@ -1,7 +1,7 @@
-"""`ispom bench --starts`: the monocular method is started at many frames of a recording, and its first map judged.
+"""`python -m tests.accuracy starts`: whether first maps are right, started at many frames.
 
 A start is right where the camera's path up to some frames after the first map has the true shape and turns.
-`python -m ispom_app.bench.starts '{...}'` prints what was found as one line of JSON.
+`python -m tests.accuracy.starts '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
+from ispom_app.bench.measure import ensemble_of
 from rich.console import Console
 
+from ispom.child import end_with_parent
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import aligned, ate_m, rms
 from ispom.geometry import rotation_angle_rad
 from ispom.sequences import open_sequence
 from ispom.types import Exposure, Sequence, Status, Trajectory
-
-from .measure import ensemble_of
 
 EVERY = {"handheld": 5, "kitti-06": 1, "kitti-00": 5, "sim:tiny": 5, "sim:city": 6, "sim:indoor": 8}
 """From one start to the next, in frames: of cases of the bench, and of whole simulations."""
@@ -109,4 +109,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import child, loops
-from ispom_app.bench.loops import BEGIN_M, START_M, Driven, Later, driven
-from ispom_app.bench.terraces import ALIKE_M, build_terraces
-from ispom_app.cli import main
 
 from ispom.geometry import Pose, Similarity
 from ispom.simulation.motions import motion_of
 from ispom.simulation.renderer import Renderer
 from ispom.simulation.town import SPEED_M_S, on_route
 from ispom.types import Camera, Trajectory
+from tests.accuracy import loops, studies
+from tests.accuracy.__main__ import main
+from tests.accuracy.loops import BEGIN_M, START_M, Driven, Later, driven
+from tests.accuracy.terraces import ALIKE_M, build_terraces
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_both_methods_drive(returns: bool) -> None:
         assert (found.plain_error_m == found.error_m and found.spread == 1.0) if returns else found.plain_nees is None
 
 
-def test_the_bench_tells_of_both_methods(
+def test_the_study_covers_both_methods(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     def measured_elsewhere(module: str, task: dict) -> object:
@@ -78,12 +78,12 @@ def test_the_bench_tells_of_both_methods(
         more = (2.0, 5.0, math.nan) if task["returns"] else ()
         return [asdict(Driven(m, task["seed"], task["returns"], 541.0, 1, 0.3, 0, *more)) for m in task["methods"]]
 
-    monkeypatch.setattr(child, "found", measured_elsewhere)
-    assert main(["bench", "--loops", "--seeds", "2", "--json", str(tmp_path / "l.json")]) == 0
+    monkeypatch.setattr(studies, "found", measured_elsewhere)
+    assert main(["loops", "--seeds", "2", "--json", str(tmp_path / "l.json")]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "seed 1 of 2: it broke" in told
     for method in ("monocular", "stereo"):
         assert f"{method}: found, and within 0.1% of the way at the return, in 1 of 1, worst 0.055 %" in told
         assert f"{method}: loops where houses are alike and nothing returns: 1" in told
-    rows = json.loads((tmp_path / "l.json").read_text())["loops"]
-    assert [r["spread"] for r in rows] == [None] * 4, "JSON has no word for what is no number"
+    rows = json.loads((tmp_path / "l.json").read_text())
+    assert [r["spread"] for r in rows] == [None] * 4, "JSON has no word for a number that is not finite"

@@ -1,7 +1,7 @@
-"""`ispom bench --cameras`: the same flight as cameras of other kinds film it, beside what the plain ones lead to.
+"""`python -m tests.accuracy cameras`: the same flight filmed by cameras of other kinds.
 
 4K, 12 bits in 16-bit files, a variable rate, portrait, fisheye lenses, and rolling shutters whose line delay is known,
-or not. `python -m ispom_app.bench.cameras '{...}'` prints what was found as one line of JSON.
+or not. `python -m tests.accuracy.cameras '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.evaluation.metrics import errors
 from ispom.io.rig import rig_text
@@ -168,4 +169,5 @@ def main(argument: str) -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     main(sys.argv[1])

@@ -1,0 +1,231 @@
+"""Tables of poses with a header that names their columns: comma, semicolon, tab or space between them, in any order."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.io.rows import MAX_TIME_S, Row, latest, numbers, read_text
+from ispom.types import Frame, Trajectory
+
+UNITS_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
+POSE_COLUMNS, HEADER_LINES = 8, 200
+USUAL_S = 0.05
+"""Usual interval of poses: whole numbers without a unit have the unit whose interval is nearest to it."""
+DATES_S = (1.0e9, 2.1e9)
+"""From 2001 to 2036: what lies between these in a unit is a date in it."""
+_UNIT_WORDS = {
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "ms": "ms", "msec": "ms", "millis": "ms", "milliseconds": "ms",
+    "us": "us", "usec": "us", "micros": "us", "microseconds": "us",
+    "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanos": "ns", "nanosec": "ns", "nanosecs": "ns", "nanoseconds": "ns",
+}  # fmt: skip
+_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_TIMES = ("stamp", "timestamp", "timestamps", "time", "times", "t")
+"""What a column of times is called; of several the first of these counts."""
+_POSITION = frozenset({"p", "t", "pos", "position", "trans", "translation", "tvec", "location", "xyz"})
+_ROTATION = frozenset({"q", "quat", "quaternion", "orientation", "rot", "rotation", "qvec", "attitude"})
+_AXIS = re.compile(r"([a-z]*?)_?([xyzw])")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Which column holds what, counted from 0."""
+
+    times: tuple[int, ...]
+    """One, or whole seconds and the nanoseconds after them."""
+    xyz: tuple[int, ...]
+    xyzw: tuple[int, ...]
+    unit: str | None
+    """Of the times; None where the header does not say it."""
+    count: int
+    line: int = 0
+    """Of the header, counted from 1."""
+    spaced: bool = True
+    """Whether spaces or tabs are between its names."""
+    metres: float = 1.0
+    """Unit of the positions [m]."""
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Times, position, quaternion (x, y, z, w)."""
+        return (*self.times, *self.xyz, *self.xyzw)
+
+
+def header_columns(path: Path) -> Columns | None:
+    """What the last line before a file's first values says of its columns; None where there is none.
+
+    It may begin with # or %. InputError where it names all columns between commas, and not those of a pose: the order
+    of a quaternion cannot be seen in its values.
+    """
+    found, unknown = None, (0, 0)
+    for line, text in enumerate(read_text(path).splitlines()[:HEADER_LINES], 1):
+        words = split_line(text.strip().lstrip("#%").strip())
+        if not words:
+            continue
+        spaced = not set(",;") & set(text)
+        if not text.lstrip().startswith(("#", "%")) and _is_number(words[0]):
+            if found is None and unknown[1] == len(words) and not spaced:
+                raise InputError(
+                    f"{path} line {unknown[0]} does not name the columns of poses: call them timestamp, x, y, z, qx, "
+                    "qy, qz, qw (in any order)"
+                )
+            break
+        found = _columns(words, line, spaced) or found
+        if len(words) >= POSE_COLUMNS and not any(map(_is_number, words)):
+            unknown = line, len(words)
+    return found
+
+
+def read_pose_table(path: Path, columns: Columns, frame: Frame, every: bool) -> tuple[Trajectory, str]:
+    """The poses of a file with such columns, world_from_FRAME, and the unit of its times; `every` as in `latest`.
+
+    InputError names the line that is wrong.
+    """
+    rows = _rows(path, columns)
+    unit = columns.unit or unit_of([words[columns.times[0]] for _, words in rows])
+    times = np.array([_time_ns(path, line, [words[i] for i in columns.times], unit) for line, words in rows], np.int64)
+    order = columns.order[len(columns.times) :]
+    values = np.array([numbers(path, line, [words[i] for i in order]) for line, words in rows]).reshape(-1, len(order))
+    return latest(path, rows, times, values[:, :3] * columns.metres, values[:, 3:], frame, every), unit
+
+
+def split_line(text: str) -> list[str]:
+    """The words of a line, between semicolons, or else commas, or else spaces and tabs."""
+    for separator in (";", ","):
+        if separator in text:
+            words = [word.strip().strip("\"'").strip() for word in text.rstrip(f"{separator} \t").split(separator)]
+            return [re.sub(r"(?<=[0-9]),(?=[0-9])", ".", word) for word in words] if separator == ";" else words
+    return text.split()
+
+
+def unit_of(words: list[str]) -> str:
+    """The unit of times that do not say it: that in which they are dates, or else their intervals usual ones."""
+    values = [value for word in words if (value := _decimal(word)) is not None]
+    if not values:
+        return "s"
+    for unit, unit_ns in UNITS_NS.items():
+        if all(DATES_S[0] <= value * unit_ns / 10**9 <= DATES_S[1] for value in (values[0], values[-1])):
+            return unit
+    if any(value != value.to_integral_value() for value in values):
+        return "s"
+    apart = sorted(b - a for a, b in pairwise(values) if b > a)
+    if not apart:
+        return "ns" if values[0] > MAX_TIME_S else "s"
+    usual_s = float(apart[len(apart) // 2])
+    return min(UNITS_NS, key=lambda unit: abs(np.log(usual_s * UNITS_NS[unit] * 1e-9 / USUAL_S)))
+
+
+def _columns(words: list[str], line: int, spaced: bool) -> Columns | None:
+    """Of a header's names; None where one is missing or given twice."""
+    times: dict[tuple[str, str | None], int] = {}
+    axes: dict[tuple[str, str], int] = {}
+    lengths: set[str] = set()
+    for i, word in enumerate(words):
+        name, unit = _unit(word)
+        parts = [part for part in re.split(r"[^a-z0-9]+", name) if part]
+        if len(parts) > 1 and parts[-1] in _METRES:
+            unit = parts.pop()
+        role = _axis(parts)
+        if role is not None:
+            if role in axes:
+                return None
+            axes[role] = i
+            lengths |= {unit} & set(_METRES) if role[0] != "q" and unit is not None else set()
+        elif parts and (said := _time_name(parts)) is not None:
+            times.setdefault((said[0], _UNIT_WORDS.get(unit or "") or said[1]), i)
+    bare = {axis: i for (kind, axis), i in axes.items() if not kind}  # of a position, unless that has names of its own
+    for kind, letters in (("p", "xyz"), ("q", "xyzw")):
+        if not any((kind, axis) in axes for axis in "xyz"):
+            axes |= {(kind, axis): bare[axis] for axis in letters if axis in bare}
+            bare = {axis: i for axis, i in bare.items() if axis not in "xyz"}
+    axes |= {("q", axis): i for axis, i in bare.items() if axis == "w"}
+    xyz, xyzw = [axes.get(("p", a)) for a in "xyz"], [axes.get(("q", a)) for a in "xyzw"]
+    if None in xyz or None in xyzw or not times or len(lengths) > 1:
+        return None
+    which, unit = _best_times(times)
+    metres = _METRES[lengths.pop()] if lengths else 1.0
+    order = tuple(map(int, xyz)), tuple(map(int, xyzw))  # type: ignore[arg-type]
+    return Columns(which, *order, unit, len(words), line, spaced, metres)
+
+
+def _unit(word: str) -> tuple[str, str | None]:
+    """A name in small letters, without the unit in brackets that follows it."""
+    found = re.fullmatch(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]?", word.strip().lower().replace("µ", "u"))
+    return (word.strip().lower(), None) if found is None else (found[1], found[2])
+
+
+def _axis(parts: list[str]) -> tuple[str, str] | None:
+    """("p" or "q", axis) of a name's parts: tx, p_RS_R_x, pose.position.x; qw, q_RS_w, orientation.w; ("", axis) of an
+    axis alone."""
+    found = _AXIS.fullmatch(parts[-1]) if parts else None
+    if found is None:
+        return None
+    prefix, axis = found.groups()
+    before = [prefix] if prefix else [part for part in parts[:-1] if part in _POSITION | _ROTATION]
+    if not before:
+        return None if parts[:-1] else ("", axis)
+    if prefix == "" and before[0] != next((p for p in parts if p in _POSITION | _ROTATION | {"v", "b", "w", "a"}), ""):
+        return None
+    kind = "p" if before[0] in _POSITION else "q" if before[0] in _ROTATION else None
+    return None if kind is None or (kind == "p" and axis == "w") else (kind, axis)
+
+
+def _time_name(parts: list[str]) -> tuple[str, str | None] | None:
+    """What a name calls its times, and their unit: timestamp, time_ns, header.stamp.sec."""
+    unit = _UNIT_WORDS.get(parts[-1])
+    name = next((part for part in reversed(parts) if part in _TIMES), None)
+    if name is None and unit is not None and len(parts) == 1 and parts[0] != "s":
+        name = "time"
+    return None if name is None or (unit is None and parts[-1] != name) else (name, unit)
+
+
+def _best_times(times: dict[tuple[str, str | None], int]) -> tuple[tuple[int, ...], str | None]:
+    """The column of times, or those of seconds and of the nanoseconds after them, and their unit."""
+    name = min((name for name, _ in times), key=_TIMES.index)
+    units = {unit: i for (each, unit), i in times.items() if each == name}
+    if {"s", "ns"} <= units.keys():
+        return (units["s"], units["ns"]), "s"
+    unit, column = next(iter(units.items()))
+    return (column,), unit
+
+
+def _rows(path: Path, columns: Columns) -> list[Row]:
+    rows: list[Row] = []
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        words = split_line(text.strip())
+        if not words or line == columns.line or text.lstrip().startswith(("#", "%")):
+            continue
+        wanted = max(max(columns.order) + 1, len(rows[0][1]) if rows else 0)
+        if len(words) < wanted or (rows and len(words) != wanted):
+            raise InputError(f"{path} line {line} has {len(words)} columns, not {wanted}: correct that line")
+        rows.append((line, words))
+    return rows
+
+
+def _time_ns(path: Path, line: int, words: list[str], unit: str) -> int:
+    values = [_decimal(word) for word in words]
+    scales = (UNITS_NS[unit], 1)
+    total = sum((v * s for v, s in zip(values, scales, strict=False) if v is not None), Decimal(0))
+    if None in values or abs(total) > MAX_TIME_S * 10**9 or (unit == "ns" and total != total.to_integral_value()):
+        whole = "whole nanoseconds" if unit == "ns" else {"s": "seconds"}.get(unit, unit)
+        raise InputError(f"{path} line {line}: '{words[0][:40]}' is not a time in {whole}: correct that line")
+    return int(total.to_integral_value())
+
+
+def _decimal(word: str) -> Decimal | None:
+    try:
+        value = Decimal(word)
+    except InvalidOperation:
+        return None
+    return value if value.is_finite() and abs(value) < 10**25 else None
+
+
+def _is_number(word: str) -> bool:
+    return _decimal(word) is not None or word.lower() in ("nan", "inf", "-inf")

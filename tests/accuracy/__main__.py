@@ -1,0 +1,48 @@
+"""`python -m tests.accuracy STUDY`: studies of what the methods get wrong, over many seeds. They take minutes to hours.
+
+consistency: whether the covariances of the poses agree with their errors, over seeds of three simulations; with exact
+    cameras, and with cameras whose calibration is wrong by what the methods allow for.
+gaps: whether monocular and stereo are localised after 1 to 7 s without images, in which the camera may turn; sim:city
+    (three seeds), sim:town, and KITTI 06 if it is in --data.
+loops: whether monocular and stereo find a loop after 541 m through sim:town, their error there with and without it, and
+    whether they find false ones where houses are the same and nothing returns.
+starts: whether the first map of monocular is right, started at many frames of sim:city, sim:indoor and sim:tiny, and of
+    KITTI 06, KITTI 00 and handheld_board if they are in --data.
+cameras: the errors of the modern methods on one flight (16 seeds) filmed by other cameras: 4K, 12 bits, variable
+    rate, portrait, fisheye, rolling shutter. Rendering takes half an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from ispom_app.bench.row import plain
+from rich.console import Console
+
+from ispom.methods import names
+
+from .studies import STUDIES, Options
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", choices=STUDIES)
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the folder of recordings")
+    parser.add_argument("--methods", nargs="+", choices=names(), default=[], help="only these methods")
+    parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency and loops")
+    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    given = parser.parse_args(arguments)
+    if not 2 <= given.seeds <= 1000:
+        parser.error(f"--seeds is {given.seeds}: give a value from 2 to 1000")
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    rows = STUDIES[given.study](console, Options(given.data, tuple(given.methods), given.seeds))
+    if given.json is not None:
+        given.json.write_text(json.dumps(plain(rows), indent=2, allow_nan=False) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""What the accuracy studies measure. Each one prints what it found, and returns it as rows for JSON."""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from ispom_app.bench import child
+from ispom_app.bench.plan import CASES, found_below
+from rich.console import Console
+
+from ispom.methods import names
+
+from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
+from .consistency import FLIGHTS, KNOWN, print_consistency
+from .flights import FILMED_METHODS
+from .gaps import GAP_SEEDS, gaps_found, print_gaps
+from .loops import loops_found, print_loops
+from .starts import EVERY, print_starts, starts_found
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a study is made of."""
+
+    data: Path
+    """The folder of recordings, as `ispom bench --data` has it."""
+    methods: tuple[str, ...] = ()
+    """Empty for all."""
+    seeds: int = 20
+
+
+def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Covariances against errors."""
+    measured = []
+    # Not the user's cache: so many flights would push out the ones that are really used.
+    with tempfile.TemporaryDirectory() as folder:
+        methods = [m for m in names() if not options.methods or m in options.methods]
+        for method, cameras in itertools.product(methods, KNOWN):
+            by_scene = dict[str, dict[str, Any]]()
+            for scene in FLIGHTS:
+                task = {"method": method, "scene": scene, "cameras": cameras, "seeds": options.seeds, "folder": folder}
+                with child.progress(f"{method}, {KNOWN[cameras]}: {options.seeds} seeds of {scene}"):
+                    by_scene[scene] = found("consistency", task)
+                if not by_scene[scene] or "error" in by_scene[scene]:  # it is the same elsewhere
+                    break
+            print_consistency(console, method, cameras, by_scene)
+            about = {"method": method, "cameras": cameras}
+            measured += [{**about, "scene": scene, **found} for scene, found in by_scene.items()]
+    return measured
+
+
+def gaps(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Images cut out."""
+    drive, measured = next(found_below(c, options.data) for c in CASES if c.key == "kitti-06"), []
+    for method in _filmed(options):
+        tasks: list[dict[str, Any]] = [
+            {"method": method, "place": place, "seed": seed}
+            for place, seeds in GAP_SEEDS.items()
+            for seed in range(seeds)
+        ]
+        tasks += [{"method": method, "folder": drive.source}] if drive is not None else []
+        for task in tasks:
+            where = task.get("folder") or f"sim:{task['place']} seed {task['seed']}"
+            rows = rows_of(console, f"{method}: gaps in {where}", "gaps", task)
+            if rows:
+                print_gaps(console, gaps_found(rows))
+                measured += rows
+    return measured
+
+
+def loops(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Ways that return, and some that only look so."""
+    methods, measured = _filmed(options), []
+    for seed in range(options.seeds) if methods else ():
+        for returns in (True, False):
+            task = {"seed": seed, "returns": returns, "methods": methods}
+            what = "sim:town" if returns else "equal houses"
+            measured += rows_of(console, f"loops in {what}, seed {seed} of {options.seeds}", "loops", task) or []
+    for method in methods if measured else ():
+        print_loops(console, [d for d in loops_found(measured) if d.method == method])
+    return measured
+
+
+def starts(console: Console, options: Options) -> list[dict[str, Any]]:
+    """First maps at many places."""
+    measured, cases = [], {c.key: c for c in CASES}
+    for key, every in EVERY.items():
+        found = found_below(cases[key], options.data) if key in cases else None
+        if key in cases and found is None:
+            console.print(f"{cases[key].title}: skipped, it is not in {options.data} (see --data)")
+            continue
+        source, last = (key, None) if found is None else (found.source, found.frames)
+        task = {"source": source, "last": last, "every": every}
+        rows = rows_of(console, f"monocular: started in {source}", "starts", task)
+        if rows is None:
+            continue
+        if not rows:
+            console.print(f"{source}: skipped, it has too few frames")
+            continue
+        print_starts(console, starts_found(rows))
+        measured += rows
+    return measured
+
+
+def cameras(console: Console, options: Options) -> list[dict[str, Any]]:
+    """One flight by cameras of many kinds."""
+    measured = []
+    methods = [m for m in CAMERA_METHODS if not options.methods or m in options.methods]
+    for seed, cameras in ((seed, name) for seed in range(SEEDS) for name in CAMERAS if seed == 0 or name not in COSTLY):
+        task = {"seed": seed, "cameras": cameras, "methods": methods}
+        measured += rows_of(console, f"sim:city seed {seed}: {cameras}", "cameras", task) or []
+    print_cameras(console, cameras_found(measured))
+    return measured
+
+
+def _filmed(options: Options) -> list[str]:
+    """The methods wanted of those whose flights are filmed for them."""
+    return [m for m in FILMED_METHODS if not options.methods or m in options.methods]
+
+
+def found(module: str, task: dict[str, Any]) -> Any:
+    """What a module of this folder finds in a process of its own; {"error": ...} if it fails."""
+    return child.found(f"{__package__}.{module}", task, path=ROOT)
+
+
+def rows_of(console: Console, what: str, module: str, task: dict[str, Any]) -> list[dict[str, Any]] | None:
+    """The rows that another process finds; None, with its error printed, if it fails."""
+    with child.progress(what):
+        rows = found(module, task)
+    if isinstance(rows, dict):
+        console.print(f"{what}: {rows['error']}")
+        return None
+    return rows
+
+
+STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = MappingProxyType(
+    {"consistency": consistency, "gaps": gaps, "loops": loops, "starts": starts, "cameras": cameras}
+)

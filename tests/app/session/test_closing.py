@@ -1,0 +1,138 @@
+"""Closing a run for another one: branches are not lost without a question, and settings stay with their run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ispom_app.learn.library import Library
+from ispom_app.session import commands as do
+from ispom_app.session.branching.branches import Branch
+from ispom_app.session.closing import loss
+from ispom_app.session.learning.commands import Learn
+from ispom_app.session.session import Session
+from ispom_app.session.state import State
+
+from ispom.methods import Config
+from tests import doubles
+from tests.app.helpers import started, wait_for
+
+METHODS = ("monocular", "stereo", "integrated")
+CHANGED = Config({"stereo": replace(Config().of("stereo"), max_tracks=321)})
+LESSON = Library().lessons[0].name
+
+
+def opener(source: str, options: object = None):
+    return doubles.sequence(20)
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Iterator[Session]:
+    """At the end of a fork with other methods and settings."""
+    found = started(tmp_path, opener=opener)
+    found.post(do.Speed(None))
+    wait_for(lambda: found.state.ended, "the run")
+    found.post(do.Seek(8))
+    wait_for(lambda: found.state.index == 8, "frame 8")
+    found.post(do.Fork(("stereo",), CHANGED, "fewer tracks"))
+    wait_for(lambda: found.state.branch == 1 and found.state.ended, "the fork")
+    yield found
+    found.close(2)
+
+
+CLOSING = {
+    "open": do.Open("double:15"),
+    "the page's address, or a row of the recordings": do.OpenNamed("double:20"),
+    "restart": do.Restart(METHODS, Config()),
+    "a lesson": Learn(LESSON),
+}
+
+
+def asked(session: Session, command: do.Command) -> int:
+    session.post(command)
+    wait_for(lambda: session.state.question, "the question")
+    assert session.state.question is not None and "fewer tracks" in session.state.question.text
+    return session.state.question.number
+
+
+@pytest.mark.parametrize("way", CLOSING)
+def test_a_branch_is_not_lost_without_a_question(session: Session, way: str) -> None:
+    run = session.state.run
+    number = asked(session, CLOSING[way])
+    session.post(do.Confirm(number, False))
+    wait_for(lambda: session.state.question is None, "the answer")
+    assert (session.state.run, len(session.state.branches), session.state.branch) == (run, 2, 1)
+    assert session.state.lesson is None and not session.state.notices
+    session.post(do.Confirm(number, True))  # of a question that was answered
+    number = asked(session, CLOSING[way])
+    session.post(do.Confirm(number, True))
+    wait_for(lambda: session.state.run > run and len(session.state.branches) == 1, "the other run")
+    assert session.state.question is None
+
+
+def test_one_question_takes_the_place_of_the_one_before(session: Session) -> None:
+    first = asked(session, do.Restart(METHODS, Config()))
+    session.post(do.Open("double:15"))
+    wait_for(lambda: session.state.question and session.state.question.number != first, "the other question")
+    session.post(do.Confirm(first, True))
+    session.post(do.Confirm(first + 1, True))
+    wait_for(lambda: session.state.source == "double:15" and session.state.phase == "ready", "the source")
+
+
+@pytest.mark.parametrize("command", [do.Open("double:15"), do.Restart(METHODS, Config())])
+def test_a_run_without_branches_is_closed_without_a_question(tmp_path: Path, command: do.Command) -> None:
+    session = started(tmp_path, opener=opener)
+    wait_for(lambda: session.state.run == 1, "the run")
+    session.post(command)
+    wait_for(lambda: session.state.run == 2 or session.state.question, "the next run")
+    assert session.state.question is None
+    session.close(2)
+
+
+def test_a_branch_that_is_recorded_is_kept(session: Session) -> None:
+    session.post(do.Record("mine"))
+    wait_for(lambda: session.state.recording or session.state.recordings, "the recording")
+    session.post(do.Open("double:15"))
+    wait_for(lambda: session.state.source == "double:15" or session.state.question, "the source")
+    assert session.state.question is None
+
+
+def test_what_can_be_had_again_is_not_asked_about() -> None:
+    first = Branch(0, "first run")
+    state = State("double:20", phase="ready", computed=5, branches=(first,))
+    fork = Branch(1, "mine", 0, 4)
+    assert not loss(state, ())
+    assert "mine" in loss(replace(state, branches=(first, fork)), ())
+    assert not loss(replace(state, branches=(first, replace(fork, reproducible=True))), ())
+    assert not loss(replace(state, branches=(first, fork)), {1})
+    assert "mine" in loss(replace(state, branches=(fork,)), ())  # the first one was deleted
+
+
+@pytest.mark.parametrize("source", ["camera:0", "rtsp://10.0.0.2/live"])
+def test_a_live_run_is_asked_about_unless_it_is_recorded(source: str) -> None:
+    state = State(source, phase="ready", computed=5, branches=(Branch(0, "first run"),))
+    assert source in loss(state, ()) and not loss(state, {0}) and not loss(replace(state, computed=0), ())
+
+
+def test_settings_and_methods_of_a_fork_or_a_restart_stay_with_their_run(session: Session) -> None:
+    """They applied silently to whatever was opened next."""
+    assert session.state.config == CHANGED and session.state.methods == ("stereo",)
+    session.post(do.Confirm(asked(session, do.Restart(("stereo",), CHANGED)), True))
+    wait_for(lambda: len(session.state.branches) == 1 and session.state.ended, "the new run")
+    assert session.state.config == CHANGED
+    session.post(do.Open("double:15"))
+    wait_for(lambda: session.state.source == "double:15" and session.state.phase == "ready", "the source")
+    assert session.state.config == Config() and set(METHODS) <= set(session.state.methods)
+
+
+def test_those_that_the_app_was_started_with_are_of_every_source(tmp_path: Path) -> None:
+    session = started(tmp_path, opener=opener, config=CHANGED, methods=("stereo",))
+    wait_for(lambda: session.state.run == 1, "the run")
+    session.post(do.Restart(METHODS, Config()))
+    wait_for(lambda: session.state.run == 2, "the restart")
+    session.post(do.Open("double:15"))
+    wait_for(lambda: session.state.source == "double:15" and session.state.phase == "ready", "the source")
+    assert session.state.config == CHANGED and session.state.methods == ("stereo",)
+    session.close(2)
