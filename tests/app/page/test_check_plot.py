@@ -151,6 +151,7 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
     page.until("state.plotted === ''", "the plot to be closed")
     other = page.controls.locator('.explain button[data-plot="monocular.alive"]')
     page.controls.get_by_text("Tracks and numbers", exact=True).click()
+    other.wait_for()
     other.focus()
     page.tab.keyboard.press("Enter")
     page.until("state.plotted !== ''", "the plot of the next line")
