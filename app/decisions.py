@@ -1,4 +1,4 @@
-"""What a step decided, in words: grouped by the question that its checks answer, and each as a sentence."""
+"""What a step decided, in words: each check as a sentence, with its threshold and margin, and grouped by question."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from ispom.types import Check, Decision
 
-SIGNS = {">=": "≥", "<=": "≤"}
-WANTED = {">=": "at least", "<=": "at most", ">": "more than", "<": "less than", "=": "exactly"}
+BOUNDS = {">=": "at least", "<=": "at most", ">": "more than", "<": "less than", "=": "exactly"}
+ROLES = {"requirement": "needed", "trigger": "applies for", "warning": "good", "finding": "compared with"}
+"""What a threshold is for a check of each kind."""
 
 
 @dataclass(frozen=True)
@@ -49,26 +50,38 @@ def sentence(decision: Decision, check: Check | None) -> str:
         said = text.format(value=value, threshold=threshold, margin=margin)
     else:
         unit = f" {decision.unit}" if decision.unit else ""
-        wanted = f"{WANTED[decision.relation]} {number(decision.threshold)}"
-        said = f"{decision.name[:1].upper()}{decision.name[1:]}: {number(decision.value)}{unit}, {wanted} wanted."
+        said = f"{decision.name[:1].upper()}{decision.name[1:]}: {number(decision.value)}{unit} ({limit(decision)})."
     return f"{said.removesuffix('.')}; {decision.consequence}." if decision.consequence else said
 
 
+def limit(decision: Decision) -> str:
+    """Which values are on the passing side, so that no reader takes it for the outcome: `needed: at least 12`."""
+    unit = f" {decision.unit}" if decision.unit else ""
+    if decision.kind == "finding":
+        return f"{ROLES['finding']} {number(decision.threshold)}{unit}"
+    return f"{ROLES[decision.kind]}: {BOUNDS[decision.relation]} {number(decision.threshold)}{unit}"
+
+
 def measured(decision: Decision) -> str:
-    """The value, and the threshold that it is held against: `0.157 deg (≥ 0.5)`."""
-    unit, relation = f" {decision.unit}" if decision.unit else "", SIGNS.get(decision.relation, decision.relation)
-    return f"{number(decision.value)}{unit} ({relation} {number(decision.threshold)})"
+    """The value, and the side of the threshold that passes: `0.157 deg (applies for: at least 0.5 deg)`."""
+    unit = f" {decision.unit}" if decision.unit else ""
+    return f"{number(decision.value)}{unit} ({limit(decision)})"
 
 
 def margin(decision: Decision) -> str:
-    """By how much it passed, with its sign and unit: `margin +0.7 deg`, `margin −1.3 deg` where it did not.
+    """How far the value is from the threshold, and on which side: `3 too low`, `31 % too high`, `0.7 deg to spare`.
 
-    Where the outcome is another one than the comparison's, as of a size with either sign, it says that instead.
+    Empty for a finding, which has no good side, and where more than the comparison decided.
     """
-    if decision.margin and (decision.margin > 0) != decision.passed:
-        return "not by this alone"
-    unit, sign = f" {decision.unit}" if decision.unit else "", "−" if decision.margin < 0 else "+"
-    return f"margin {sign}{number(abs(decision.margin))}{unit}"
+    if decision.kind == "finding" or (decision.margin and (decision.margin > 0) != decision.passed):
+        return ""
+    unit = f" {decision.unit}" if decision.unit else ""
+    gap = f"{number(abs(decision.margin))}{unit}"
+    if decision.kind == "trigger":
+        return f"{gap} beyond" if decision.passed else f"{gap} to go"
+    if decision.passed:
+        return f"{gap} to spare"
+    return f"{gap} too {'low' if decision.relation in ('>', '>=') else 'high'}" if decision.relation != "=" else ""
 
 
 def named(decision: Decision) -> str:

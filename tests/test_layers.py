@@ -45,10 +45,12 @@ APP_LAYERS = (
     },
     {"uncertainty"},
     {"run"},
+    {"features"},
     {"calibrate", "diff", "expressions", "inspect", "sensitivity", "sweep"},
     {"learn", "rerun_log"},
     {"review"},
     {"session"},
+    {"features: panel"},
     {"viser_ui"},
     {"page"},
     {"evaluate", "export", "headless", "map", "perturb", "repair", "report", "sources"},
@@ -64,7 +66,17 @@ TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples"}
 
 
 def modules(folder: str) -> list[Path]:
-    return sorted((ROOT / folder).rglob("*.py"))
+    """Those of the product: a feature has its tests in its own folder."""
+    return sorted(path for path in (ROOT / folder).rglob("*.py") if "tests" not in path.relative_to(ROOT).parts)
+
+
+PANEL = "features: panel"
+"""A feature's panel: it lies above the session, whose state it shows; all else of a feature lies below."""
+
+
+def room(parts: tuple[str, ...]) -> str:
+    """The part of the app that a module below `app` belongs to."""
+    return PANEL if parts[0] == "features" and parts[-1] == "panel" else parts[0]
 
 
 def imported(path: Path) -> Iterator[str]:
@@ -122,7 +134,7 @@ def app_parts(path: Path) -> Iterator[str]:
         if isinstance(node, ast.ImportFrom) and node.level:
             base = (*package[: len(package) - node.level + 1], *(node.module or "").split("."))
             names = [base] if node.module else [(*base[:-1], alias.name) for alias in node.names]
-            yield from (parts[1] for parts in names if len(parts) > 1)
+            yield from (room(tuple(parts[1:])) for parts in names if len(parts) > 1)
 
 
 @pytest.mark.parametrize("path", modules("app"), ids=lambda p: str(p.relative_to(ROOT)))
@@ -130,7 +142,7 @@ def test_the_apps_imports_go_down_only(path: Path) -> None:
     def floor(part: str) -> int:
         return next(i for i, layer in enumerate(APP_LAYERS) if part in layer)
 
-    own = path.relative_to(ROOT / "app").parts[0].removesuffix(".py")
+    own = room(path.relative_to(ROOT / "app").with_suffix("").parts)
     for part in app_parts(path) if own != "__init__" else ():
         assert part == own or floor(part) < floor(own), f"{path} imports {part}"
 

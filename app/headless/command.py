@@ -16,12 +16,13 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..expressions.until import Until, require_run, until
+from ..features.events.table import event_lines
 from ..options import Run
 from ..run import warmup
 from ..run.console import Progress, progress
 from ..run.events import Finished
 from ..run.folder.results import summary
-from ..run.folder.run_folder import METRICS, RunFolder
+from ..run.folder.run_folder import EVENTS, METRICS, RunFolder
 from ..run.memory import give_back, know_libraries
 from ..run.playback import Builder, Playback, Stage
 from ..run.signals import Signals, terminable
@@ -129,5 +130,6 @@ def _reason(error: BaseException, playback: Playback) -> str:
 def _print(job: Job) -> None:
     ended, path = str(job.watch), job.folder.path
     notes = map(printable, (*job.playback.sequence.notes, *([ended] if ended else [])))
-    lines = [*notes, summary(json.loads((path / METRICS).read_text())), printable(f"in {path}")]
+    happened = map(printable, event_lines(job.events.log.events, EVENTS))
+    lines = [*notes, summary(json.loads((path / METRICS).read_text())), *happened, printable(f"in {path}")]
     sys.stdout.write("\n".join(lines) + "\n")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..expressions.until import Until
+from ..features.events.table import EventRecorder
 from ..options import Run
 from ..run.console import Progress, progress
 from ..run.folder.placements import PlacementLog
@@ -45,3 +46,4 @@ class Job:
     progress: Progress = progress
     """Who is told of each exposure."""
     placements: PlacementLog = field(default_factory=PlacementLog)
+    events: EventRecorder = field(default_factory=EventRecorder)

@@ -12,10 +12,11 @@ from ispom.io.tum import tum_text
 from ispom.io.whole import replace_whole
 from ispom.sequences.address import without_secrets
 
+from ..features.events.table import events_text
 from ..run.events import Finished
 from ..run.folder.results import Results, in_frame, metrics_text, trajectory_files
 from ..run.folder.run_file import run_file
-from ..run.folder.run_folder import CORRECTED_RIG, LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH
+from ..run.folder.run_folder import CORRECTED_RIG, EVENTS, LANDMARKS, METRICS, RIG, RUN, THUMBNAIL, TRUTH
 from ..run.folder.statistics import RunStatistics
 from ..run.folder.thumbnail import thumbnail
 from ..run.model.corrections import CorrectionMemory, corrected_text
@@ -59,6 +60,7 @@ def write_results(
             job.folder.write(name, text)
     end_ns = int(sequence.times_ns[-1])
     results = Results(sequence.name, sequence.notes, sequence.rig, playback.truth, end_ns, finished.trajectories)
+    job.folder.write(EVENTS, events_text(job.events.log.events))
     job.folder.write(METRICS, metrics_text(results, job.methods, statistics))
     job.folder.write(LANDMARKS, map_bytes(maps.scenes(finished.trajectories, job.methods, sequence.rig)))
     if (rig := corrections.of(sequence.rig)) is not None:

@@ -39,11 +39,12 @@ class Steps:
     def __init__(self, job: Job, signals: Signals, until_end: ExitStack) -> None:
         """Files stay open until `until_end` is closed."""
         self._playback, self.maps, self.statistics = job.playback, MapCollectors(), RunStatistics()
+        self.events = job.events
         self.corrections = CorrectionMemory()
         recording = Recording(job, signals) if job.options.recording else NoRecording()
         self.record, log = until_end.enter_context(recording), until_end.enter_context(StepLog(job.folder))
         self.journal = PoseJournal(job.folder, job.playback.unit_m)
-        self._consumers = (self.statistics, log, self.journal, self.record, job.placements, job.watch)
+        self._consumers = (self.statistics, self.events, log, self.journal, self.record, job.placements, job.watch)
 
     def step(self) -> None:
         event = self._playback.step()

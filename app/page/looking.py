@@ -14,10 +14,10 @@ import numpy as np
 from ispom.errors import InputError
 
 from ..session import commands as do
-from ..session import moves
+from ..session import event_moves, moves
 from ..session.current_run import CurrentRun
 from ..session.plotting import plotted
-from ..session.state import Changed, Displayed, Event, State
+from ..session.state import Changed, Displayed, Event, NoticeAdded, State
 
 MAX_SPEED_HZ = 120
 """Frames a second of "as fast as possible": eyes follow no faster."""
@@ -94,6 +94,8 @@ class Looking:
                 self._show(run, len(run.history) - 1)
             case do.StepTo(kind, forwards):
                 self._take(moves.step_to(here, run, kind, forwards=forwards))
+            case do.StepToEvent(forwards, alarming):
+                self._take(event_moves.to_event(here, run, forwards=forwards, alarming=alarming))
         self._began = (self._clock(), self.shown(state).index)
         self.version += 1
         return True
@@ -133,7 +135,10 @@ class Looking:
         self._own |= {"displayed": run.history[min(max(index, 0), len(run.history) - 1)], "playing": False}
 
     def _take(self, events: tuple[Event, ...]) -> None:
-        """The page's own values after these events. InputError where something would have to be computed."""
+        """The page's own values after these events. InputError where something would have to be computed, or where all
+        that comes of it is a notice."""
+        if len(events) == 1 and isinstance(events[0], NoticeAdded):
+            raise InputError(events[0].text)
         for event in events:
             if isinstance(event, Displayed):
                 self._own |= {"displayed": event.record, "playing": False}

@@ -11,6 +11,7 @@ from ispom.types import Status
 from .. import colours
 from ..expressions.matches import matches
 from ..expressions.parser import Expression
+from ..features.events.event import RunEvent
 from ..run.events import Bookmark
 from ..run.history.series import Series
 from ..session.branching.branches import Branch
@@ -32,6 +33,8 @@ class AxisNews:
         self._marked: Expression | None = None
         self._read = self._computed = self._asked = 0
         """Exposures whose times, results and matches the page has."""
+        self._told = 0
+        """The number of events that the page has."""
 
     def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
         """What is new to the page; None where nothing is."""
@@ -42,9 +45,10 @@ class AxisNews:
         methods = () if covers else run.opened.methods
         if (run, covers) != self._run:
             self._run, self._marked, self._branches, self._bookmarks = (run, covers), None, (), ()
-            self._read = self._computed = self._asked = 0
+            self._read = self._computed = self._asked = self._told = 0
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
         news |= self._exposures(run) | self._results(run, methods) | self._matches(state.marked, run.series)
+        news |= {} if covers else self._events(run)
         if state.branches != self._branches:
             before, self._branches = self._points(), state.branches
             news |= {"branches": self._points()} if self._points() != before else {}
@@ -78,6 +82,13 @@ class AxisNews:
         results = [_result(run.series, method, start, self._computed) for method in methods]
         return {"computed": self._computed, "results": results}
 
+    def _events(self, run: CurrentRun) -> dict[str, Any]:
+        """Those that began since."""
+        new = run.events.since(self._told)
+        self._told += len(new)
+        told = [{"at": e.frame, "severity": e.severity, "text": _text(e)} for e in new]
+        return {"events": told} if told else {}
+
     def _matches(self, marked: Expression | None, series: Series) -> dict[str, Any]:
         """A slice of the exposures at which the condition holds."""
         if marked is not None and any(q.name not in series.quantities for q in marked.quantities):
@@ -102,6 +113,10 @@ def _result(series: Series, method: str, start: int, stop: int) -> dict[str, Any
         "key_frames": (np.flatnonzero(series.values(f"{method}.key_frame", start, stop) == 1) + start).tolist(),
         "lost": [[int(first) + start, int(last) + start - 1] for first, last in _stretches(lost)],
     }
+
+
+def _text(event: RunEvent) -> str:
+    return f"{colours.label(event.method)}: {event.sentence}" if event.method else event.sentence
 
 
 def _stretches(mask: np.ndarray) -> np.ndarray:

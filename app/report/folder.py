@@ -20,8 +20,10 @@ from ispom.io.tum import read_tum
 from ispom.methods import names
 from ispom.types import Rig, Trajectory
 
+from ..features.events.event import RunEvent
+from ..features.events.table import read_events
 from ..run.folder.run_file import read_run_file
-from ..run.folder.run_folder import DECISIONS, MARKER, STEPS
+from ..run.folder.run_folder import DECISIONS, EVENTS, MARKER, STEPS
 from .steps import DecisionRow, Steps, read_steps
 
 HASHED = (".yaml", ".tum", ".json", ".csv", ".rrd", ".npz")
@@ -50,6 +52,8 @@ class Run:
     """decisions.csv, in its order."""
     sha256: Mapping[str, str]
     """By file name."""
+    events: tuple[RunEvent, ...] | None = None
+    """events.csv; None where the folder has none."""
 
     @property
     def first_ns(self) -> int:
@@ -87,6 +91,7 @@ def read_run(path: Path, label: str) -> Run:
         steps,
         decisions,
         {name: _sha256(path / name) for name in names_in(path) if name.endswith(HASHED)},
+        tuple(read_events(path / EVENTS)) if exists(path / EVENTS) else None,
     )
 
 

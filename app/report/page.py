@@ -49,6 +49,7 @@ def page(runs: list[Run]) -> str:
     figures, most = Figures(), points_per_line(len(runs))
     sections = [
         Section("results", "Results", results(runs)),
+        Section("events", "Events", [block for run in runs for block in _events(run, len(runs) > 1)]),
         Section("run", "Configuration", provenance(runs)),
         Section("paths", "Trajectories", [block for run in runs for block in _paths(figures, run, most)]),
         Section("errors", "Errors", _errors(figures, runs, most)),
@@ -101,6 +102,11 @@ def _tracks(figures: Figures, run: Run) -> list[Block]:
 
 def _timing(figures: Figures, run: Run, most: int) -> list[Block]:
     return [figures.place(plots.timing(run, most)), tables.stages(run)] if run.steps else []
+
+
+def _events(run: Run, named: bool) -> list[Block]:
+    heading = [Heading(run.label)] if named else []
+    return [*heading, *tables.events(run)]
 
 
 def _decisions(run: Run, named: bool) -> list[Block]:

@@ -8,12 +8,13 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
+from ..run.folder.run_folder import EVENTS
 from ..run.history.quantities import DROPPED
 from .analysis import changes, notable
 from .blocks import Block, Details, MethodName, Paragraph, Table
 from .folder import Run
 
-MOST_DECISIONS = 60
+MOST_DECISIONS = MOST_EVENTS = 60
 """Of a run, in full."""
 
 
@@ -62,6 +63,27 @@ def stages(run: Run) -> Table:
                 rows.append([stage, MethodName(method), len(ms), *statistics, share])
     head = [run.label, "method", "runs", "median [ms]", "95th percentile [ms]", "longest [ms]", "share of method [%]"]
     return Table(head, rows)
+
+
+def events(run: Run) -> list[Block]:
+    """What happened when, in words."""
+    if run.events is None:
+        return [Paragraph("This run was made by an earlier version, which wrote no events.", "quiet")]
+    if not run.events:
+        return [Paragraph("No loss, jump or warning.")]
+    rows = [
+        [
+            e.frame,
+            float(run.seconds(np.array(e.time_ns))),
+            MethodName(e.method) if e.method else "",
+            str(e.severity),
+            e.sentence,
+        ]
+        for e in run.events[:MOST_EVENTS]
+    ]
+    more = len(run.events) - MOST_EVENTS
+    rest = [Paragraph(f"{more} more in {EVENTS}.", "quiet")] if more > 0 else []
+    return [Table(["frame", "time [s]", "method", "severity", "event"], rows, numeric=False), *rest]
 
 
 def decisions(run: Run) -> list[Block]:

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from ispom.errors import InputError
 
 from ..expressions.evaluate import values
 from ..expressions.matches import first_match, matches
 from ..expressions.parser import Expression, parse
 from ..expressions.until import shown
+from ..features.events.commands import NextEvent
+from . import event_moves
 from .current_run import CurrentRun
 from .state import Displayed, Event, NoticeAdded, State, changed
-
-JUMP = 5
-"""A step so many times as long as the usual one is an anomaly."""
-
-
-def anomaly(methods: Iterable[str]) -> str:
-    """The condition behind "next anomaly": a method becomes lost, starts a new world, or jumps."""
-    lost, jumps = '(changed({0}.status) and {0}.status == "lost")', f"{{0}}.moved > {JUMP} * {{0}}.moved_usual"
-    one = f"{lost} or {{0}}.restarted or {jumps}"
-    return " or ".join(one.format(method) for method in methods)
 
 
 def find(state: State, run: CurrentRun | None, condition: str, *, forwards: bool) -> tuple[Event, ...]:
@@ -54,6 +44,11 @@ def run_until(state: State, run: CurrentRun | None, condition: str) -> tuple[Eve
 def after_step(state: State, run: CurrentRun, target: int) -> tuple[Event, ...]:
     """What the newest exposure means for a move: its condition holds, its target is reached, or nothing."""
     last, condition = len(run.series) - 1, state.until
+    if isinstance(condition, NextEvent):
+        if found := event_moves.after_step(state, run, condition):
+            return found
+        missed = event_moves.none_left(run.events.events, last + 1, forwards=True, alarming=condition.alarming)
+        return () if last < target else (changed(target=None), NoticeAdded(missed, "info"))
     if condition is not None and matches(condition, run.series, last):
         return changed(target=None), reached(condition, run, last)
     if last < target:

@@ -8,6 +8,7 @@ from typing import Literal
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.methods import Config
 
+from ..features.events.commands import StepToEvent
 from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from .flicker import Side
@@ -309,7 +310,7 @@ class Plot:
     """Empty: none is drawn."""
 
 
-Moves = Play | StepBy | StepTo | Seek | GoToEnd | LoopEdge | NoLoop | Speed
+Moves = Play | StepBy | StepTo | StepToEvent | Seek | GoToEnd | LoopEdge | NoLoop | Speed
 OfLook = Select | Pick | ColourBy | LookAt
 OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
 OfCalibration = Predict | RunPerturbed

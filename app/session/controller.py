@@ -11,7 +11,7 @@ from ispom.sequences.address import without_secrets
 from ..learn.lesson import Asked
 from ..learn.library import Library
 from ..options import SourceOptions
-from . import break_points, flicker, integration, moves, selecting
+from . import break_points, event_moves, flicker, integration, moves, selecting
 from . import commands as do
 from .accuracy import AccuracyDesk
 from .bookmarks.desk import BookmarkDesk
@@ -150,6 +150,8 @@ class Controller:
                 player.move(*moves.seek(player.run, index))
             case do.StepTo(kind, forwards):
                 player.move(*moves.step_to(store.state, player.run, kind, forwards=forwards))
+            case do.StepToEvent(forwards, alarming):
+                player.move(*event_moves.to_event(store.state, player.run, forwards=forwards, alarming=alarming))
             case do.GoToEnd():
                 player.move(*moves.to_end(player.run))
             case do.LoopEdge(edge):

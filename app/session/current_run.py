@@ -12,6 +12,7 @@ from ispom.types import Trajectory
 
 from ..diff.compare import divergences
 from ..diff.order import record_rows
+from ..features.events.log import EventLog
 from ..review.recorded_tracks import RecordedViews
 from ..review.stored import Stored
 from ..run.events import Finished, Opened, Stepped
@@ -43,9 +44,10 @@ class CurrentRun:
         past: Past | None = None,
         checkpoints: Checkpoints | None = None,
         series: Series | None = None,
+        events: EventLog | None = None,
     ) -> None:
-        """A fork has a `past`, the exposures that it did not compute itself, with their `series`, and `checkpoints`
-        among them, at the last of which its playback stands.
+        """A fork has a `past`, the exposures that it did not compute itself, with their `series` and `events`, and
+        `checkpoints` among them, at the last of which its playback stands.
         """
         self.playback = playback
         self.opened: Opened = playback.opened
@@ -53,6 +55,7 @@ class CurrentRun:
         self.history, self.checkpoints = History(memory_bytes, past=past), checkpoints or Checkpoints(memory_bytes)
         self.wake()
         self.series = series or Series(self.opened.methods)
+        self.events = EventLog() if events is None else events
         origin = self.checkpoints.nearest(playback.position)
         self._model = RunModel.start(self.opened.methods) if origin is None else origin.model.of(self.opened.methods)
         self.tally = Tally() if origin is None else origin.tally
@@ -67,12 +70,15 @@ class CurrentRun:
     @staticmethod
     def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
         """A run that is over: its exposures are read, not computed. InputError where they cannot be."""
-        history, series = History(0), Series(stored.methods)
+        history, series, events = History(0), Series(stored.methods), EventLog()
         for record in stored.records():
             history.append(record)
+            before = series.newest
             series.append(record)
+            events.append(record, before, series.newest)
         methods = stored.playback.methods
-        run = CurrentRun(stored.playback, memory_bytes, Past(history, len(history), methods), None, series)
+        past = Past(history, len(history), methods)
+        run = CurrentRun(stored.playback, memory_bytes, past, None, series, events)
         run.stored = stored
         run.recorded = RecordedViews(stored.recording) if stored.recording is not None else None
         recording_id = stored.recording_id or run.opened.recording_id
@@ -88,7 +94,8 @@ class CurrentRun:
         nearest = checkpoints.nearest(at)
         playback = self.playback.forked(at, methods, config, nearest.snapshot if nearest is not None else None)
         past, series = Past(self.history, at, playback.methods), self.series.until(at, playback.methods)
-        fork = CurrentRun(playback, self._memory_bytes, past, checkpoints, series)
+        events = self.events.until(at, playback.methods)
+        fork = CurrentRun(playback, self._memory_bytes, past, checkpoints, series, events)
         fork.recorded = self.recorded
         return fork
 
@@ -138,7 +145,9 @@ class CurrentRun:
         event = self.playback.step()
         record = ExposureRecord.of(event, self.history.last)
         self.history.append(record)
+        before = self.series.newest
         self.series.append(record)
+        self.events.append(record, before, self.series.newest)
         # After the history: who finds an exposure in the model finds its record, too.
         self._learn(record)
         return event, record

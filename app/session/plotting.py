@@ -17,5 +17,5 @@ def plotted(state: State, run: CurrentRun | None, name: str) -> str:
         return ""
     quantity = run.series.quantities.get(name) if run is not None else None
     if quantity is None or quantity.kind == "text":
-        raise InputError(f"{name[:60]!r} is nothing that this run could plot: choose a check under Why")
+        raise InputError(f"{name[:60]!r} is nothing that this run could plot: choose a check under Explain")
     return name

@@ -12,6 +12,7 @@ from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
 from ..expressions.parser import Expression
+from ..features.events.commands import NextEvent
 from ..inspect.colouring import Colouring
 from ..options import SourceOptions
 from ..run.beside.placed import Beside
@@ -155,8 +156,8 @@ class State:
     question: Question | None = None
     """What is to be answered before the run is closed for another one."""
     loop: Loop | None = None
-    until: Expression | None = None
-    """The condition that a run goes on towards."""
+    until: Expression | NextEvent | None = None
+    """The condition, or the event, that a run goes on towards."""
     marked: Expression | None = None
     """The condition that was asked for last: where it holds is marked on the time axis."""
     bookmarks: tuple[Bookmark, ...] = ()

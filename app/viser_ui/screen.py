@@ -13,6 +13,8 @@ import viser
 from ispom.geometry import Array
 from ispom.types import Sequence, Trajectory
 
+from ..features.explain.panel import TAB as EXPLAIN
+from ..features.explain.panel import ExplainPanel
 from ..rerun_log.blueprint import looking_at
 from ..run.model.drawn_size import drawn_truth
 from ..session import commands as do
@@ -37,7 +39,6 @@ from .panels.record import RecordPanel
 from .panels.run import RunPanel
 from .panels.source import SourcePanel
 from .panels.view import ViewPanel
-from .panels.why import WhyPanel
 from .portless import PortlessViser
 from .scene import Scene
 
@@ -56,7 +57,7 @@ Panel = (
     | LearnPanel
     | BreakPointPanel
     | ViewPanel
-    | WhyPanel
+    | ExplainPanel
     | LookTab
     | RecordPanel
     | BookmarksPanel
@@ -120,8 +121,8 @@ class Screen:
         tabs = gui.add_tab_group()
         self._covered = (source.folder, tabs)
         learn = self._learn_panel(gui, tabs) if self._session.library.leads else None
-        with tabs.add_tab("Why"):
-            why = WhyPanel(gui)
+        with tabs.add_tab(EXPLAIN):
+            explain = ExplainPanel(gui, self._session)
         with tabs.add_tab(NAME):
             self._look = LookTab(gui, self._session)
         with tabs.add_tab("Methods"):
@@ -144,7 +145,7 @@ class Screen:
         learn = learn or self._learn_panel(gui, tabs)
         of_branches: list[Panel] = [branches, curves, differences, flicker, sweep, effect]
         of_views: list[Panel] = [self._steps, view, record, bookmarks, learn]
-        return [run, source, why, self._look, methods, *of_branches, break_point, *of_views]
+        return [run, source, explain, self._look, methods, *of_branches, break_point, *of_views]
 
     def _learn_panel(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle) -> LearnPanel:
         with tabs.add_tab(LEARN):

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from ispom.types import Check, Decision
 
-ADJUSTED = "How did the adjustment go?"
+ADJUSTED = "Did the optimisation converge?"
 
 COST = Check(
     "cost",
-    "cost after the adjustment, against before",
+    "cost after the optimisation, against before",
     "warning",
     ADJUSTED,
     "<=",
     passes="The cost fell from {threshold} to {value}.",
-    fails="The cost rose from {threshold} to {value}.",
+    fails="Optimisation doubtful: the cost rose from {threshold} to {value}.",
 )
 ITERATIONS = Check(
     "iterations",
-    "iterations of the adjustment",
+    "iterations of the optimisation",
     "finding",
     ADJUSTED,
     "<=",
-    passes="It took {value} iterations of at most {threshold}.",
-    fails="It took {value} iterations, more than {threshold}: at first with a wider loss.",
+    passes="The optimisation took {value} iterations (maximum {threshold}).",
+    fails="The optimisation took {value} iterations, more than {threshold}: it began with a wider loss.",
 )
 BUNDLE_COST = Check(
     "bundle_cost",
@@ -30,17 +30,17 @@ BUNDLE_COST = Check(
     "warning",
     ADJUSTED,
     "<",
-    passes="Bundle adjustment left {value:.1%} of the cost.",
-    fails="Bundle adjustment did not lower the cost: {value:.1%} of that before.",
+    passes="Bundle adjustment reduced the cost to {value:.1%}.",
+    fails="Optimisation doubtful: bundle adjustment did not reduce the cost ({value:.1%} of it is left).",
 )
 WINDOW = Check(
     "window",
-    "key frames in the window",
+    "keyframes in the window",
     "finding",
     ADJUSTED,
     "<=",
-    passes="The window holds {value} of at most {threshold} key frames: nothing leaves it.",
-    fails="The window had {value} key frames, of which it keeps {threshold}.",
+    passes="The window holds {value} keyframes (maximum {threshold}).",
+    fails="The window is full: one of its {value} keyframes left it ({threshold} are kept).",
 )
 
 

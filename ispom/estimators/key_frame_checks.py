@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from ispom.types import Check
 
-KEY_FRAME = "New key frame?"
+KEY_FRAME = "New keyframe?"
 PARALLAX = Check(
     "parallax",
-    "parallax since the last key frame",
+    "parallax since the last keyframe",
     "trigger",
     KEY_FRAME,
     unit="deg",
-    passes="Key frame: moved {value} degrees, {threshold} are enough.",
-    fails="No reason for a key frame: moved {value} of {threshold} degrees.",
+    passes="New keyframe: parallax {value} deg (limit {threshold} deg).",
+    fails="No keyframe: parallax {value} deg since the last one (keyframe from {threshold} deg).",
 )
 POINTS_LEFT = Check(
     "points_left",
-    "share of the last key frame's points left",
+    "share of the last keyframe's points still tracked",
     "trigger",
     KEY_FRAME,
     "<",
-    passes="Key frame: {value:.0%} of the last one's points are left, less than {threshold:.0%}.",
-    fails="No reason for a key frame: {value:.0%} of the last one's points are left, {threshold:.0%} are enough.",
+    passes="New keyframe: {value:.1%} of the last one's points are still tracked (limit {threshold:.0%}).",
+    fails="No keyframe: {value:.0%} of the last one's points are still tracked (keyframe below {threshold:.0%}).",
 )

@@ -9,6 +9,7 @@ from typing import Literal
 from ispom.types.step import Decision, DecisionKind
 
 Relation = Literal[">=", "<=", ">", "<"]
+Topic = Literal["", "pose", "map", "scale", "motion", "loop"]
 COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 
 
@@ -26,7 +27,11 @@ class Check:
     """The sentence for people where it passes: "Key frame: moved {value} degrees, {threshold} are enough."; with
     {value}, {threshold} and {margin}, as numbers, and any format that a float has, as in {value:.0%}."""
     fails: str = ""
-    """The same where it does not pass; empty: the same sentence."""
+    """The same where it does not pass; empty: the same sentence. What comes before a colon, as in "Lost: {value}
+    inliers ({threshold} needed).", is the headline of a verdict that the check decides."""
+    topic: Topic = ""
+    """What the outcome is about, for verdicts and events: `pose` finds the pose of the frame, `map` makes the first
+    map, `scale` watches the scale, `motion` looks for a second motion, `loop` closes a loop."""
 
     def __post_init__(self) -> None:
         """ValueError where a sentence asks for anything else."""

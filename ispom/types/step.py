@@ -34,7 +34,7 @@ class Decision:
     key: str = ""
     """Stable name for plots, columns and break points, as in `parallax`; unique within a Step together with `about`."""
     question: str = ""
-    """What the check helps to answer ("New key frame?"); empty where it stands for itself."""
+    """What the check helps to answer ("New keyframe?"); empty where it stands for itself."""
     kind: DecisionKind = "requirement"
     """requirement: not passed is a failure; trigger: any one that passes answers the question with yes; finding: a
     measurement beside its threshold, where neither outcome is a failure; warning: a measurement that is doubtful

@@ -8,20 +8,20 @@ from ispom_app.decisions import answers, margin, mark, measured, sentence
 from ispom.types import Check, Decision
 
 TRIGGERS = [
-    Decision(name, value, 0.5, value >= 0.5, question="New key frame?", kind="trigger")
+    Decision(name, value, 0.5, value >= 0.5, question="New keyframe?", kind="trigger")
     for name, value in (("parallax", 0.2), ("tracks lost", 0.1))
 ]
-INLIERS = Decision("inliers", 8, 12, False, question="New key frame?")
+INLIERS = Decision("inliers", 8, 12, False, question="New keyframe?")
 
 
 def test_triggers_that_did_not_fire_are_no_failures():
     (answer,) = answers(TRIGGERS)
-    assert (answer.question, answer.text) == ("New key frame?", "No: 0 of 2 triggers")
+    assert (answer.question, answer.text) == ("New keyframe?", "No: 0 of 2 triggers")
     assert [mark(check) for check in answer.checks] == ["○", "○"]
 
 
 def test_one_trigger_is_enough_and_is_named():
-    fired = Decision("turn", 0.9, 0.5, True, question="New key frame?", kind="trigger")
+    fired = Decision("turn", 0.9, 0.5, True, question="New keyframe?", kind="trigger")
     (answer,) = answers([*TRIGGERS, fired])
     assert answer.text == "Yes: turn" and [mark(check) for check in answer.checks] == ["○", "○", "●"]
 
@@ -35,8 +35,8 @@ def test_a_finding_is_neither_good_nor_bad():
     finding = Decision("disparity offset", 0.3, 0.1, False, "px", kind="finding")
     (answer,) = answers([finding])
     assert (answer.question, answer.text, mark(finding)) == ("", "", "·")
-    assert measured(finding) == "0.3 px (≥ 0.1)"
-    assert measured(Decision("points", 1386, 12, True)) == "1386 (≥ 12)"
+    assert measured(finding) == "0.3 px (compared with 0.1 px)"
+    assert measured(Decision("points", 1386, 12, True)) == "1386 (needed: at least 12)"
 
 
 @pytest.mark.parametrize(("passed", "wanted"), [(True, "·"), (False, "!")])
@@ -49,12 +49,12 @@ def test_questions_keep_their_order():
     other = Decision("points", 20, 12, True, question="Pose?")
     assert [(a.question, a.text) for a in answers([other, *TRIGGERS])] == [
         ("Pose?", "Yes"),
-        ("New key frame?", "No: 0 of 2 triggers"),
+        ("New keyframe?", "No: 0 of 2 triggers"),
     ]
 
 
 PARALLAX = Check(
-    "parallax", "parallax", "trigger", "New key frame?", unit="deg",
+    "parallax", "parallax", "trigger", "New keyframe?", unit="deg",
     passes="Key frame: moved {value} degrees, {margin} more than needed.",
     fails="Moved {value} of {threshold} degrees.",
 )  # fmt: skip
@@ -70,15 +70,17 @@ def test_a_check_says_its_outcome_in_its_own_words():
 
 def test_a_check_of_another_package_is_a_sentence_as_well():
     decision = Decision("tracks that agree", 8, 15, False, "px", consequence="no pose")
-    assert sentence(decision, None) == "Tracks that agree: 8 px, at least 15 wanted; no pose."
+    assert sentence(decision, None) == "Tracks that agree: 8 px (needed: at least 15 px); no pose."
 
 
-def test_a_margin_has_its_sign_and_unit():
-    assert margin(PARALLAX.of(1.2, 2.5)) == "margin −1.3 deg" and margin(PARALLAX.of(3, 2.5)) == "margin +0.5 deg"
-    assert margin(Decision("cost", 2, 5, True, relation="<=")) == "margin +3"
+def test_a_margin_says_on_which_side_of_the_threshold_the_value_is():
+    assert margin(PARALLAX.of(1.2, 2.5)) == "1.3 deg to go" and margin(PARALLAX.of(3, 2.5)) == "0.5 deg beyond"
+    assert margin(Decision("cost", 2, 5, True, relation="<=")) == "3 to spare"
+    assert margin(Decision("inliers", 9, 12, False)) == "3 too low"
+    assert margin(Decision("scatter", 51, 20, False, "%", "<=", kind="warning")) == "31 % too high"
 
 
 def test_a_margin_never_contradicts_the_outcome():
     offset = Decision("disparity offset", -0.3, 0.1, True, "px", ">", kind="finding")
-    assert margin(offset) == "not by this alone" and margin(PARALLAX.of(3, 2.5, passed=False)) == "not by this alone"
-    assert margin(Decision("interval", 1, 1, True)) == "margin +0"
+    assert margin(offset) == "" and margin(PARALLAX.of(3, 2.5, passed=False)) == ""
+    assert margin(Decision("interval", 1, 1, True)) == "0 to spare"

@@ -39,6 +39,7 @@ FILES = {
     "landmarks.npz",
     "steps.csv",
     "decisions.csv",
+    "events.csv",
 }
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import rerun as rr
 from ispom_app import uncertainty
+from ispom_app.features.explain.panel import report
 from ispom_app.rerun_log import blueprint
 from ispom_app.rerun_log.recorder import Recorder
 from ispom_app.run.events import Opened, Stepped
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session.state import State
-from ispom_app.viser_ui.panels.why import report
 
 from ispom.geometry import Pose, Similarity
 from ispom.methods import Config

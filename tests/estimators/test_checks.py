@@ -36,7 +36,7 @@ def test_in_a_step_a_key_names_one_decision(steps: list[Step]) -> None:
 
 def test_triggers_answer_whether_there_is_a_key_frame(steps: list[Step]) -> None:
     for step in steps:
-        fired = [d.passed for d in step.decisions if d.question == "New key frame?"]
+        fired = [d.passed for d in step.decisions if d.question == "New keyframe?"]
         assert not fired or not step.key_frame or any(fired)
         assert not any(d.failed for d in step.decisions if d.kind != "requirement")
 

@@ -88,7 +88,7 @@ async def visiting(address: str, *, reads: bool = True) -> AsyncIterator[Visitor
             client.ws_connect(f"{place}viser", max_msg_size=0, protocols=[version]) as panels,
         ):
             visitor = Visitor(talk)
-            await visitor.send({"do": "pane", "wide": False, "tab": "Why"})  # without the 3-D scene: it is a drawing
+            await visitor.send({"do": "pane", "wide": False, "tab": "Explain"})  # without the 3-D scene, a drawing
             if not reads:
                 for _ in range(8):
                     await live.send_str("")

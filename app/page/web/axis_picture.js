@@ -1,18 +1,23 @@
-// The picture of the time axis, row by row: video exposures, stereo exposures, each method's key frames and losses, where the
-// condition holds, what is computed. At most one mark of a kind to a pixel.
+// The picture of the time axis, row by row: video exposures, stereo exposures, each method's key frames and losses, events,
+// where the condition holds, what is computed. At most one mark of a kind to a pixel.
 export const PAD = 8;
 const TICKS = 6;
 const LANE = 7;
 const BAR = 3;
+const EVENTS = 9;
+const COLOURS = { lost: "alarm", warning: "caution" }; // of events that are not good news
 const rows = (axis) => axis.methods.length + (axis.condition ? 1 : 0);
+const eventRow = (axis) => (axis.events?.length ? EVENTS : 0);
 
-export const heightOf = (axis) => 2 + 2 * TICKS + rows(axis) * LANE + BAR + 2;
+export const heightOf = (axis) => 2 + 2 * TICKS + rows(axis) * LANE + eventRow(axis) + BAR + 2;
 
 // What the row at this height shows.
 export function laneAt(axis, y) {
   if (y < 2 + TICKS) return "Video exposures";
   if (y < 2 + 2 * TICKS) return "Stereo exposures";
-  const row = Math.floor((y - 2 - 2 * TICKS) / LANE);
+  const below = y - 2 - 2 * TICKS - axis.methods.length * LANE;
+  if (below >= 0 && below < eventRow(axis)) return "Events (n and N step through them)";
+  const row = Math.floor((y - 2 - 2 * TICKS - (below < 0 ? 0 : eventRow(axis))) / LANE);
   if (row < axis.methods.length) return `${axis.methods[row].label}: marks are key frames, red is lost`;
   return row < rows(axis) ? `Where ${axis.condition} holds` : y < heightOf(axis) ? "Bar: computed so far" : "";
 }
@@ -49,6 +54,12 @@ export function drawAxis(canvas, width, axis, place) {
     marks(keyFrames, y, LANE - 1, own, 2);
     y += LANE;
   }
+  for (const { at, severity } of axis.events ?? []) {
+    const x = Math.round(place(at));
+    const fill = colour(COLOURS[severity] ?? "good");
+    for (let wide = 0; wide < 4; wide++) box(x - 3 + wide, x + 4 - wide, y + 4 - wide, 1 + 2 * wide, fill);
+  }
+  y += eventRow(axis);
   if (axis.condition) {
     marks(axis.matches, y, LANE - 1, colour("text"), 2);
     y += LANE;

@@ -15,8 +15,8 @@ export function openControls(dark, press, command, tabOpened) {
     const accents = dark ? [] : Object.entries(own).map(([name, value]) => `--mantine-${name}: ${value} !important;`);
     style.textContent = `:root:root { --mantine-color-dimmed: ${colour}; ${accents.join(" ")} }
       .mantine-Slider-markLabel { color: ${colour}; }
-      [role=tab] { padding-inline: 4px !important; font-size: 12px !important; }
-      .following :is(button:not([role=tab], [data-plot]), input, textarea, .mantine-Slider-root) { pointer-events: none; opacity: 0.5; }
+      [role=tab] { padding-inline: 2px !important; font-size: 12px !important; }
+      .following :is(button:not([role=tab], [data-plot], [data-seek]), input, textarea, .mantine-Slider-root) { pointer-events: none; opacity: 0.5; }
       ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
     frame.contentDocument.head.append(style);
     listen(frame.contentWindow, press);

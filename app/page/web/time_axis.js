@@ -3,11 +3,13 @@
 import { drawAxis, heightOf, laneAt, PAD } from "./axis_picture.js";
 
 const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
+const NEAR_PX = 4; // an event so near to the pointer is named
+const MOST_EVENTS = 4;
 const at = (id) => document.getElementById(id);
 
 export function makeAxis(seek) {
   const strip = at("axis");
-  const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], bookmarks: [], loop: null };
+  const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], bookmarks: [], events: [], loop: null };
   let index = -1;
   let width = strip.clientWidth;
   let due = null;
@@ -58,7 +60,7 @@ export function makeAxis(seek) {
 function take(axis, news) {
   if (news.methods) {
     const methods = news.methods.map((method) => ({ ...method, keyFrames: [], lost: [] }));
-    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, matches: [], condition: "", branches: [], bookmarks: [] });
+    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, matches: [], condition: "", branches: [], bookmarks: [], events: [] });
   }
   axis.times = axis.times.concat(news.times_ms ?? []);
   axis.kinds += news.kinds ?? "";
@@ -75,6 +77,7 @@ function take(axis, news) {
   if (news.condition !== undefined) Object.assign(axis, { condition: news.condition, matches: [] });
   axis.matches.push(...(news.matches ?? []));
   axis.branches = news.branches ?? axis.branches;
+  axis.events.push(...(news.events ?? []));
   axis.bookmarks = news.bookmarks ?? axis.bookmarks;
 }
 
@@ -96,6 +99,8 @@ function nearest(axis, strip, clientX) {
   return low > 0 && time - times[low - 1] < times[low] - time ? low - 1 : low;
 }
 
+const near = (axis, strip, index, clientX) => Math.abs(place(axis, strip.clientWidth, index) - clientX + strip.getBoundingClientRect().left) <= NEAR_PX;
+
 function hint(axis, strip, { clientX, clientY }) {
   const box = at("axis-hint");
   box.hidden = !axis.times.length;
@@ -106,6 +111,7 @@ function hint(axis, strip, { clientX, clientY }) {
     `exposure ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${axis.kinds[index] === "s" ? "stereo" : "video"}`,
     index >= axis.computed ? "not computed yet" : "",
     ...axis.methods.map((method) => happened(method, index)),
+    ...axis.events.filter(({ at }) => near(axis, strip, at, clientX)).slice(0, MOST_EVENTS).map(({ at, text }) => `${at}: ${text}`),
     axis.matches.includes(index) ? `holds: ${axis.condition}` : "",
     ...axis.branches.filter((branch) => branch.at === index).map((branch) => `${branch.name} begins`),
     ...axis.bookmarks.filter((bookmark) => bookmark.at === index).map(({ note }) => `bookmark${note && `: ${note}`}`),

@@ -4,7 +4,7 @@ const SEEN = "ispom.tour";
 const STEPS = [
   ["bar", "Methods", "Each dot is a method that estimates the camera's path. The number is the error of its trajectory so far (ATE; needs ground truth). Hover for details."],
   ["axis", "Time", "All exposures of the recording, with each method's key frames; red is lost. Click to go there. Space plays, ← and → step."],
-  ["left", "Why", "The tab Why tells what each method did at this exposure, and which check decided it. Click a line to plot it over time. Look shows single tracks."],
+  ["left", "Explain", "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Look shows single features."],
   ["left", "Try something else", "Change a setting in the tab Methods and press Fork: the run goes on from here as a branch beside the old one. Break stops where a condition holds."],
   ["viewer", "Views", "Rerun draws paths, images with their tracks, and plots, all at the exposure shown. Drag the border at its left to see a second 3-D scene."],
   ["help", "Keys", "? lists all keys, and has this tour. ⤓ beside it saves a picture of the page, and its numbers."],

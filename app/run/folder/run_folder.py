@@ -25,6 +25,7 @@ NOTES = "notes.yaml"
 """A note, and bookmarks, of a person who looked at the run."""
 THUMBNAIL = "thumbnail.jpg"
 LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
+EVENTS = "events.csv"
 
 
 def trajectory_file(method: str) -> str:
@@ -152,7 +153,7 @@ def _require_free(path: Path) -> list[Path]:
         if (path / RUN).exists():
             raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
         raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
-    own = {MARKER, RUN, RIG, CORRECTED_RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, RECORDING, THUMBNAIL}
+    own = {MARKER, RUN, RIG, CORRECTED_RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, EVENTS, RECORDING, THUMBNAIL}
     own |= set(map(trajectory_file, names()))
     segments = [segment_file(method, "*") for method in names()]
     foreign = [

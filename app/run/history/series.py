@@ -34,6 +34,11 @@ class Series:
     def __len__(self) -> int:
         return self._length
 
+    @property
+    def newest(self) -> Row:
+        """The values by method at the last exposure; before the first, none."""
+        return self._row
+
     def append(self, record: ExposureRecord) -> None:
         """The next exposure."""
         said = record.said
@@ -82,6 +87,11 @@ class Series:
         method = self.quantities[name].method
         stepped = np.frombuffer(bytes(self._stepped[method][:stop]), bool)
         return np.flatnonzero(stepped), self.values(name, 0, stop)[stepped]
+
+    def last_step(self, method: str, index: int) -> int | None:
+        """The last frame up to `index` at which a method stepped; None where there is none."""
+        found = self._stepped[method].rfind(1, 0, index + 1) if method in self._stepped else -1
+        return found if found >= 0 else None
 
     def median_seconds(self, method: str) -> float | None:
         """Median computing time of the exposures on which a method stepped [s]; None where it never did."""

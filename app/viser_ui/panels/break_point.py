@@ -15,7 +15,6 @@ from ...expressions.until import shown
 from ...run.history.quantities import Quantity
 from ...run.history.series import Series
 from ...session import commands as do
-from ...session.break_points import JUMP, anomaly
 from ...session.state import State
 from ..markup import render
 
@@ -39,12 +38,6 @@ class BreakPointPanel:
         self._condition.on_update(lambda _: self._refresh())
         self._buttons = gui.add_button_group("", (PREVIOUS, UNTIL, NEXT), hint=HINT)
         self._buttons.on_click(self._clicked)
-        hint = (
-            "The next exposure at which a method becomes lost, starts a new world, or jumps: moves more than "
-            f"{JUMP} times as far as over its last ten steps."
-        )
-        self._anomaly = gui.add_button("Run to the next anomaly", icon=viser.Icon.ALERT_TRIANGLE, hint=hint)
-        self._anomaly.on_click(lambda _: session.post(do.RunUntil(anomaly(self._state.methods))))
         self._hits = _Hits()
         self._text = gui.add_html("")
         self._refresh()

@@ -29,12 +29,14 @@ MARKED = 0.1
 the least that is told of at all."""
 SECOND_MOTION = Check(
     "second_motion",
-    "share of points that another motion explains",
+    "share of points that a second rigid motion explains",
     "warning",
-    "Does anything else move?",
+    "Does something else move?",
     "<",
-    passes="One motion: no other one explains {threshold:.0%} of the points, or more ({value:.0%}).",
-    fails="Two rigid motions: another one explains {value:.0%} of the points; what moves may be taken for the scene.",
+    passes="One motion: a second one explains {value:.0%} of the points (limit {threshold:.0%}).",
+    fails="Second motion: another rigid motion explains {value:.0%} of the points (limit {threshold:.0%}), so a moving "
+    "object may be taken for the scene.",
+    topic="motion",
 )
 
 
@@ -42,7 +44,7 @@ def told(explained: NDArray[np.bool_], count: int) -> Decision:
     """Of `count` points in all, those (N,) that one motion leaves unexplained, and another one explains or not."""
     also = int(explained.sum())
     share = also / count if also >= max(LEAST, MOST_OF * len(explained)) else 0.0
-    tracks = f"{also} of {count} tracks, {len(explained)} unexplained" if share else ""
+    tracks = f"{also} of {count} tracks move with it" if share else ""
     return SECOND_MOTION.of(share, MARKED, tracks)
 
 
@@ -55,20 +57,21 @@ CELLS = 8, 6
 """Of the image, across and down, by which areas are told: a cell counts once, however many corners it has."""
 WIDER = Check(
     "other_wider",
-    "room that the other motion's points span / that of those followed",
+    "extent of the other motion's points / of those followed",
     "trigger",
-    "Is the other motion that of the scene?",
-    passes="The other motion is followed from here: it was there before, or spans more room ({value} times).",
-    fails="The motion followed stays: the other one came later, or spans no more room ({value} of {threshold} times).",
+    "Which motion is the scene?",
+    passes="Switched to the other motion: it is older, or its points extend {value} times as far ({threshold} needed).",
+    fails="Same motion as before: the other one is newer, or its points extend only {value} times as far ({threshold} "
+    "needed).",
 )
 LARGER = Check(
     "other_larger",
     "area in the image of the other motion / of the one followed",
     "trigger",
-    "Is the other motion that of the scene?",
+    "Which motion is the scene?",
     ">",
-    passes="The other motion is followed from here: it has {value} times the area in the image ({threshold}).",
-    fails="The motion followed stays: the other one has {value} times its area in the image, {threshold} are needed.",
+    passes="Switched to the other motion: it covers {value} times the image area (more than {threshold} needed).",
+    fails="Same motion as before: the other one covers {value} times the image area (more than {threshold} needed).",
 )
 
 
@@ -114,7 +117,7 @@ def preferred(follow: Follow, other: Moving, own: Moving, size: tuple[int, int])
         return LARGER.of(other.area(size) / max(own.area(size), 1), MORE)
     span = other.room / max(own.room, 1e-12)
     if other.came_after(own):
-        return WIDER.of(span, CLEARLY, "it came later", passed=False)
+        return WIDER.of(span, CLEARLY, "it is newer", passed=False)
     if own.came_after(other):
-        return WIDER.of(span, CLEARLY, "it was there before", passed=True)
+        return WIDER.of(span, CLEARLY, "it is older", passed=True)
     return WIDER.of(span, CLEARLY)

@@ -143,21 +143,19 @@ class TrackNoise:
     def told(self, focal_px: float) -> str:
         """In words, in pixels."""
         new, step, disparity = focal_px * np.sqrt(self.variances)
-        found = (
-            f"{new:.2f} px anew in each key frame, {step:.2f} px from one to the next, {self.views:.1f} views a track"
-        )
+        found = f"{new:.2f} px new in each keyframe, {step:.2f} px added per keyframe, {self.views:.1f} views per track"
         return found + (f", disparity {disparity:.2f} px" if disparity > 0 else "")
 
 
 NOISE = Check(
     "noise",
-    "error of a track",
+    "noise of a track",
     "finding",
     ADJUSTED,
     ">",
     "px",
-    passes="Tracks are off by {value} px, more than the {threshold} px of the setting.",
-    fails="Tracks are off by {value} px; the setting says {threshold} px.",
+    passes="Measured noise of the tracks: {value} px, more than the {threshold} px assumed.",
+    fails="Measured noise of the tracks: {value} px ({threshold} px assumed).",
 )
 
 

@@ -6,49 +6,50 @@ from ispom.estimators.adjustment import BUNDLE_COST, COST, ITERATIONS
 from ispom.estimators.key_frame_checks import KEY_FRAME, PARALLAX, POINTS_LEFT
 from ispom.types import Check, by_key
 
-TRIPLE, LOCATED = "Triple of key frames solved?", "Pair located?"
-UNIT, CLOSED = "Unit kept?", "Segment follows the video?"
+TRIPLE, LOCATED = "Triple of keyframes solved?", "Pair localised?"
+UNIT, CLOSED = "Is the scale reliable?", "Segment follows the video?"
 
 MONOCULAR_STAGES = {
-    "track": "Follows the points into the new image (KLT), forward and backward.",
-    "locate": "Gives the frame a pose at once, by resection from the last triple's points.",
-    "key frame": "Decides on a key frame; with three of them: essential matrix of the outer two, forward intersection, "
-    "resection of the middle one, unit handed on, frames between filled in.",
-    "new points": "Looks for corners where points are missing, at key frames.",
+    "track": "Tracks features into the new image (KLT), forward and backward.",
+    "locate": "Pose from 2D-3D matches (PnP) with the points of the last triple.",
+    "key frame": "Decides on a keyframe; with three of them: essential matrix of the outer two, triangulation, "
+    "resection of the middle one, scale transfer, interpolation of the frames between.",
+    "new points": "Detects new corners at keyframes, where tracks are missing.",
 }
 STEREO_STAGES = {
-    "correspond": "Finds the points of the last located left image in this one.",
+    "correspond": "Matches the points of the last localised left image in this one.",
     "left-right": "Matches the points in the right image: their disparities give the point cloud.",
-    "motion": "Fits the rigid transformation between the two clouds, in RANSAC.",
+    "motion": "Fits the rigid transformation between the two point clouds (RANSAC).",
 }
 INTEGRATED_STAGES = {
-    "integrate": "At the end of a segment: scales and turns its video poses to fit both stereo poses.",
+    "integrate": "At the end of a segment: scales and rotates its video poses to fit both stereo poses.",
 }
 """By their names in Step.seconds, in order."""
 
 EPIPOLAR_SHARE = Check(
     "epipolar_share",
-    "share of points on their epipolar lines",
+    "share of epipolar inliers",
     "requirement",
     TRIPLE,
-    passes="The essential matrix explains {value:.0%} of the common points, {threshold:.0%} are needed.",
-    fails="No triple: the essential matrix explains {value:.0%} of the common points, {threshold:.0%} are needed.",
+    passes="Essential matrix: {value:.0%} of the common points are inliers ({threshold:.0%} needed).",
+    fails="No triple: {value:.0%} of the common points are inliers of the essential matrix ({threshold:.0%} needed).",
 )
 RESECTED_POINTS = Check(
     "resected_points",
-    "points resected in the middle key frame",
+    "inliers of the middle keyframe's pose",
     "requirement",
     TRIPLE,
-    passes="{value} points agree with the middle key frame's pose, {threshold} are needed.",
-    fails="No triple: {value} points agree with the middle key frame's pose, {threshold} are needed.",
+    passes="Triple solved: {value} inliers of the middle keyframe's pose ({threshold} needed).",
+    fails="No triple: {value} inliers of the middle keyframe's pose ({threshold} needed).",
 )
 TRIPLE_POINTS = Check(
     "triple_points",
-    "points common to three key frames",
+    "points common to three keyframes",
     "requirement",
     TRIPLE,
-    passes="The three key frames have {value} points in common, {threshold} are needed.",
-    fails="The three key frames have {value} points in common, {threshold} are needed.",
+    passes="Three keyframes share {value} points ({threshold} needed).",
+    fails="Lost: three keyframes share {value} points ({threshold} needed).",
+    topic="pose",
 )
 SCALE_TRANSFER = Check(
     "scale_transfer",
@@ -56,34 +57,35 @@ SCALE_TRANSFER = Check(
     "finding",
     UNIT,
     ">",
-    passes="One unit of this triple is {value} units of the path.",
+    passes="Scale transfer: one unit of this triple is {value} units of the path.",
 )
 SCALE_SPREAD = Check(
     "scale_spread",
-    "spread of the shared points' depth ratios",
+    "scatter of the depth ratios of shared points",
     "warning",
     UNIT,
     "<=",
     "%",
-    passes="The depths of shared points give it with a spread of {value} %; beyond {threshold} % it is marked.",
-    fails="The depths of shared points give it with a spread of {value} %, more than {threshold} %.",
+    passes="Scale transfer: depth ratios of shared points scatter by {value} % (limit {threshold} %).",
+    fails="Scale unreliable: depth ratios of shared points scatter by {value} % (limit {threshold} %).",
+    topic="scale",
 )
 WAITING_FRAMES = Check(
     "waiting_frames",
-    "frames since the last key frame",
+    "frames since the last keyframe",
     "finding",
     KEY_FRAME,
     "<=",
-    passes="{value} frames wait for the next key frame, of at most {threshold}.",
-    fails="{value} frames wait for the next key frame, more than {threshold}.",
+    passes="{value} frames wait for the next keyframe (maximum {threshold}).",
+    fails="{value} frames wait for the next keyframe, more than {threshold}.",
 )
 OUTLIERS = Check(
     "outliers",
     "points dropped as outliers",
     "finding",
-    "Which points disagree?",
+    "Which points are outliers?",
     "<=",
-    passes="Of {threshold} points {value} disagree with the pose, or lie off their epipolar lines, and are dropped.",
+    passes="Outliers: {value} of {threshold} points dropped.",
 )
 MONOCULAR = by_key(
     PARALLAX,
@@ -105,32 +107,35 @@ DEPTH_POINTS = Check(
     "points with depth",
     "requirement",
     LOCATED,
-    passes="{value} points have a depth, {threshold} are needed.",
-    fails="{value} points have a depth, {threshold} are needed.",
+    passes="{value} points have a depth ({threshold} needed).",
+    fails="Too few depths: {value} points have a depth ({threshold} needed).",
+    topic="pose",
 )
 COMMON_POINTS = Check(
     "common_points",
-    "points common with the last pair",
+    "points matched with the last pair",
     "requirement",
     LOCATED,
-    passes="{value} of them were in the last located pair, {threshold} are needed.",
-    fails="{value} of them were in the last located pair, {threshold} are needed.",
+    passes="{value} points match the last localised pair ({threshold} needed).",
+    fails="Lost: {value} points match the last localised pair ({threshold} needed).",
+    topic="pose",
 )
 RIGID_POINTS = Check(
     "rigid_points",
-    "points that fit the rigid motion",
+    "inliers of the rigid motion",
     "requirement",
     LOCATED,
-    passes="Located: {value} points fit one rigid motion, {threshold} are needed.",
-    fails="{value} points fit one rigid motion, {threshold} are needed.",
+    passes="Tracking: {value} inliers of one rigid motion (minimum {threshold}).",
+    fails="Lost: {value} inliers of one rigid motion ({threshold} needed).",
+    topic="pose",
 )
 RIGID_OUTLIERS = Check(
     "outliers",
-    "points that do not fit the rigid motion",
+    "outliers of the rigid motion",
     "finding",
-    "Which points disagree?",
+    "Which points are outliers?",
     "<=",
-    passes="Of {threshold} common points {value} do not fit the rigid motion, and start anew.",
+    passes="Outliers: {value} of {threshold} common points do not fit the rigid motion.",
 )
 STEREO = by_key(DEPTH_POINTS, COMMON_POINTS, RIGID_POINTS, RIGID_OUTLIERS)
 
@@ -139,8 +144,8 @@ VIDEO_COVERAGE = Check(
     "video poses cover the segment",
     "requirement",
     CLOSED,
-    passes="The video has poses all over the segment.",
-    fails="The video's poses cannot be used in this segment.",
+    passes="The video has poses in the whole segment.",
+    fails="Video unusable: its poses do not cover this segment.",
 )
 SEGMENT_LENGTH = Check(
     "segment_length",
@@ -148,8 +153,8 @@ SEGMENT_LENGTH = Check(
     "finding",
     CLOSED,
     unit="m",
-    passes="The segment is {value} m long, {threshold} are enough for a ratio of lengths.",
-    fails="The segment is {value} m long; a ratio of lengths takes {threshold}, and a video path that moves.",
+    passes="Segment length {value} m (the scale needs {threshold} m).",
+    fails="No scale: the segment is {value} m long (the scale needs {threshold} m and a video path that moves).",
 )
 SCALE_RATIO = Check(
     "scale_ratio",
@@ -158,45 +163,46 @@ SCALE_RATIO = Check(
     CLOSED,
     ">",
     "m per unit",
-    passes="Scale: one unit of the video's path is {value} m in this segment.",
+    passes="Scale: one unit of the video is {value} m in this segment.",
 )
 SCALE_CHANGE = Check(
     "scale_change",
-    "scale ratio against the segment before",
+    "change of the scale ratio from the segment before",
     "warning",
     CLOSED,
     "<=",
     "%",
-    passes="That is {value} % off the ratio of the segment before; more than {threshold} % is doubtful.",
-    fails="That is {value} % off the ratio of the segment before: doubtful, beyond {threshold} %.",
+    passes="Scale: {value} % different from the segment before (limit {threshold} %).",
+    fails="Scale unreliable: {value} % different from the segment before (limit {threshold} %).",
+    topic="scale",
 )
 SEGMENT_TURN = Check(
     "segment_turn",
-    "segment vector turned by",
+    "rotation of the segment vector",
     "warning",
     CLOSED,
     "<=",
     "deg",
-    passes="Rotation: its vector was turned by {value} degrees to meet stereo's; more than {threshold} is doubtful.",
-    fails="Rotation: its vector was turned by {value} degrees to meet stereo's: doubtful, beyond {threshold}.",
+    passes="Rotation: the segment was rotated by {value} deg onto stereo's (limit {threshold} deg).",
+    fails="Rotation doubtful: the segment was rotated by {value} deg onto stereo's (limit {threshold} deg).",
 )
 END_ORIENTATION = Check(
     "end_orientation",
-    "last orientation missed by",
+    "error of the last orientation",
     "warning",
     CLOSED,
     "<=",
     "deg",
-    passes="Residual: its last orientation missed stereo's by {value} degrees, which are spread over the segment.",
-    fails="Residual: its last orientation missed stereo's by {value} degrees: doubtful, beyond {threshold}.",
+    passes="Residual: the last orientation differs from stereo's by {value} deg (limit {threshold} deg).",
+    fails="Rotation doubtful: the last orientation differs from stereo's by {value} deg (limit {threshold} deg).",
 )
 OPEN_FRAMES = Check(
     "open_frames",
     "video frames since the last pair",
     "requirement",
     relation="<=",
-    passes="{value} video frames wait for a pair, of at most {threshold}.",
-    fails="{value} video frames wait for a pair, more than {threshold} are not kept.",
+    passes="{value} video frames wait for a stereo pair (maximum {threshold}).",
+    fails="Waiting too long: {value} video frames since the last stereo pair (maximum {threshold}).",
 )
 INTEGRATED = by_key(
     VIDEO_COVERAGE, SEGMENT_LENGTH, SCALE_RATIO, SCALE_CHANGE, SEGMENT_TURN, END_ORIENTATION, OPEN_FRAMES

@@ -164,8 +164,8 @@ def test_it_plays_by_itself(page: Page):
 
 def test_viser_shows_its_panels(page: Page):
     page.controls.get_by_role("button", name="Play").wait_for()
-    page.controls.get_by_text("of 3 methods").wait_for()
-    for name in ("Methods", "View", "Record", "Why"):
+    page.controls.locator(".explain .card").nth(2).wait_for()
+    for name in ("Methods", "View", "Record", "Explain"):
         page.controls.get_by_role("tab", name=name).wait_for()
 
 

@@ -73,7 +73,7 @@ def test_no_name_becomes_markup_anywhere_on_the_page(browser, app: App):  # noqa
         field(page, label).click()
         page.controls.get_by_role("option", name=wanted, exact=True).wait_for()
         page.tab.keyboard.press("Escape")
-    for tab, wanted in (("Record", f"{FRAME}.rrd"), ("Methods", None), ("View", None), ("Why", None)):
+    for tab, wanted in (("Record", f"{FRAME}.rrd"), ("Methods", None), ("View", None), ("Explain", None)):
         page.controls.get_by_role("tab", name=tab).click()
         if wanted:
             page.controls.get_by_text(wanted, exact=True).first.wait_for()

@@ -153,7 +153,7 @@ def test_every_text_can_be_read(browser, app: App, scheme: str):  # noqa: F811
     tab.set_default_timeout(PATIENCE_MS)
     tab.goto(app.url)
     controls = tab.frame_locator("#controls")
-    for name in ("Why", "Methods", "View", "Record"):
+    for name in ("Explain", "Methods", "View", "Record"):
         controls.get_by_role("tab", name=name).click()
         controls.locator("[role=tab][aria-selected=true]", has_text=name).wait_for()
         for place in (tab.locator("#bar"), tab.locator("#tour"), controls.locator("body")):

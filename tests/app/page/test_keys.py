@@ -21,6 +21,8 @@ CONSEQUENCES = {
     "stereo_back": "state.index === 12",
     "key_frame": "state.index === 22",
     "key_frame_back": "state.index === 17",
+    "event": "state.notices.at(-1)?.text.startsWith('No event after')",  # of stand-ins that do nothing of note
+    "event_back": "state.notices.at(-1)?.text.startsWith('No event before')",
     "start": "state.index === 0",
     "end": "state.index === 43",
     "loop_start": "state.loop?.[0] === 20 && state.loop[1] === null",

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from ispom_app.page.looking import Looking
 from ispom_app.page.messages import own_view
+from ispom_app.run.events import Bookmark
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.actions import BY_NAME
@@ -169,3 +170,13 @@ def test_another_run_is_followed_from_its_beginning(state: State, run: CurrentRu
 def test_before_the_first_frame_there_is_nothing_to_look_at(state: State) -> None:
     with pytest.raises(InputError):
         Looking(Clock()).obey(do.Seek(3), reduce(state, changed(playing=False)), None)
+
+
+def test_events_are_stepped_through_among_the_frames_that_are_computed(state: State, run: CurrentRun) -> None:
+    looking, marked = Looking(Clock()), replace(state, bookmarks=(Bookmark(12, 12, ""),))
+    assert pressed(looking, marked, run, "event_back").index == 12
+    with pytest.raises(InputError, match="computed"):
+        looking.obey(BY_NAME["event"].command, marked, run)
+    with pytest.raises(InputError, match="No event before"):
+        looking.obey(BY_NAME["event_back"].command, marked, run)
+    assert looking.index == 12

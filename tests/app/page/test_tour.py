@@ -30,7 +30,7 @@ def test_enter_goes_through_it_and_every_card_is_on_the_screen(browser, app: App
         assert box["x"] >= 0 and box["y"] >= 0 and box["x"] + box["width"] <= 1280 and box["y"] + box["height"] <= 720
         assert card.locator("span").inner_text() == f"{len(titles)} of 6"
         page.tab.keyboard.press("Enter")
-    assert titles == ["Methods", "Time", "Why", "Try something else", "Views", "Keys"]
+    assert titles == ["Methods", "Time", "Explain", "Try something else", "Views", "Keys"]
     assert not page.tab.locator("#tour-frame").is_visible() and not page.faults
     page.tab.close()
 

@@ -6,11 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ispom_app.expressions.evaluate import holds
-from ispom_app.expressions.parser import parse
-from ispom_app.run.history.quantities import quantities
 from ispom_app.session import commands as do
-from ispom_app.session.break_points import anomaly
 from ispom_app.session.session import Session
 
 from ispom.ensemble import Ensemble
@@ -102,16 +98,50 @@ def test_another_move_ends_the_search(session: Session) -> None:
     assert session.state.until is None and not session.state.notices
 
 
-def test_the_anomaly_is_a_condition_over_all_methods() -> None:
-    expression = parse(anomaly(METHODS), quantities(METHODS))
-    assert expression.methods == set(METHODS)
+def test_it_runs_on_to_the_next_event_and_says_in_words_what_happened(session: Session) -> None:
+    said = asked(session, do.StepToEvent(alarming=True))
+    first = session.state.index
+    found = [e for e in (session.run.events.events if session.run else ()) if e.severity.alarming]
+    assert [e.frame for e in found] == [first] and session.state.computed == first + 1 and not session.state.playing
+    assert said.startswith(f"Frame {first} · ") and found[0].sentence in said and "==" not in said
+    asked(session, do.StepToEvent(alarming=True))
+    second = session.state.index
+    assert second > first
+    asked(session, do.StepToEvent(forwards=False, alarming=True))
+    assert session.state.index == first and session.state.computed == second + 1
 
 
-def test_a_jump_is_an_anomaly() -> None:
-    expression = parse(anomaly(["stereo"]), quantities(["stereo"]))
-    said = {"status": "tracking", "restarted": False, "moved_usual": 0.1}
-    rows = [{"stereo": {**said, "moved": moved}} for moved in (None, 0.49, 0.51)]
-    assert [holds(expression, row, rows[0]) for row in rows] == [False, False, True]
+def test_the_end_of_the_events_is_said_with_how_many_there_were(session: Session) -> None:
+    session.post(do.Seek(43))
+    wait_for(lambda: session.state.computed == 44, "the end")
+    said = asked(session, do.StepToEvent())
+    assert said.startswith("No event after frame 43.") and "earlier" in said
+    assert session.state.index == 43
+    session.post(do.ToggleBookmark())
+    session.post(do.Seek(42))
+    session.post(do.StepToEvent())
+    wait_for(lambda: session.state.index == 43, "the bookmark")
+
+
+def test_a_run_that_ends_without_another_event_says_so(session: Session) -> None:
+    session.post(do.Seek(40))
+    wait_for(lambda: session.state.computed == 41, "exposure 40")
+    while not (said := asked(session, do.StepToEvent(alarming=True))).startswith("No anomaly after"):
+        assert said.startswith("Frame ")
+    assert session.state.ended and session.state.until is None
+
+
+def test_a_fork_and_its_parent_have_the_same_events_before_it(session: Session) -> None:
+    session.post(do.Seek(43))
+    wait_for(lambda: session.state.computed == 44 and session.state.index == 43, "the end")
+    parent = session.run
+    session.post(do.Seek(20))
+    wait_for(lambda: session.state.index == 20, "exposure 20")
+    session.post(do.Fork(METHODS, Config()))
+    wait_for(lambda: session.state.branch == 1 and session.state.computed == 44, "the fork")
+    fork = session.run
+    assert parent is not None and fork is not None and fork.events is not parent.events
+    assert fork.events.events == parent.events.events and len(fork.events) > 2
 
 
 def test_a_fork_has_the_quantities_of_its_past(session: Session) -> None:

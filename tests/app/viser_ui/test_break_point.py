@@ -10,7 +10,6 @@ import pytest
 import viser
 from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
-from ispom_app.session.break_points import anomaly
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 from ispom_app.viser_ui.panels.break_point import MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
@@ -78,7 +77,3 @@ def test_its_buttons_ask_for_the_condition(server: viser.ViserServer, run: Curre
     for button in (UNTIL, NEXT, PREVIOUS):
         panel._buttons.value = button
     assert asked == [do.RunUntil(LOST), do.FindMatch(LOST, True), do.FindMatch(LOST, False)]
-    button: Any = panel._anomaly
-    for callback in button._impl.update_cb:
-        callback(SimpleNamespace(target=button, client=None, client_id=None))
-    assert asked[-1] == do.RunUntil(anomaly(METHODS))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
+from ispom_app.features.explain.panel import ExplainPanel
 from ispom_app.learn.library import Library
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.run.playback import Playback
@@ -22,7 +23,6 @@ from ispom_app.session.state import Computed, Displayed, Recording, State, chang
 from ispom_app.viser_ui import screen as screens
 from ispom_app.viser_ui.panels.record import RecordPanel
 from ispom_app.viser_ui.panels.run import RunPanel
-from ispom_app.viser_ui.panels.why import WhyPanel
 from ispom_app.viser_ui.screen import Screen
 
 from tests import doubles
@@ -98,24 +98,25 @@ def test_every_panel_shows_the_exposure(screen: Screen, session: FakeSession):
     screen.paint()
     assert panel(screen, RunPanel)._slider.value == session.state.index
     assert f"computed {session.state.computed} of {session.state.total}" in panel(screen, RunPanel)._text.content
-    assert f"exposure {session.state.index}" in panel(screen, WhyPanel)._html.content
+    assert f"Frame {session.state.index}<" in panel(screen, ExplainPanel)._verdicts.content
     session.seek(17)
     screen.paint()
     assert panel(screen, RunPanel)._slider.value == 17
-    assert "exposure 17" in panel(screen, WhyPanel)._html.content
+    assert "Frame 17<" in panel(screen, ExplainPanel)._verdicts.content
     assert not session.asked, "showing asks for nothing"
 
 
-def test_all_that_a_step_says_is_in_the_why_panel(screen: Screen, session: FakeSession, run: CurrentRun):
+def test_all_that_a_step_says_is_under_explain(screen: Screen, session: FakeSession, run: CurrentRun):
     def said(index: int) -> str:
         session.seek(index)
         screen.paint()
-        return panel(screen, WhyPanel)._html.content
+        explain = panel(screen, ExplainPanel)
+        return "".join(html.content for html in (explain._verdicts, *explain._details.values()))
 
     by_kind = {record.kind: record.index for record in run.history if not lost(record)}
     for text in (
         "tracks before + ",
-        "Follows the tracks into the new image",
+        "Tracks features into the new image",
         "residual",
         "95 % confidence",
         "± ",
@@ -127,7 +128,7 @@ def test_all_that_a_step_says_is_in_the_why_panel(screen: Screen, session: FakeS
         assert text in said(by_kind["video"]), text
     assert "Stereo" in said(by_kind["stereo"])
     assert ">lost<" in said(next(record.index for record in run.history if lost(record)))
-    assert "key frame" in said(next(r.index for r in run.history if any(s.key_frame for s in r.steps)))
+    assert "keyframe</span>" in said(next(r.index for r in run.history if any(s.key_frame for s in r.steps)))
 
 
 def lost(record: ExposureRecord) -> bool:

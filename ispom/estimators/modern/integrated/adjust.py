@@ -37,7 +37,11 @@ def limited(setup: Setup, state: ModernIntegratedState) -> tuple[ModernIntegrate
     if count <= setup.max_views:
         return state, ()
     window, left = thinned(state.window, setup.max_views)
-    then = "the oldest leave unadjusted" if left else "every second between two pairs moves along with the others"
+    then = (
+        "the oldest leave without optimisation"
+        if left
+        else "every second one between two pairs moves with its neighbours"
+    )
     settled = state.settled.extended(pose for view in left for pose in view.poses())
     return replace(state, window=window, settled=settled), (checks.VIEWS.of(count, setup.max_views, then),)
 
@@ -59,7 +63,7 @@ def adjusted(
         frames, why = min(window.knots), (chosen,)
         if len(window.pairs) == 2:
             frames, solved = dense_frames(window, frames, frame_s), solve_with_accelerations
-            then = f"knots every {frames:.3g} frames, as they alone join video and pairs"
+            then = f"knots every {frames:.3g} frames, which alone connect video and pairs"
             why = (replace(chosen, consequence=then),)
     problem, used = joint_problem(window, setup.noise, knot_spacing_s(window, frames, frame_s), setup.max_points)
     if problem is None:
@@ -75,7 +79,7 @@ def adjusted(
 def _what_left(setup: Setup, before: JointWindow, after: JointWindow) -> Decision:
     """Whether the oldest pairs had to leave the window."""
     gone = len(before.views) - len(after.views)
-    then = f"the oldest left with {gone} exposures, whose poses are final" if gone else ""
+    then = f"{gone} frames left with it, and their poses are final" if gone else ""
     return checks.WINDOW.of(len(before.pairs), setup.window_pairs, then)
 
 

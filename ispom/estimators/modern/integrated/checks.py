@@ -5,47 +5,47 @@ from __future__ import annotations
 from ispom.estimators.adjustment import ADJUSTED, COST, ITERATIONS
 from ispom.types import Check, by_key
 
-CALIBRATED, ALIGNED = "Is the calibration right?", "How does it lie on the stereo path?"
+CALIBRATED, ALIGNED = "Is the calibration right?", "How well does it align with stereo?"
 
 STAGES = {
-    "place": "Places the exposure by the points that are known by now.",
-    "adjust": "After a pair: one spline through all that both cameras saw in the window, each at its own time.",
+    "place": "Estimates the pose of the frame from known points.",
+    "adjust": "After a stereo pair: fits one spline to all observations of both cameras in the window.",
 }
 """By their names in Step.seconds, in order."""
 
 VIEWS = Check(
     "views",
-    "exposures to adjust together",
+    "frames optimised together",
     "finding",
     relation="<=",
-    passes="{value} exposures are adjusted together, of at most {threshold}.",
-    fails="{value} exposures are too many to adjust together ({threshold}).",
+    passes="{value} frames are optimised together (maximum {threshold}).",
+    fails="{value} frames are too many to optimise together (maximum {threshold}).",
 )
 RIGHT_FITS = Check(
     "right_fits",
-    "share of a pair's points whose right match fits",
+    "share of the pair's points with a consistent right match",
     "requirement",
-    "Pair taken?",
+    "Pair used?",
     relation=">=",
-    passes="{value:.0%} of the points have a match in the right image that fits: the pair measures depth.",
-    fails="Passed over: {value:.0%} of the points have a right match that fits, {threshold:.0%} are enough.",
+    passes="Pair used: {value:.0%} of its points have a consistent right match ({threshold:.0%} needed).",
+    fails="Pair skipped: {value:.0%} of its points have a consistent right match ({threshold:.0%} needed).",
 )
 POINTS = Check(
     "points",
-    "points for an adjustment",
+    "points for the optimisation",
     "requirement",
-    "Window adjusted?",
-    passes="{value} points are seen often enough for an adjustment.",
-    fails="Not adjusted: too few points are seen often enough.",
+    "Window optimised?",
+    passes="{value} points have enough observations for the optimisation.",
+    fails="Not optimised: too few points have enough observations.",
 )
 SPLINE_MISFIT = Check(
     "spline_misfit",
-    "misfit of the poses to the spline",
+    "misfit of the spline to the poses",
     "warning",
     ADJUSTED,
     "<=",
-    passes="A spline with these knots follows the motion: misfit {value} (in variances), {threshold} allowed.",
-    fails="Even the densest knots leave a misfit of {value} (in variances); {threshold} are allowed.",
+    passes="Spline fits the motion: chi-squared misfit {value} (limit {threshold}).",
+    fails="Motion too fast: even the densest knots leave a chi-squared misfit of {value} (limit {threshold}).",
 )
 JOINT_COST = Check(
     "joint_cost",
@@ -53,16 +53,16 @@ JOINT_COST = Check(
     "warning",
     ADJUSTED,
     "<=",
-    passes="The adjustment left {value:.1%} of the cost.",
-    fails="The adjustment did not lower the cost: {value:.1%} of that before.",
+    passes="The optimisation reduced the cost to {value:.1%}.",
+    fails="Optimisation doubtful: it did not reduce the cost ({value:.1%} of it is left).",
 )
 OUTLIERS = Check(
     "outliers",
-    "observations that hardly count",
+    "outlier observations",
     "finding",
     ADJUSTED,
     "<=",
-    passes="Of {threshold} observations {value} are more than 8 sigma off, and hardly count.",
+    passes="Outliers: {value} of {threshold} observations are beyond 8 sigma.",
 )
 WINDOW = Check(
     "window",
@@ -70,8 +70,8 @@ WINDOW = Check(
     "finding",
     ADJUSTED,
     "<=",
-    passes="The window holds {value} of at most {threshold} pairs: nothing leaves it.",
-    fails="The window had {value} pairs, of which it keeps {threshold}.",
+    passes="The window holds {value} pairs (maximum {threshold}).",
+    fails="The window is full: the oldest of its {value} pairs left it ({threshold} are kept).",
 )
 ALIGN_SCALE = Check(
     "align_scale",
@@ -79,17 +79,17 @@ ALIGN_SCALE = Check(
     "finding",
     ALIGNED,
     ">",
-    passes="Scale: stereo finds the window {value} times as long as the spline does.",
+    passes="Scale: the window is {value} times as long by stereo as by the spline.",
 )
 ALIGN_TURN = Check(
     "align_turn",
-    "window's world turned onto stereo's by",
+    "rotation of the window onto stereo's world",
     "finding",
     ALIGNED,
     ">",
     "deg",
-    passes="Rotation: the window's world is turned by {value} degrees to meet stereo's pose at the last pair.",
-    fails="Rotation: none is needed to meet stereo's pose at the last pair.",
+    passes="Rotation: {value} deg align the window with stereo's pose at the last pair.",
+    fails="Rotation: none is needed to align the window with stereo's pose at the last pair.",
 )
 ALIGN_RESIDUAL = Check(
     "align_residual",
@@ -98,38 +98,38 @@ ALIGN_RESIDUAL = Check(
     ALIGNED,
     ">",
     "mm",
-    passes="Residual: the window's pairs then lie {value} mm from stereo's poses (root mean square).",
-    fails="Residual: the window's pairs lie on stereo's poses.",
+    passes="Residual: the window's pairs then differ from stereo's by {value} mm (root mean square).",
+    fails="Residual: the window's pairs coincide with stereo's.",
 )
 VIDEO_TURNED = Check(
     "video_turned",
-    "video camera turned",
+    "rotation of the video camera",
     "finding",
     CALIBRATED,
     ">",
     "deg",
-    passes="The video camera is turned by {value} degrees on the rig: significant, as 2 sigma are {threshold}.",
-    fails="The video camera is turned by {value} degrees on the rig: not significant, as 2 sigma are {threshold}.",
+    passes="Rotation of the video camera on the rig: {value} deg, significant (2 sigma: {threshold} deg).",
+    fails="Rotation of the video camera on the rig: {value} deg, not significant (2 sigma: {threshold} deg).",
 )
 VIDEO_SHIFTED = Check(
     "video_shifted",
-    "video camera shifted",
+    "displacement of the video camera",
     "finding",
     CALIBRATED,
     ">",
     "mm",
-    passes="The video camera sits {value} mm off: significant, as 2 sigma are {threshold}.",
-    fails="The video camera sits {value} mm off: not significant, as 2 sigma are {threshold}.",
+    passes="Displacement of the video camera on the rig: {value} mm, significant (2 sigma: {threshold} mm).",
+    fails="Displacement of the video camera on the rig: {value} mm, not significant (2 sigma: {threshold} mm).",
 )
 CLOCK_OFFSET = Check(
     "clock_offset",
-    "clock offset of the video",
+    "time offset of the video",
     "finding",
     CALIBRATED,
     ">",
     "ms",
-    passes="The video's clock is off by {value} ms: significant, as 2 sigma are {threshold}.",
-    fails="The video's clock is off by {value} ms: not significant, as 2 sigma are {threshold}.",
+    passes="Time offset of the video: {value} ms, significant (2 sigma: {threshold} ms).",
+    fails="Time offset of the video: {value} ms, not significant (2 sigma: {threshold} ms).",
 )
 
 CHECKS = by_key(

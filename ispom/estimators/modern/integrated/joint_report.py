@@ -25,7 +25,7 @@ def report(window: JointWindow, solution: Solution, iterations: int) -> tuple[De
     """Of the window as adjusted, in at most so many iterations."""
     problem = solution.problem
     ratio = solution.cost_after / max(solution.cost_before, 1e-12)
-    size = f"{len(problem.times_s)} exposures, {len(problem.points)} points, {len(solution.errors)} observations"
+    size = f"{len(problem.times_s)} frames, {len(problem.points)} points, {len(solution.errors)} observations"
     cost = checks.JOINT_COST.of(ratio, 1.0, f"{size}, {len(problem.spline)} knots, {solution.iterations} iterations")
     far = checks.OUTLIERS.of(int((solution.errors > OUTLIER).sum()), len(solution.errors))
     went = optimised(solution.cost_before, solution.cost_after, solution.iterations, iterations)

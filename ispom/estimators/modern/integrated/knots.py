@@ -74,7 +74,7 @@ def with_knots(window: JointWindow, frame_s: float, max_misfit: float) -> tuple[
         chosen, misfit = USUAL_KNOT_FRAMES, 0.0
     # A window has one spacing: that of its liveliest part.
     knots = (*window.knots, chosen)[1 - len(window.pairs) :]
-    because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", for the motion before")
+    because = f"knots every {min(knots):g} frames" + ("" if chosen == min(knots) else ", because of the motion before")
     window = replace(window, knots=knots, spline_error=spline_error(misfit_of, min(knots)))
     return window, checks.SPLINE_MISFIT.of(misfit, max_misfit, because)
 

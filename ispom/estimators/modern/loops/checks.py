@@ -1,33 +1,34 @@
-"""The checks of loops."""
+"""The checks of loop closures."""
 
 from __future__ import annotations
 
 from ispom.types import Check
 
-LOOP = "Seen before?"
+LOOP = "Loop closure?"
 LOOP_POINTS = Check(
     "loop_points",
-    "points of an earlier place seen again",
+    "points matched with an earlier keyframe",
     "finding",
     LOOP,
-    passes="{value} points of an earlier place are seen again, {threshold} are enough.",
-    fails="No earlier place: of those compared none shows more than {value} points again, {threshold} are needed.",
+    passes="{value} points match an earlier keyframe ({threshold} needed).",
+    fails="No loop: the best of the earlier keyframes compared matches {value} points ({threshold} needed).",
 )
 LOOP_VIEWS = Check(
     "loop_views",
-    "views that tell of the same loop",
+    "keyframes that confirm the same loop",
     "trigger",
     LOOP,
-    passes="A loop: {value} views tell of the same one, {threshold} are enough.",
-    fails="No loop yet: {value} views tell of this one, {threshold} are needed.",
+    passes="Loop closure: {value} keyframes confirm the same loop ({threshold} needed).",
+    fails="No loop closure yet: {value} keyframes confirm this loop ({threshold} needed).",
+    topic="loop",
 )
 LOOP_SHIFT = Check(
     "loop_shift",
-    "shift of this pose by loops, of the way",
+    "correction of this pose by the loop, relative to the path",
     "finding",
     LOOP,
     "<=",
-    passes="The loop moves this pose by {value:.2%} of the way since; up to {threshold:.0%} is expected.",
-    fails="The loop moves this pose by {value:.2%} of the way since, more than the {threshold:.0%} expected.",
+    passes="The loop closure corrects this pose by {value:.2%} of the path since (expected: up to {threshold:.0%}).",
+    fails="The loop closure corrects this pose by {value:.2%} of the path since (expected: up to {threshold:.0%}).",
 )
 LOOP_CHECKS = (LOOP_POINTS, LOOP_VIEWS, LOOP_SHIFT)

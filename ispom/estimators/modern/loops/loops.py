@@ -113,7 +113,7 @@ def seen_again(loops: Loops, eye: Eye, key: KeyFrameSeen | None, poses: int) -> 
     found = [(p, way) for p, way in ways if possible(p, then, way.first_from_then, drift)]
     points = LOOP_POINTS.of(max((way.count for _, way in found or ways), default=0), FEWEST)
     if not found:
-        why = "odometry cannot have drifted so far" if ways else ""
+        why = "the odometry cannot have drifted that far" if ways else ""
         return loops, (replace(points, passed=False, consequence=why),)
     first, way = max(found, key=lambda one: one[1].count)
     loop = Loop(first.time_ns, then.time_ns, way.first_from_then, way.covariance)

@@ -90,7 +90,8 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     share = len(ids) / max(1, len(reference.ids))
     enough = checks.START_POINTS.of(share, LEAVING_SHARE)
     if len(ids) < MIN_POINTS:
-        return _restarted(start, frame, sigma, replace(enough, passed=False))
+        few = f"only {len(ids)} points are left ({MIN_POINTS} needed)"
+        return _restarted(start, frame, sigma, replace(enough, passed=False, consequence=few))
     x1, x2 = reference.at(ids), frame.at(ids)
     rotation = dominant_rotation(x1, x2, TURN_LOSS * sigma)
     parallax = float(np.arctan(median_displacement(rotation, x1, x2)))
@@ -106,7 +107,7 @@ def advance(start: Start, frame: TrackedFrame, sigma: float, min_parallax_rad: f
     if waits:
         if not enough.passed:
             return _restarted(start, frame, sigma, enough, tests)
-        tests = (replace(tests[0], consequence="place held, waiting for parallax"), *tests[1:])
+        tests = (replace(tests[0], consequence="the position is held, waiting for parallax"), *tests[1:])
         return Progress(waiting, tests, held)
     found, decisions = first_map(waiting, frame, sigma, parallax > IMPATIENT * min_parallax_rad)
     if found is None and not enough.passed:
@@ -137,5 +138,6 @@ def _restarted(
 ) -> Progress:
     """Too few of the reference's points are left: this frame becomes the reference."""
     new, gone = start.restarted(frame, sigma)
-    few = replace(few, consequence="begins again from here")
+    again = "initialisation starts again from this frame"
+    few = replace(few, consequence=f"{few.consequence}, so {again}" if few.consequence else again)
     return Progress(new, (*others, few), new.base, settled=gone)

@@ -9,71 +9,72 @@ from ispom.estimators.modern.motions import LARGER, SECOND_MOTION, WIDER
 from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
-LOCATED, FIRST_MAP = "Frame located?", "First map?"
-UNIT, CALIBRATED = "Unit kept?", "Is the calibration right?"
+LOCATED, FIRST_MAP = "Frame localised?", "First map?"
+UNIT, CALIBRATED = "Is the scale reliable?", "Is the calibration right?"
 
 STAGES = {
-    "track": "Follows the tracks into the new image (KLT), from where the motion so far puts them.",
-    "start": "No map yet: collects frames since the first until two of them give one.",
-    "locate": "Finds the pose from the map's points, and compares each track with the image it was first seen in.",
-    "key frame": "Adds the frame to the map with new points, adjusts the window, and drops what disagrees.",
-    "other motion": "Follows on what ended as no still point, and tells where one other motion explains it.",
-    "new points": "Looks for corners where tracks are missing, at key frames, and keeps what the next frame needs.",
-    "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
+    "track": "Tracks features into the new image (KLT), starting from the positions that the motion model predicts.",
+    "start": "No map yet: collects frames until two of them give a first map.",
+    "locate": "Estimates the pose from the map's points, and checks each track against the patch it was first seen as.",
+    "key frame": "Adds a keyframe with new points, optimises the window, and drops outliers.",
+    "other motion": "Moving objects: checks whether rejected tracks move together as one rigid object.",
+    "new points": "Detects new corners at keyframes, where tracks are missing.",
+    "loops": "Loop closure: looks for earlier keyframes that show the same scene, and corrects the poses.",
 }
 """By their names in Step.seconds, in order."""
 
 POSE_POINTS = Check(
     "pose_points",
-    "points that agree with the pose",
+    "inliers of the pose",
     "requirement",
     LOCATED,
-    passes="Located: {value} points agree with one pose, {threshold} are needed.",
-    fails="Not located: {value} points agree with one pose, {threshold} are needed.",
+    passes="Tracking: {value} inliers (minimum {threshold}).",
+    fails="Lost: {value} inliers of the best pose ({threshold} needed).",
+    topic="pose",
 )
 DESCRIBED_POINTS = Check(
     "described_points",
-    "points seen again by descriptors",
+    "points matched by descriptors",
     "finding",
     LOCATED,
-    passes="Tracking lost its way; descriptors show {value} points again, {threshold} tell where to look for others.",
-    fails="Tracking lost its way; descriptors show {value} points again, {threshold} would tell where to look.",
+    passes="Relocalisation: descriptors match {value} points ({threshold} needed), which predict the others.",
+    fails="Relocalisation failed: descriptors match {value} points ({threshold} needed).",
 )
 TURN_ONLY = Check(
     "turn_only",
-    "motion besides a turn",
+    "motion besides the rotation",
     "finding",
-    "Turned on the spot?",
+    "Did the camera only rotate?",
     "<",
     "deg",
-    passes="The camera turned on the spot: besides the turn, points moved {value} degrees (less than {threshold}).",
-    fails="More than a turn: besides it, points moved {value} degrees ({threshold} or more).",
+    passes="Rotation only: besides the rotation, points moved {value} deg (below {threshold} deg).",
+    fails="Not only a rotation: besides it, points moved {value} deg (rotation only below {threshold} deg).",
 )
 VIEW_ANGLE = Check(
     "view_angle",
-    "turned since the last key frame",
+    "rotation since the last keyframe",
     "trigger",
     KEY_FRAME,
     unit="deg",
-    passes="Key frame: turned {value} degrees, {threshold} are enough.",
-    fails="No reason for a key frame: turned {value} of {threshold} degrees.",
+    passes="New keyframe: rotated {value} deg (limit {threshold} deg).",
+    fails="No keyframe: rotated {value} deg since the last one (keyframe from {threshold} deg).",
 )
 INTERVAL = Check(
     "interval",
-    "time since the last key frame",
+    "time since the last keyframe",
     "trigger",
     KEY_FRAME,
     unit="s",
-    passes="Key frame: {value} s since the last one, {threshold} are enough with some parallax.",
-    fails="No reason for a key frame: {value} s since the last one; {threshold} are needed, and some parallax.",
+    passes="New keyframe: {value} s since the last one, with some parallax (limit {threshold} s).",
+    fails="No keyframe: {value} s since the last one (keyframe from {threshold} s and with some parallax).",
 )
 OUTLIERS = Check(
     "outliers",
-    "points dropped by the adjustment",
+    "outliers of the bundle adjustment",
     "finding",
     ADJUSTED,
     "<=",
-    passes="Of {threshold} points {value} disagree and are dropped.",
+    passes="Outliers: {value} of {threshold} points dropped.",
 )
 STEP_SCALE = Check(
     "step_scale",
@@ -81,8 +82,10 @@ STEP_SCALE = Check(
     "warning",
     UNIT,
     "<=",
-    passes="The unit of this step differs from the map's by {value:.2%}, no more than noise ({threshold:.2%}).",
-    fails="The unit of this step differs from the map's by {value:.2%}, more than noise ({threshold:.2%}).",
+    passes="Scale of this step: {value:.2%} from the map's (noise explains up to {threshold:.2%}).",
+    fails="Scale drifts: the scale of this step differs from the map's by {value:.2%} (noise explains up to "
+    "{threshold:.2%}).",
+    topic="scale",
 )
 SCALE_DRIFT = Check(
     "scale_drift",
@@ -91,8 +94,9 @@ SCALE_DRIFT = Check(
     UNIT,
     "<=",
     "%",
-    passes="The unit has a spread of {value} % (1 sigma) against that of the start; beyond {threshold} % it is marked.",
-    fails="The unit has a spread of {value} % (1 sigma) against that of the start, more than {threshold} %.",
+    passes="Scale since the start: standard deviation {value} % (limit {threshold} %).",
+    fails="Scale unreliable: its standard deviation since the start is {value} % (limit {threshold} %).",
+    topic="scale",
 )
 FOCAL_LENGTH = Check(
     "focal_length",
@@ -101,17 +105,18 @@ FOCAL_LENGTH = Check(
     CALIBRATED,
     "<=",
     "%",
-    passes="The images correct the focal length by {value} %, as careful calibration may leave (up to {threshold} %).",
-    fails="The images correct the focal length by {value} %, more than a careful calibration leaves ({threshold} %).",
+    passes="Focal length: the images correct it by {value} % (expected: up to {threshold} %).",
+    fails="Calibration doubtful: the images correct the focal length by {value} % (limit {threshold} %).",
 )
 
 START_POINTS = Check(
     "start_points",
-    "share of the first frame's points left",
+    "share of the first frame's points still tracked",
     "requirement",
     FIRST_MAP,
-    passes="{value:.0%} of the first frame's points are left, {threshold:.0%} are needed.",
-    fails="Too few of the first frame's points are left ({value:.0%}): a map is tried now, or this start is given up.",
+    passes="{value:.0%} of the first frame's points are still tracked ({threshold:.0%} needed).",
+    fails="No map yet: {value:.0%} of the first frame's points are still tracked ({threshold:.0%} needed).",
+    topic="map",
 )
 START_PARALLAX = Check(
     "start_parallax",
@@ -119,33 +124,36 @@ START_PARALLAX = Check(
     "trigger",
     FIRST_MAP,
     unit="deg",
-    passes="A map is tried: moved {value} degrees since the first frame, {threshold} are enough.",
-    fails="No map: moved {value} of {threshold} degrees since the first frame.",
+    passes="Parallax since the first frame: {value} deg ({threshold} deg needed for a map).",
+    fails="No map yet: parallax {value} deg since the first frame ({threshold} deg needed).",
+    topic="map",
 )
 TRAVEL = Check(
     "travel",
-    "motion besides a turn and a zoom",
+    "motion besides rotation and zoom",
     "requirement",
     FIRST_MAP,
     unit="deg",
-    passes="The camera travelled: no turn and zoom explains {value} degrees of the motion, {threshold} are needed.",
-    fails="No map: a turn and a zoom explain all but {value} degrees of the motion, {threshold} are needed.",
+    passes="Translation: rotation and zoom leave {value} deg of the motion unexplained ({threshold} deg needed).",
+    fails="No map yet: rotation and zoom explain all but {value} deg of the motion ({threshold} deg needed).",
+    topic="map",
 )
 PLANE_SHARE = Check(
     "plane_share",
     "share of points that a plane explains",
     "finding",
     FIRST_MAP,
-    passes="Mostly a plane: a homography explains {value:.0%} as many points as the essential matrix.",
-    fails="No single plane: a homography explains {value:.0%} as many points as the essential matrix.",
+    passes="Mostly a plane: a homography has {value:.0%} as many inliers as the essential matrix.",
+    fails="Not a plane: a homography has {value:.0%} as many inliers as the essential matrix.",
 )
 MAPS = Check(
     "maps",
     "hypotheses that give a map",
     "requirement",
     FIRST_MAP,
-    passes="{value} of the two-view motions give a map.",
-    fails="No map: none of the two-view motions, of essential matrix and homography, gives one.",
+    passes="{value} of the two-view hypotheses give a map.",
+    fails="No map yet: no two-view hypothesis, of essential matrix or homography, gives a map.",
+    topic="map",
 )
 MODEL = Check(
     "homography_cost",
@@ -153,7 +161,7 @@ MODEL = Check(
     "finding",
     FIRST_MAP,
     "<",
-    passes="Model: homography; its map has {value} times the cost of the essential matrix's.",
+    passes="Model: homography, whose map has {value} times the cost of the essential matrix's.",
     fails="Model: essential matrix; the homography's map has {value} times its cost.",
 )
 AMBIGUITY = Check(
@@ -161,42 +169,47 @@ AMBIGUITY = Check(
     "cost of the second best pose / best",
     "requirement",
     FIRST_MAP,
-    passes="The second best motion costs {value} times as much as the best; {threshold} make it clear.",
-    fails="Ambiguous: the second best motion costs {value} times as much as the best, {threshold} are needed.",
+    passes="The second-best hypothesis costs {value} times as much as the best (at least {threshold} needed).",
+    fails="No map yet: the second-best hypothesis costs only {value} times as much as the best (at least {threshold} "
+    "needed).",
+    topic="map",
 )
 EXPLAINED_SHARE = Check(
     "explained_share",
     "share of points that the best pose explains",
     "requirement",
     FIRST_MAP,
-    passes="The best motion explains {value:.0%} of the points, {threshold:.0%} are needed.",
-    fails="The best motion explains {value:.0%} of the points only, {threshold:.0%} are needed.",
+    passes="The best hypothesis explains {value:.0%} of the points ({threshold:.0%} needed).",
+    fails="No map yet: the best hypothesis explains {value:.0%} of the points ({threshold:.0%} needed).",
+    topic="map",
 )
 UNIT_POINTS = Check(
     "unit_points",
-    "points that carry the unit over",
+    "points that transfer the scale",
     "requirement",
     UNIT,
-    passes="{value} points of the map before the loss carry its unit over, {threshold} are needed.",
-    fails="{value} points of the map before the loss are seen again; to carry its unit over, {threshold} are needed.",
+    passes="{value} points of the map before the loss transfer its scale ({threshold} needed).",
+    fails="Scale not transferred: {value} points of the map before the loss are in the new one ({threshold} needed).",
+    topic="scale",
 )
 UNIT_FACTOR = Check(
     "unit_factor",
-    "unit before the loss / that of the new map",
+    "scale before the loss / of the new map",
     "finding",
     UNIT,
     ">",
-    passes="The new map was scaled by {value} to the unit before the loss.",
+    passes="The new map was scaled by {value} to match the map before the loss.",
 )
 UNIT_SPREAD = Check(
     "unit_spread",
-    "spread of the unit carried over, 1 sigma",
+    "standard deviation of the transferred scale",
     "warning",
     UNIT,
     "<=",
     "%",
-    passes="The unit before the loss is known to {value} % (1 sigma); beyond {threshold} % it is marked.",
-    fails="The unit before the loss is known to {value} % only (1 sigma), beyond {threshold} %.",
+    passes="Scale across the loss: standard deviation {value} % (limit {threshold} %).",
+    fails="Scale unreliable: across the loss its standard deviation is {value} % (limit {threshold} %).",
+    topic="scale",
 )
 
 CHECKS = by_key(

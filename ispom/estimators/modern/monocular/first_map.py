@@ -73,7 +73,7 @@ def first_map(
     most = checks.EXPLAINED_SHARE.of(float(explained.mean()), MIN_EXPLAINED)
     second = second_motion(reference.at(ids), last.at(ids), ~explained, sigma)
     if not clear.passed and impatient:
-        clear = replace(clear, passed=True, consequence="taken all the same: more parallax will not tell")
+        clear = replace(clear, passed=True, consequence="accepted, as more parallax would not decide it")
     if not (clear.passed and most.passed):
         return None, (planar, model, clear, most, second)
     best, unit = _in_old_unit(_chosen(trials, good[0]).map, start)
@@ -92,10 +92,10 @@ def _chosen(trials: list[Trial | None], best: Trial) -> Trial:
 def _clear(good: list[Trial], tried: int) -> Decision:
     """Whether the first one is clearly the best, of so many hypotheses tried; one that has no rival never is."""
     if tried == 1:
-        return checks.AMBIGUITY.of(1.0, CLEARLY_BETTER, "no second one to compare it with")
+        return checks.AMBIGUITY.of(1.0, CLEARLY_BETTER, "there is no second one")
     others = [t for t in good[1:] if not _same(good[0].map, t.map)]
     if not others:
-        return checks.AMBIGUITY.of(NO_RIVAL, CLEARLY_BETTER, "all that give a map lead to the same one")
+        return checks.AMBIGUITY.of(NO_RIVAL, CLEARLY_BETTER, "all hypotheses give the same map")
     return checks.AMBIGUITY.of(min(NO_RIVAL, *(_relative_cost(t, good[0]) for t in others)), CLEARLY_BETTER)
 
 
@@ -128,7 +128,7 @@ def _in_old_unit(state: Map, start: Start) -> tuple[Map, tuple[Decision, ...]]:
     shared = checks.UNIT_POINTS.of(count, MIN_SHARED)
     if not shared.passed:
         spread = checks.UNIT_SPREAD.of(100 * SPEED_SIGMA, MAX_DRIFT)
-        return state, (replace(shared, consequence="the speed before the loss is taken instead"), spread)
+        return state, (replace(shared, consequence="the speed before the loss gives the scale instead"), spread)
     ratio = np.log(before[front] / now[front])
     middle = float(np.median(ratio))
     sigma_log = 1.4826 * float(np.median(np.abs(ratio - middle))) / np.sqrt(count)

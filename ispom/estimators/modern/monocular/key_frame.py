@@ -37,7 +37,7 @@ def key_frame_tests(setup: Setup, world: Map, frame: TrackedFrame) -> tuple[Deci
     turn = key.world_from_camera.rotation.T @ frame.world_from_camera.rotation
     angle, interval = float(np.degrees(rotation_angle_rad(turn))), (frame.time_ns - key.time_ns) * 1e-9
     late = interval >= setup.max_interval_s and parallax >= setup.min_parallax_deg / 4
-    why = "too little parallax for a key frame" if interval >= setup.max_interval_s and not late else ""
+    why = "too little parallax for a keyframe" if interval >= setup.max_interval_s and not late else ""
     return (
         checks.PARALLAX.of(parallax, setup.min_parallax_deg),
         checks.POINTS_LEFT.of(share, setup.min_share),
@@ -92,7 +92,7 @@ def extended(setup: Setup, world: Map, frame: TrackedFrame) -> Extended:
     world = replace(world, noise=world.noise.after(bundle, world.loss))
     outliers = before.ids[places(world.points.ids, before.ids) < 0]
     dropped = np.concatenate([grown.moving, outliers])
-    size = f"{len(world.keys)} key frames, {len(before.ids)} points, {len(bundle.distances)} observations"
+    size = f"{len(world.keys)} keyframes, {len(before.ids)} points, {len(bundle.distances)} observations"
     off, why = f * world.noise.sigma(setup.noise), f"{world.noise.told(f)}, loss {f * world.loss:.2f} px wide"
     cost = checks.BUNDLE_COST.of(bundle.cost_after / max(bundle.cost_before, 1e-12), 1.0, size)
     went = (
@@ -122,7 +122,7 @@ def _scale(
 ) -> tuple[float | None, tuple[Decision, ...]]:
     """The unit in the last step against the map's: the depths of points `known` before it (ids), over those that the
     last two key frames alone give. The uncertainty of both comes from the normal equations."""
-    against = f"of this step against the one before {100 * uncertainty.step_scale_sigma:.2g} %"
+    against = f"{100 * uncertainty.step_scale_sigma:.2g} % in the last step alone"
     since = checks.SCALE_DRIFT.of(100 * uncertainty.scale_sigma, MAX_DRIFT, against)
     pair = replace(world, keys=world.keys[-2:])
     ids = pair.keys[0].ids
@@ -135,6 +135,6 @@ def _scale(
     depth = pair.poses[0].inverse().apply(world.points.xyz[world.points.places(ids)])[:, 2]
     scale = float(np.exp(np.median(np.log(np.maximum(depth[sure], 1e-12) / found.depth[sure]))))
     limit = max(3 * uncertainty.step_scale_sigma, 0.005)
-    because = f"depth ratio {scale:.4f} +- {uncertainty.step_scale_sigma:.4f} of {int(sure.sum())} points"
+    because = f"depth ratio {scale:.4f} ± {uncertainty.step_scale_sigma:.4f} of {int(sure.sum())} points"
     step = checks.STEP_SCALE.of(abs(scale - 1), limit, because)
     return scale, (step, since)

@@ -51,9 +51,9 @@ def what_left(before: Map, after: Map, count: int) -> Decision:
     """Whether a key frame had to leave the window of at most `count`, and as what; of the maps around `shortened`."""
     then, gone = "", len(before.points.ids) - len(after.points.ids)
     if after.keys[0].time_ns != before.keys[0].time_ns:
-        then = f"the oldest became a prior on the others, and {gone} points left the map"
+        then = f"the oldest was marginalised, and {gone} points left the map"
     elif len(after.keys) < len(before.keys):
-        then = "the one that tells least beside the others became a frame as those between"
+        then = "the most redundant one became an ordinary frame"
     return checks.WINDOW.of(len(before.keys), count, then)
 
 

@@ -38,7 +38,7 @@ def recover(
         return new_start(setup, state, frame, followed, held, held, (*failed, _lost(because)))
     # From a dark or covered lens no map can start.
     if state.missed < PATIENCE or not has_contrast(new.grey, state.live.grey):
-        waiting = replace(failed[-1], consequence="lost; the next frame is compared with the last good one")
+        waiting = replace(failed[-1], consequence="the next frame is compared with the last good one")
         decisions = (*failed[:-1], waiting)
         return Outcome(followed, Status.LOST, map=state.map, decisions=decisions, missed=state.missed + 1)
     failed = (*failed[:-1], _lost(failed[-1]))
@@ -46,7 +46,7 @@ def recover(
 
 
 def _lost(because: Decision) -> Decision:
-    return replace(because, consequence="lost; a new map from the last pose")
+    return replace(because, consequence="a new map starts from the last pose")
 
 
 def turned(before: TrackedFrame, frame: TrackedFrame, sigma: float) -> tuple[Decision, Pose] | None:

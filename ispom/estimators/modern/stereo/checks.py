@@ -9,152 +9,152 @@ from ispom.estimators.modern.motions import LARGER, SECOND_MOTION, WIDER
 from ispom.estimators.modern.noise import NOISE
 from ispom.types import Check, by_key
 
-LOCATED, CALIBRATED = "Pair located?", "Is the calibration right?"
+LOCATED, CALIBRATED = "Pair localised?", "Is the calibration right?"
 
 STAGES = {
-    "track": "Follows the points into the left image, then into the right one, and locates the pair by both.",
-    "other motion": "Tells where one other motion explains points that ended as not standing still.",
-    "new points": "Key frame: looks for corners between the points and matches them in the right image.",
-    "adjust": "Adjusts the window of key frames, their points and the pair's calibration; the oldest becomes a prior.",
-    "conclude": "Collects what the next pair starts from, and this report.",
-    "loops": "Looks for earlier places, where that is wanted, and tells poses anew once one was found.",
+    "track": "Tracks the points into the left image and then into the right one, and estimates the pose from both.",
+    "other motion": "Moving objects: checks whether rejected tracks move together as one rigid object.",
+    "new points": "Keyframe: detects new corners and matches them in the right image.",
+    "adjust": "Optimises the window of keyframes, their points and the calibration; marginalises the oldest keyframe.",
+    "conclude": "Bookkeeping.",
+    "loops": "Loop closure: looks for earlier keyframes that show the same scene, and corrects the poses.",
 }
 """By their names in Step.seconds, in order."""
 
 GUIDED_POINTS = Check(
     "guided_points",
-    "points found where the motion leads",
+    "points matched where the motion model predicts them",
     "trigger",
     LOCATED,
-    passes="Located: {value} points were found where the motion leads, {threshold} are enough.",
-    fails="{value} points were found where the motion leads; with fewer than {threshold} other ways are tried.",
+    passes="Tracking: {value} matches (minimum {threshold}).",
+    fails="Prediction poor: {value} matches where the motion model predicts them (minimum {threshold}).",
+    topic="pose",
 )
 NEARBY_POINTS = Check(
     "nearby_points",
-    "points found around their last places",
+    "points matched near their last positions",
     "trigger",
     LOCATED,
-    passes="Located: {value} points were found around their last places, {threshold} are enough.",
-    fails="{value} points were found around their last places; with fewer than {threshold} descriptors are compared.",
+    passes="Tracking: {value} matches near their last positions (minimum {threshold}); the prediction was poor.",
+    fails="Few matches: {value} near their last positions (minimum {threshold}), so descriptors are compared.",
+    topic="pose",
 )
 DESCRIBED_POINTS = Check(
     "described_points",
-    "points found by descriptors",
+    "points matched with the help of descriptors",
     "requirement",
     LOCATED,
-    passes="Located: {value} points were found with the help of descriptors, {threshold} are needed.",
-    fails="Not located: {value} points were found, with descriptors as well; {threshold} are needed.",
+    passes="Tracking: {value} matches with the help of descriptors ({threshold} needed).",
+    fails="Lost: {value} matches even with descriptors ({threshold} needed).",
+    topic="pose",
 )
 DEPTH_POINTS = Check(
     "depth_points",
     "points with depth",
     "requirement",
     "New start?",
-    passes="{value} points have a depth, {threshold} are needed.",
-    fails="No start: {value} points have a depth, {threshold} are needed.",
+    passes="{value} points have a depth ({threshold} needed).",
+    fails="No map yet: {value} points have a depth ({threshold} needed).",
+    topic="map",
 )
 IMAGES_EXCHANGED = Check(
     "images_exchanged",
-    "points matched where only those behind the cameras are",
+    "matches with negative disparity",
     "requirement",
     LOCATED,
     "<=",
-    passes="{value} points lie farther right in the right image, as none before the cameras does, {threshold} farther "
-    "left.",
-    fails="Left and right seem to be exchanged: {value} points lie farther right in the right image, as none before "
-    "the cameras does, {threshold} farther left.",
+    passes="Disparity: {value} matches are negative, {threshold} positive.",
+    fails="Images swapped: the disparity of {value} matches is negative, of {threshold} positive, as if left and right "
+    "were exchanged.",
 )
 LOST_PAIRS = Check(
     "lost_pairs",
-    "pairs lost",
+    "lost pairs in a row",
     "requirement",
     LOCATED,
     "<=",
-    passes="{value} pairs in a row were not located, {threshold} are waited for.",
-    fails="{value} pairs in a row were not located; no more than {threshold} are waited for.",
+    passes="{value} pairs in a row are lost (a new start after {threshold}).",
+    fails="New start: {value} pairs in a row are lost (limit {threshold}).",
 )
 DISPLACEMENT = Check(
     "displacement",
-    "median displacement since the last key frame",
+    "median displacement since the last keyframe",
     "trigger",
     KEY_FRAME,
     unit="px",
-    passes="Key frame: the points moved {value} px, {threshold} are enough.",
-    fails="No reason for a key frame: the points moved {value} of {threshold} px.",
+    passes="New keyframe: features moved {value} px (limit {threshold} px).",
+    fails="No keyframe: features moved {value} px since the last one (keyframe from {threshold} px).",
 )
 ADJUSTED_ERROR = Check(
     "adjusted_error",
-    "median error after adjustment",
+    "median reprojection error after the optimisation",
     "warning",
     ADJUSTED,
     "<=",
     "px",
-    passes="Half of the observations lie within {value} px of their points; up to {threshold} px is usual.",
-    fails="Half of the observations lie more than {value} px from their points; up to {threshold} px is usual.",
+    passes="Median reprojection error {value} px (expected: up to {threshold} px).",
+    fails="Optimisation doubtful: the median reprojection error is {value} px (expected: up to {threshold} px).",
 )
 OUTLIERS = Check(
     "outliers",
-    "observations dropped by the adjustment",
+    "outliers of the optimisation",
     "finding",
     ADJUSTED,
     "<=",
-    passes="Of {threshold} observations {value} are too far from their points, and are dropped.",
+    passes="Outliers: {value} of {threshold} observations dropped.",
 )
 BEND = Check(
     "disparity_bend",
-    "disparity offset at 27 degrees against the middle",
+    "disparity offset at 27 deg relative to the centre",
     "finding",
     CALIBRATED,
     ">",
     "px",
-    passes="27 degrees to the sides it is off by {value} px more: significant, as 2 sigma are {threshold}.",
-    fails="27 degrees to the sides it is off by {value} px more: not significant, as 2 sigma are {threshold}.",
+    passes="Disparity offset at 27 deg relative to the centre: {value} px, significant (2 sigma: {threshold} px).",
+    fails="Disparity offset at 27 deg relative to the centre: {value} px, not significant (2 sigma: {threshold} px).",
 )
 OBSERVABLE = Check(
     "right_observable",
-    "corrections of the pair that the data show",
+    "observable corrections of the calibration",
     "finding",
     CALIBRATED,
-    passes="The data show all {threshold} corrections of the pair.",
-    fails="Of {threshold} corrections of the pair the data show {value}; the others stay about as uncertain as "
-    "they were.",
+    passes="All {threshold} corrections of the calibration are observable.",
+    fails="{value} of {threshold} corrections of the calibration are observable.",
 )
 
 
-def _correction(key: str, name: str, unit: str, sentence: str) -> Check:
-    """Of one term; `sentence` says what is wrong, with {value}."""
+def _correction(key: str, name: str, unit: str, what: str) -> Check:
+    """Of one term; `what` is what its value measures."""
+    shown = f" {unit}" if unit else ""
     passes, fails = (
-        f"{sentence}: {word}, as 2 sigma are {{threshold}}." for word in ("significant", "not significant")
+        f"{what}: {{value}}{shown}, {word} (2 sigma: {{threshold}}{shown})."
+        for word in ("significant", "not significant")
     )
     return Check(key, name, "finding", CALIBRATED, ">", unit, passes, fails)
 
 
 CORRECTIONS = (
-    _correction("both_radial", "radial distortion k1 of both", "", "Both lenses have k1 off by {value}"),
-    _correction("both_radial_growth", "radial distortion k2 of both", "", "Both lenses have k2 off by {value}"),
-    _correction("disparity_offset", "disparity offset", "px", "The right image is off by {value} px in the middle"),
-    _correction("right_pitch", "right camera turned about x by", "deg", "The right camera is turned up by {value} deg"),
+    _correction("both_radial", "radial distortion k1 of both", "", "Error of k1 in both lenses"),
+    _correction("both_radial_growth", "radial distortion k2 of both", "", "Error of k2 in both lenses"),
+    _correction("disparity_offset", "disparity offset", "px", "Disparity offset in the centre"),
+    _correction("right_pitch", "pitch of the right camera", "deg", "Pitch of the right camera (upwards)"),
+    _correction("right_yaw", "yaw of the right camera", "deg", "Yaw of the right camera (to the right)"),
+    _correction("right_roll", "roll of the right camera", "deg", "Roll of the right camera (clockwise)"),
+    _correction("right_focal", "error of the right focal length", "%", "Error of the right focal length"),
+    _correction("right_radial", "right radial distortion k1", "", "Error of k1 in the right lens"),
+    _correction("right_radial_growth", "right radial distortion k2", "", "Error of k2 in the right lens"),
+    _correction("right_decentring_y", "right decentring p1", "", "Error of p1 in the right lens"),
+    _correction("right_decentring_x", "right decentring p2", "", "Error of p2 in the right lens"),
     _correction(
-        "right_yaw", "right camera turned about y by", "deg", "The right camera is turned right by {value} deg"
+        "right_decentring_y_growth", "growth of the right decentring p1", "", "Growth of the right p1 with r^2"
     ),
     _correction(
-        "right_roll", "right camera turned about z by", "deg", "The right camera is turned clockwise by {value} deg"
+        "right_decentring_x_growth", "growth of the right decentring p2", "", "Growth of the right p2 with r^2"
     ),
-    _correction("right_focal", "right focal length longer by", "%", "The right focal length is {value} % longer"),
-    _correction("right_radial", "right radial distortion k1", "", "The right lens has k1 off by {value}"),
-    _correction("right_radial_growth", "right radial distortion k2", "", "The right lens has k2 off by {value}"),
-    _correction("right_decentring_y", "right decentring p1", "", "The right lens has p1 off by {value}"),
-    _correction("right_decentring_x", "right decentring p2", "", "The right lens has p2 off by {value}"),
-    _correction(
-        "right_decentring_y_growth", "growth of the right decentring p1", "", "The right p1 grows by {value} with r^2"
-    ),
-    _correction(
-        "right_decentring_x_growth", "growth of the right decentring p2", "", "The right p2 grows by {value} with r^2"
-    ),
-    _correction("baseline_ahead", "right camera ahead by", "deg", "The right camera sits {value} deg ahead"),
-    _correction("shutter_lag", "right shutter late by", "ms", "The right shutter is {value} ms late"),
-    _correction("row_offset", "row offset", "px", "The right image is {value} px lower in the middle"),
-    _correction("baseline_down", "right camera lower by", "deg", "The right camera sits {value} deg lower"),
+    _correction("baseline_ahead", "baseline direction, forwards", "deg", "Direction of the baseline (forwards)"),
+    _correction("shutter_lag", "time offset of the right camera", "ms", "Time offset of the right camera"),
+    _correction("row_offset", "row offset", "px", "Row offset of the right image in the centre"),
+    _correction("baseline_down", "baseline direction, downwards", "deg", "Direction of the baseline (downwards)"),
 )
 """Of right_camera.TERMS, in that order."""
 

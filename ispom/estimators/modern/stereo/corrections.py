@@ -32,7 +32,7 @@ def corrections(setup: Setup, world: StereoMap) -> tuple[Decision, ...]:
     free = before > 0
     hidden = free & (sigma > OPEN * before)
     which = ", ".join(TERMS[i] for i in np.flatnonzero(hidden))
-    told = f"not observable so far: {which}" if which else ""
+    told = f"not yet: {which}" if which else ""
     return (*made, _bend(setup, world, covariance), checks.OBSERVABLE.of((free & ~hidden).sum(), free.sum(), told))
 
 
@@ -44,7 +44,7 @@ def _factors(fx: float) -> Array:
 
 def _correction(check: Check, value: float, sigma: float, before: float) -> Decision:
     """A correction beside two standard deviations of it."""
-    spread = f"sigma {sigma:.2g}, before any data {before:.2g} {check.unit}".rstrip()
+    spread = f"sigma {sigma:.2g}, prior {before:.2g} {check.unit}".rstrip()
     return check.of(value, 2 * sigma, spread, passed=bool(abs(value) > 2 * sigma))
 
 

@@ -226,5 +226,5 @@ class ModernStereo:
 def _no_start(setup: Setup, new: NewPair, count: int) -> tuple[Decision, ...]:
     """Why a pair begins no map, with `count` new points; nothing where it does."""
     wrong = exchanged(setup, new)
-    few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting to begin")
+    few = checks.DEPTH_POINTS.of(count, setup.min_inliers, "waiting for the next pair")
     return (wrong,) if wrong is not None else (few,) if few.failed else ()

@@ -168,7 +168,7 @@ def _adjusted(
     count, then = len(world.keys), ""
     while len(world.keys) > setup.window:
         oldest = world.keys[0]
-        then = f"the oldest became a prior on the others, with its {len(oldest.ids)} points"
+        then = f"the oldest was marginalised, with its {len(oldest.ids)} points"
         settled = settled.appended((oldest.time_ns, oldest.left_from_world))
         world = without_oldest(setup, world)
     if result is None:

@@ -23,5 +23,5 @@ def recover(
     settled = state.settled.extended((k.time_ns, k.left_from_world) for k in state.map.keys)
     last = replace(state.last, points=PairPoints())
     state = replace(state, last=last, map=emptied(state.map), settled=settled, places=Places())
-    restart = checks.LOST_PAIRS.of(state.lost_pairs, setup.max_lost_pairs, "a new start from the prediction")
+    restart = checks.LOST_PAIRS.of(state.lost_pairs, setup.max_lost_pairs, "a new segment starts at the prediction")
     return state, Sighting.nothing(), (restart,)

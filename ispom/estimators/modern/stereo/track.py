@@ -54,7 +54,7 @@ def sight(
         last, world = state.last, state.map
     if setup.shutter.rolls or not as_led:
         sighting = _better(sighting, _where_located(setup, last, world, new, sighting))
-    wanted = max(setup.min_inliers, ENOUGH_SHARE * len(last.points))
+    wanted = max(setup.min_inliers, int(np.ceil(ENOUGH_SHARE * len(last.points))))
     guided = checks.GUIDED_POINTS.of(sighting.inliers, wanted)
     if guided.passed:
         return state, sighting, (guided,)
@@ -63,7 +63,11 @@ def sight(
     if nearby.passed:
         return state, sighting, (guided, nearby)
     if not setup.relocalise or not has_contrast(new.left, last.left):
-        why = "the image shows nothing to describe" if setup.relocalise else "descriptors are not compared"
+        why = (
+            "the image has too little contrast for descriptors"
+            if setup.relocalise
+            else "relocalisation is switched off"
+        )
         # After a loss, few points may agree about another window of the same facade, and nothing tells them apart.
         needed = wanted if state.lost_pairs else setup.min_inliers
         nothing = checks.DESCRIBED_POINTS.of(sighting.inliers, needed, why)

@@ -61,7 +61,7 @@ def fitted(
         return Fitted(segment.poses, (covered, moved, *_bends(segment, state.scale)), fit)
     rotations, residual_rad = fit_rotations(video, own.pose(0), own.pose(1), start, end, ends)
     still = Trajectory(times, rotations, fallback.translations, "video")
-    moved = replace(moved, consequence="no ratio of lengths: positions from the stereo poses alone")
+    moved = replace(moved, consequence="positions come from the stereo poses alone")
     return Fitted(still, (covered, moved), replace(around, residual_rad=residual_rad))
 
 
@@ -80,7 +80,7 @@ def _unusable(state: IntegratedState, ends: tuple[int, int], times: NDArray[np.i
     if not np.isin(times, video.times_ns).all():
         return "video frames without a pose"
     if any(video.times_ns[0] < t <= ends[1] for t in state.restarts_ns):
-        return "the monocular estimator started anew inside"
+        return "a new monocular segment began inside"
     return ""
 
 

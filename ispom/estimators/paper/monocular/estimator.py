@@ -138,6 +138,6 @@ class Monocular:
         """No triple here: try the next frame instead, or, with too few points left, begin again from the last pose."""
         if common >= self.config.min_common:
             return Revision(state.window.with_frame(frame), state.scale, decisions)
-        then = "lost; a new start from the last pose, the step length carried over"
+        then = "a new segment starts from the last pose, with the last step length"
         restart = checks.TRIPLE_POINTS.of(common, self.config.min_common, then)
         return Revision(state.window.restarted(frame), state.scale, (*decisions, restart), lost=True)

@@ -22,9 +22,9 @@ def key_frame_tests(
     share = last.common(frame) / max(len(last.ids), 1)
     moved = checks.PARALLAX.of(displacement, min_parallax_deg)
     few, telling = share < min_share, displacement >= TELLING_SHARE * min_parallax_deg
-    why = "too little parallax for a key frame" if few and not telling else ""
+    why = "too little parallax for a keyframe" if few and not telling else ""
     early = checks.POINTS_LEFT.of(share, min_share, why, few and telling)
     waiting = sum(f.time_ns > last.time_ns for f in window.frames)
-    given_up = checks.WAITING_FRAMES.of(waiting + 1, MAX_WAITING, "the oldest keep the poses that they got at once")
+    given_up = checks.WAITING_FRAMES.of(waiting + 1, MAX_WAITING, "the oldest keep their first poses")
     tests = (moved, early) if given_up.passed else (moved, early, given_up)
     return moved.passed or early.passed, tests

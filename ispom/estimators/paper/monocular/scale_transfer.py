@@ -48,7 +48,7 @@ def transfer_scale(
         because = f"|T13| - |T12| = {length:.3f} cannot be a length here: |T13 - T12| used"
         length = true_length
     if last is None:
-        scale, because = 1.0, "first triple: |T13| is the unit"
+        scale, because = 1.0, "first triple, whose |T13| is the unit"
     elif transfer == "unit":
         scale = 1 / max(t12, SHORTEST)
     else:
@@ -56,7 +56,7 @@ def transfer_scale(
         if transfer == "depth" and shared is not None:
             scale, because = shared.applied(scale)
     decision = checks.SCALE_TRANSFER.of(scale, 0.0, f"{transfer}; {because}" if because else transfer)
-    return ScaleStep(scale * length, length / true_length), scale, (decision, *_spread(shared))
+    return ScaleStep(scale * length, length / true_length), scale, (decision, *_spread(shared, scale))
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,14 @@ class SharedDepths:
         """The unit, and why."""
         if not np.isfinite(self.ratio):
             return fallback, f"only {self.count} shared points: |T23| used"
-        return self.ratio, f"{self.count} shared points, spread {100 * self.deviation:.1f} %"
+        return self.ratio, f"{self.count} shared points, scatter {100 * self.deviation:.1f} %"
 
 
-def _spread(shared: SharedDepths | None) -> tuple[Decision, ...]:
+def _spread(shared: SharedDepths | None, scale: float) -> tuple[Decision, ...]:
+    """Whether the shared points agree on the factor, beside the one that was used."""
     if shared is None or not np.isfinite(shared.ratio):
         return ()
-    they = f"{shared.count} points, whose depths give the factor {shared.ratio:.4g}"
+    they = f"{shared.count} ratios suggest ×{shared.ratio:.3g}, used ×{scale:.3g}"
     return (checks.SCALE_SPREAD.of(100 * shared.deviation, DOUBTFUL_SPREAD, they),)
 
 

@@ -92,13 +92,17 @@ class Stereo:
         least = self.config.min_inliers
         points = checks.DEPTH_POINTS.of(len(cloud), least)
         if state.reference is None:
-            return points.passed, (replace(points, consequence="the first pair is the world"),)
+            return points.passed, (replace(points, consequence="the first pair defines the world"),)
         inliers = 0 if motion is None else int(motion.inliers.sum())
         fitting = checks.RIGID_POINTS.of(inliers, least)
         if not fitting.passed:
             afresh = state.lost_pairs + 1 > self.config.max_lost_pairs
-            then = "start afresh from the last known pose" if afresh else "keep the last located pair as reference"
-            fitting = replace(fitting, consequence=f"not located; {then}")
+            then = (
+                "a new segment starts from the last known pose"
+                if afresh
+                else "the last localised pair stays the reference"
+            )
+            fitting = replace(fitting, consequence=then)
         outliers = () if motion is None else (checks.RIGID_OUTLIERS.of(len(common) - inliers, len(common)),)
         return fitting.passed, (points, checks.COMMON_POINTS.of(len(common), least), fitting, *outliers)
 

@@ -1,0 +1,1 @@
+"""Events of a run: what happened at which frame to which method, in words."""

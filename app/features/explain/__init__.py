@@ -1,0 +1,1 @@
+"""Explain: what each method did at a frame, the verdict first."""
