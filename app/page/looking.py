@@ -16,14 +16,14 @@ from ispom.errors import InputError
 from ..session import commands as do
 from ..session import event_moves, moves
 from ..session.current_run import CurrentRun
-from ..session.plotting import plotted
+from ..session.plotting import chosen, toggled
 from ..session.state import Changed, Displayed, Event, NoticeAdded, State
 
 MAX_SPEED_HZ = 120
 """Frames a second of "as fast as possible": eyes follow no faster."""
 PLAYING_S = 0.03
 """Between two looks at the clock while it plays."""
-OF_A_RUN = ("displayed", "playing", "loop", "plotted")
+OF_A_RUN = ("displayed", "playing", "loop", "plots")
 """What means nothing in another run; layers and speed stay."""
 
 
@@ -66,18 +66,20 @@ class Looking:
 
     def obey(self, command: object, state: State, run: CurrentRun | None) -> bool:
         """Does what only looks, and returns whether it was that. InputError where there is nothing to look at."""
-        if not isinstance(command, do.Moves | do.Hide | do.Plot):
+        if not isinstance(command, do.Moves | do.Hide | do.Plot | do.SetPlots):
             return False
         if run is None or state.phase != "ready" or not len(run.history):
             raise InputError("there is no frame to look at yet: wait for the first one")
-        if isinstance(command, do.Plot) and state.lesson is not None and state.lesson.covers:
+        if isinstance(command, do.Plot | do.SetPlots) and state.lesson is not None and state.lesson.covers:
             raise InputError("a question of the lesson is open: plots are there when it is answered")
         here = self.shown(state)
         match command:
             case do.Hide(names):
                 self._own["hidden"] = names
             case do.Plot(name):
-                self._own["plotted"] = plotted(here, run, name)
+                self._own["plots"] = toggled(here.plots, run, name)
+            case do.SetPlots(names):
+                self._own["plots"] = chosen(run, names)
             case do.Speed(factor):
                 self._own["speed"] = factor
             case do.NoLoop():

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from ispom.methods import method as registered
-from ispom.methods import names
 
 from .. import colours
 from ..rerun_log.blueprint import hidden_paths
@@ -17,6 +16,7 @@ from ..session import commands as do
 from ..session.actions import ACTIONS, BY_NAME
 from ..session.learning.commands import EndLesson, Learn, Reveal, TurnTo
 from ..session.learning.learning import covered
+from ..session.plotting import DEFAULT_PLOTS
 from ..session.sources.known import run_name
 from ..session.state import State
 from ..sweep.values import shown
@@ -28,6 +28,8 @@ STATUS = {
     "tracking": "it has a pose at this exposure, which says nothing about accuracy",
     "lost": "no pose at this exposure",
 }
+NO_PLOTS = "none"
+"""In an address: nothing is plotted."""
 OWN_UNIT = "A single camera has no metric scale: its path is scaled by the first segment between stereo poses."
 
 
@@ -78,6 +80,7 @@ def message_of(state: State) -> dict[str, Any]:
             "run": run_name(state.source),
             "branch": state.branch,
             "hidden": sorted(state.hidden),
+            "plots": "" if state.plots == DEFAULT_PLOTS else ",".join(state.plots) or NO_PLOTS,
         },
         "branches": [branch.number for branch in state.branches],
         "notes": state.notes,
@@ -90,6 +93,7 @@ def message_of(state: State) -> dict[str, Any]:
         "index": state.index,
         "time_s": round(state.time_s, 3),
         "playing": state.playing,
+        "speed": state.speed,
         "selected": state.selected,
         "colour_by": state.colour_by,
         "camera": state.camera,
@@ -104,7 +108,6 @@ def message_of(state: State) -> dict[str, Any]:
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
-        "plotted": state.plotted,
         "hidden": hidden_paths(state.methods, state.hidden | ({MEASURES} if covers else set()), state.colour_by),
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
@@ -182,6 +185,12 @@ def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | N
                 return do.Seek(int(message["index"]))
             case "plot":
                 return do.Plot(str(message["name"]))
+            case "plots":
+                names = str(message["names"])
+                return do.SetPlots(None if not names else () if names == NO_PLOTS else tuple(names.split(",")))
+            case "speed":
+                factor = message["factor"]
+                return do.Speed(None if factor is None else min(max(float(factor), 0.01), 100.0))
             case "record":
                 return do.Record("")
             case "confirm":

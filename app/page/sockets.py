@@ -7,21 +7,21 @@ import json
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from ispom.errors import InputError
 
+from ..session.learning.learning import covered
 from ..session.session import Session
 from ..viser_ui.portless import PortlessViser, understood
 from .answers import Answers
-from .check_plot import plot_of
 from .lesson import LessonNews
 from .looking import PLAYING_S as LOOKING_S
 from .looking import Looking
 from .messages import KEYS, FollowAgain, Given, Pane, Wheel, command_of, message_of, own_view
 from .people import People, Person
+from .quantity_plots import PlotNews
 from .time_axis import AxisNews
 from .wakeup import Wakeup
 
@@ -107,7 +107,7 @@ class Talk:
         self._news.ring()
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, keys, axis, lesson = (), KEYS, AxisNews(), LessonNews()
+        shown, keys, axis, plots, lesson = (), KEYS, AxisNews(), PlotNews(), LessonNews()
         looking = self._looking
         with suppress(ConnectionError):  # the browser went away
             while True:
@@ -118,11 +118,10 @@ class Talk:
                 looking.turn(state, run)
                 local = looking.shown(state)
                 now = (state, looking.version, seen, self._answers.version, self._refused)
-                if now != shown or axis.behind:
+                if now != shown or axis.behind or plots.behind:
                     shown = now
                     message = message_of(state) | {"keys": keys, "people": seen}
-                    plot = plot_of(local, run)
-                    message |= {"axis": axis.since(state, run), "plot": None if plot is None else asdict(plot)}
+                    message |= {"axis": axis.since(state, run), "plots": plots.since(covered(local), run)}
                     message |= {"looking": looking.index, "look": own_view(local, state), "refused": self._refused}
                     message |= lesson.since(state, run, self._answers, self._person.key)
                     keys = None

@@ -304,10 +304,17 @@ class FindMatch:
 
 @dataclass(frozen=True)
 class Plot:
-    """Draw a quantity, METHOD.KEY, over time; the one that is drawn already is closed."""
+    """Plot a quantity over the frames, or stop plotting it."""
 
     name: str
-    """Empty: none is drawn."""
+    """METHOD.KEY, or the KEY of Steps for all methods."""
+
+
+@dataclass(frozen=True)
+class SetPlots:
+    """Plot just these quantities; None for the usual ones."""
+
+    names: tuple[str, ...] | None
 
 
 Moves = Play | StepBy | StepTo | StepToEvent | Seek | GoToEnd | LoopEdge | NoLoop | Speed
@@ -321,6 +328,7 @@ Command = (
     | RunUntil
     | FindMatch
     | Plot
+    | SetPlots
     | Restart
     | OfBranches
     | OfCalibration

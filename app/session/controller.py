@@ -11,7 +11,7 @@ from ispom.sequences.address import without_secrets
 from ..learn.lesson import Asked
 from ..learn.library import Library
 from ..options import SourceOptions
-from . import break_points, event_moves, flicker, integration, moves, selecting
+from . import break_points, event_moves, flicker, integration, moves, plotting, selecting
 from . import commands as do
 from .accuracy import AccuracyDesk
 from .bookmarks.desk import BookmarkDesk
@@ -23,7 +23,6 @@ from .effects import EffectDesk
 from .learning.commands import Learn, TurnTo
 from .learning.desk import LessonDesk
 from .player import Player
-from .plotting import plotted
 from .recording.desk import RecordingDesk
 from .recording.shelf import Shelf
 from .sources.known import Known, run_name
@@ -163,7 +162,9 @@ class Controller:
             case do.FindMatch(condition, forwards):
                 player.move(*break_points.find(store.state, player.run, condition, forwards=forwards))
             case do.Plot(name):
-                store.set(plotted=plotted(store.state, player.run, name))
+                store.set(plots=plotting.toggled(store.state.plots, player.run, name))
+            case do.SetPlots(names):
+                store.set(plots=plotting.chosen(player.run, names))
             case do.Speed(factor):
                 player.move(changed(speed=factor))
             case do.Restart(methods, config):

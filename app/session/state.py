@@ -27,6 +27,7 @@ from .effects import Effect
 from .flicker import Flicker
 from .integration import Integration
 from .learning.learning import Learning
+from .plotting import DEFAULT_PLOTS
 
 MAX_NOTICES = 5
 Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals", "geometry"]
@@ -139,8 +140,8 @@ class State:
     """Their errors by name, over the exposures that are computed."""
     comparison: Comparison | None = None
     """Of two branches."""
-    plotted: str = ""
-    """The quantity that is drawn over time beside its check; empty for none."""
+    plots: tuple[str, ...] = DEFAULT_PLOTS
+    """The quantities that the time dock plots, METHOD.KEY, or KEY for all methods."""
     flicker: Flicker | None = None
     """Two methods or branches of which one is drawn at a time; None for all as usual."""
     integration: Integration | None = None
@@ -277,7 +278,7 @@ class Changed:
 Progress = Computed | Displayed | Finished
 Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
 _CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
-_CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plotted"}
+_CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plots"}
 _CHANGEABLE |= {"lesson", "progress", "beside_errors", "question"}
 _CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect", "sweep"}
 _CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}

@@ -53,7 +53,7 @@ class ExplainPanel:
     def show(self, state: State) -> None:
         run = self._session.run
         count = 0 if run is None else len(run.events)
-        shown = (state.displayed, state.plotted, state.methods, state.config, _coming(state), count, state.bookmarks)
+        shown = (state.displayed, state.plots, state.methods, state.config, _coming(state), count, state.bookmarks)
         if shown == self._shown:
             return
         self._shown = shown
@@ -91,7 +91,7 @@ def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: t
         "time_s": f"{state.time_s:.2f}",
         "cards": found,
         "settings": changes((state.methods, Config()), (state.methods, state.config)),
-        "plotted": state.plotted,
+        "plotted": state.plots,
         "coming": _coming(state),
     }
 

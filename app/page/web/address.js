@@ -10,7 +10,7 @@ const STEPS = [
   step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
   step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
   step("select", (state) => state.selected, (what) => ({ do: "select", what })),
-  step("plot", (state) => state.plotted, (name) => ({ do: "plot", name })),
+  step("plot", (state) => state.address.plots, (names) => ({ do: "plots", names })),
   step("at", (state) => state.index, (at) => ({ do: "seek", index: Number(at) })),
 ];
 

@@ -6,13 +6,13 @@ import { listen, setKeys } from "./keyboard.js";
 import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
 import { makePeople } from "./people.js";
-import { makePlot } from "./plot.js";
 import { makeQuestion } from "./question.js";
 import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
 import { makeTour } from "./tour.js";
+import { makeTransport } from "./transport.js";
 
 history.replaceState(null, "", location.pathname + location.hash); // the token is the cookie's now, and nobody's to copy
 
@@ -58,7 +58,7 @@ function show(state) {
   window.ispom.shown = shown;
   showState(shown);
   axis.show(shown);
-  showPlot(shown.plot);
+  showTransport(shown);
   viewer.follow(shown);
   address.follow(shown);
   controls.follow(!people.drives());
@@ -93,11 +93,11 @@ listen(window, press);
 const controls = openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
 
 const address = makeAddress(people.command, people.drives);
-const showPlot = makePlot(command);
+const showTransport = makeTransport(command);
 const tour = makeTour();
 const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);
 openSaving(fileName, viewer, (text) => showNotice({ text, kind: "info" }));
-const axis = makeAxis((index) => command({ do: "seek", index }));
+const axis = makeAxis((index) => command({ do: "seek", index }), command);
 
 connect();

@@ -1,39 +1,46 @@
-// The picture of the time axis, row by row: video exposures, stereo exposures, each method's key frames and losses, events,
-// where the condition holds, what is computed. At most one mark of a kind to a pixel.
-export const PAD = 8;
-const TICKS = 6;
-const LANE = 7;
-const BAR = 3;
-const EVENTS = 9;
+// The upper part of the time dock, row by row: frame numbers, video and stereo frames, each method's keyframes and losses,
+// where the condition is true. At most one mark of a kind to a pixel.
+import { GUTTER, labelledFrames } from "./time_scale.js";
+import { inkOf } from "./quantity_plots.js";
+
+const RULER = 17;
+const CLOCK = 11;
+const LANE = 12;
+const LABEL_PX = 60; // at least between two frame numbers
+const BAR = 3; // what is computed
+const EVENTS = 10;
 const COLOURS = { lost: "alarm", warning: "caution" }; // of events that are not good news
-const rows = (axis) => axis.methods.length + (axis.condition ? 1 : 0);
+
+const clocks = ({ kinds }) => [kinds.includes("v") && "v", kinds.includes("s") && "s"].filter(Boolean);
+const NAMES = { v: "Video frames", s: "Stereo frames" };
+
 const eventRow = (axis) => (axis.events?.length ? EVENTS : 0);
 
-export const heightOf = (axis) => 2 + 2 * TICKS + rows(axis) * LANE + eventRow(axis) + BAR + 2;
+export const heightOf = (axis) =>
+  RULER + CLOCK * clocks(axis).length + LANE * (axis.methods.length + (axis.condition ? 1 : 0)) + eventRow(axis) + 2;
 
 // What the row at this height shows.
 export function laneAt(axis, y) {
-  if (y < 2 + TICKS) return "Video exposures";
-  if (y < 2 + 2 * TICKS) return "Stereo exposures";
-  const below = y - 2 - 2 * TICKS - axis.methods.length * LANE;
+  if (y < RULER) return "Frame numbers; the bar shows what is computed";
+  const rows = clocks(axis);
+  const clock = rows[Math.floor((y - RULER) / CLOCK)];
+  if (clock) return NAMES[clock];
+  const below = y - RULER - CLOCK * rows.length - axis.methods.length * LANE;
   if (below >= 0 && below < eventRow(axis)) return "Events (n and N step through them)";
-  const row = Math.floor((y - 2 - 2 * TICKS - (below < 0 ? 0 : eventRow(axis))) / LANE);
-  if (row < axis.methods.length) return `${axis.methods[row].label}: marks are key frames, red is lost`;
-  return row < rows(axis) ? `Where ${axis.condition} holds` : y < heightOf(axis) ? "Bar: computed so far" : "";
+  const row = Math.floor((y - RULER - CLOCK * rows.length - (below < 0 ? 0 : eventRow(axis))) / LANE);
+  if (row < axis.methods.length) return `${axis.methods[row].label}: marks are keyframes, red is lost`;
+  return axis.condition && row === axis.methods.length ? `Frames at which ${axis.condition} is true` : "";
 }
 
 export function drawAxis(canvas, width, axis, place) {
-  const scale = devicePixelRatio;
   const height = heightOf(axis);
-  Object.assign(canvas, { width: width * scale, height: height * scale });
-  // Drawn here and not by the graphics' process: where that is software, thousands of marks hold up all other pictures.
-  const ink = canvas.getContext("2d", { willReadFrequently: true });
-  ink.scale(scale, scale);
+  const ink = inkOf(canvas, width, height);
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`);
   const box = (from, to, y, tall, fill, alpha = 1) => {
     Object.assign(ink, { fillStyle: fill, globalAlpha: alpha });
     ink.fillRect(from, y, Math.max(to - from, 1), tall);
+    ink.globalAlpha = 1;
   };
   const marks = (indices, y, tall, fill, wide = 1) => {
     let last = -1;
@@ -42,18 +49,33 @@ export function drawAxis(canvas, width, axis, place) {
       if (x > last) box((last = x), x + wide, y, tall, fill);
     }
   };
+  const text = (words, x, y, fill, align = "left") => {
+    Object.assign(ink, { fillStyle: fill, textAlign: align, font: "11px Inter, system-ui, sans-serif" });
+    ink.fillText(words, x, y, GUTTER - 20);
+  };
   if (!axis.times.length) return;
-  if (axis.loop) box(place(axis.loop[0]), place(axis.loop[1] ?? axis.times.length - 1), 0, height, colour("accent"), 0.22);
   const all = [...axis.times.keys()];
-  marks(all.filter((i) => axis.kinds[i] === "v"), 2, TICKS - 1, colour("quiet"));
-  marks(all.filter((i) => axis.kinds[i] === "s"), 2 + TICKS, TICKS - 1, colour("text"));
-  let y = 2 + 2 * TICKS;
-  for (const { colour: own, keyFrames, lost } of axis.methods) {
-    box(place(0), place(Math.max(axis.computed - 1, 0)), y + LANE / 2, 1, own, 0.5);
-    for (const [first, last] of lost) box(place(first), place(last + 1), y + 1, LANE - 2, colour("alarm"));
-    marks(keyFrames, y, LANE - 1, own, 2);
+  if (axis.loop) box(place(axis.loop[0]), place(axis.loop[1] ?? all.length - 1), 0, height, colour("accent"), 0.22);
+  box(place(0), place(all.length - 1), RULER - BAR - 1, BAR, colour("field"));
+  if (axis.computed) box(place(0), place(axis.computed - 1), RULER - BAR - 1, BAR, colour("accent"), 0.6);
+  for (const index of labelledFrames(all.length, width / LABEL_PX)) {
+    box(Math.round(place(index)), Math.round(place(index)) + 1, RULER - 5, 4, colour("quiet"));
+    text(String(index), place(index), RULER - 7, colour("quiet"), "center");
+  }
+  let y = RULER;
+  for (const kind of clocks(axis)) {
+    text(NAMES[kind], 14, y + CLOCK - 2, colour("quiet"));
+    marks(all.filter((i) => axis.kinds[i] === kind), y + 3, CLOCK - 6, colour(kind === "s" ? "text" : "quiet"));
+    y += CLOCK;
+  }
+  for (const { label, colour: own, keyFrames, lost } of axis.methods) {
+    text(label, 14, y + LANE - 3, colour("text"));
+    box(place(0), place(Math.max(axis.computed - 1, 0)), y + LANE / 2 - 1, 2, own, 0.45);
+    for (const [first, last] of lost) box(place(first), place(last + 1), y + LANE / 2 - 2, 4, colour("alarm"));
+    marks(keyFrames, y + 2, LANE - 4, own, 2);
     y += LANE;
   }
+  if (axis.events?.length) text("Events", 14, y + EVENTS - 2, colour("quiet"));
   for (const { at, severity } of axis.events ?? []) {
     const x = Math.round(place(at));
     const fill = colour(COLOURS[severity] ?? "good");
@@ -61,11 +83,9 @@ export function drawAxis(canvas, width, axis, place) {
   }
   y += eventRow(axis);
   if (axis.condition) {
-    marks(axis.matches, y, LANE - 1, colour("text"), 2);
-    y += LANE;
+    text(axis.condition, 14, y + LANE - 3, colour("text"));
+    marks(axis.matches, y + 2, LANE - 4, colour("text"), 2);
   }
-  box(place(0), place(axis.times.length - 1), y + 1, BAR, colour("field"));
-  if (axis.computed) box(place(0), place(axis.computed - 1), y + 1, BAR, colour("accent"), 0.6);
   for (const bookmark of axis.bookmarks ?? []) {
     const x = Math.round(place(bookmark.at));
     box(x, x + 1, 0, height, colour("accent"));

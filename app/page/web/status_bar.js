@@ -13,7 +13,7 @@ export function showState(state) {
   document.title = `${state.playing ? "▶ " : ""}${state.name} · ISPOM`;
   document.body.dataset.phase = state.phase;
   document.body.dataset.playing = state.playing;
-  at("exposure").textContent = state.total ? `exposure ${state.index < 0 ? "–" : state.index} / ${state.total - 1}` : "";
+  at("exposure").textContent = state.total ? `frame ${state.index < 0 ? "–" : state.index} / ${state.total - 1}` : "";
   at("time").textContent = state.total ? `${state.time_s.toFixed(2)} s` : "";
   at("methods").replaceChildren(...state.methods.map(method));
   at("methods").classList.toggle("many", state.methods.length > 3);

@@ -1,29 +1,39 @@
-// The time axis under the bar: where what happened in the run, and where it stands. The server sends each exposure once;
-// the picture is drawn when something was added, while it grows once in a while, and at other times only the cursor moves.
-import { drawAxis, heightOf, laneAt, PAD } from "./axis_picture.js";
+// The time dock's rows over one time axis: what happened in the run, the plots, and the cursor. The server sends each frame
+// once; pictures are drawn when something was added, while a run grows once in a while, and else only the cursor moves.
+import { drawAxis, heightOf, laneAt } from "./axis_picture.js";
+import { makePlots } from "./quantity_plots.js";
+import { GUTTER, nearestFrame, placeOf } from "./time_scale.js";
 
 const GROWS_MS = 1000; // between two pictures of a run that goes on: each costs as much as the whole run has marks
 const NEAR_PX = 4; // an event so near to the pointer is named
 const MOST_EVENTS = 4;
 const at = (id) => document.getElementById(id);
 
-export function makeAxis(seek) {
+export function makeAxis(seek, command) {
   const strip = at("axis");
+  const plots = makePlots(at("plots"), command);
   const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], bookmarks: [], events: [], loop: null };
   let index = -1;
   let width = strip.clientWidth;
   let due = null;
-  const moveCursor = () => (at("cursor").style.left = `${place(axis, width, Math.max(index, 0))}px`);
+  const moveCursor = () => {
+    const x = placeOf(axis.times, width, Math.max(index, 0));
+    at("cursor").hidden = index < 0;
+    at("cursor").style.left = `${x}px`;
+    plots.moveTo(index, x, width);
+  };
   const draw = () => {
     clearTimeout(due);
     due = null;
     strip.style.setProperty("--axis", `${heightOf(axis)}px`);
-    drawAxis(strip.querySelector("canvas"), width, axis, (i) => place(axis, width, i));
+    drawAxis(strip.querySelector("canvas"), width, axis, (i) => placeOf(axis.times, width, i));
+    plots.draw(axis, width);
     moveCursor();
   };
   let asked = null;
-  const seekTo = ({ clientX }) => {
-    const wanted = nearest(axis, strip, clientX);
+  const frameAt = ({ clientX }) => nearestFrame(axis.times, width, clientX - strip.getBoundingClientRect().left);
+  const seekTo = (event) => {
+    const wanted = frameAt(event);
     if (axis.times.length && wanted !== asked) seek((asked = wanted));
   };
   new ResizeObserver(() => {
@@ -32,26 +42,30 @@ export function makeAxis(seek) {
     draw();
   }).observe(strip);
   strip.addEventListener("pointerdown", (event) => {
+    if (event.clientX - strip.getBoundingClientRect().left < GUTTER - 8) return; // the labels of the rows
     strip.setPointerCapture(event.pointerId);
     asked = null;
     seekTo(event);
   });
   strip.addEventListener("pointermove", (event) => {
     if (strip.hasPointerCapture(event.pointerId)) seekTo(event);
-    hint(axis, strip, event);
+    hint(axis, plots, strip, event, frameAt(event));
   });
   strip.addEventListener("pointerleave", () => (at("axis-hint").hidden = true));
 
   return {
     data: axis,
+    plots,
     show: (state) => {
       index = state.index;
       const loop = String(axis.loop);
       axis.loop = state.loop;
       if (state.axis) take(axis, state.axis);
+      if (state.plots) plots.take(state.plots);
       const { results, computed, ...rest } = state.axis ?? {};
-      if (Object.keys(rest).length || String(state.loop) !== loop) draw();
-      else if (results) due ??= setTimeout(draw, GROWS_MS);
+      const { values, errors, ...newPlots } = state.plots ?? {};
+      if ([rest, newPlots].some((news) => Object.keys(news).length) || String(state.loop) !== loop) draw();
+      else if (results || values || errors) due ??= setTimeout(draw, GROWS_MS);
       moveCursor();
     },
   };
@@ -81,38 +95,23 @@ function take(axis, news) {
   axis.bookmarks = news.bookmarks ?? axis.bookmarks;
 }
 
-const room = (width) => Math.max(width - 2 * PAD, 1);
-const length = ({ times }) => Math.max(times.at(-1) ?? 0, 1);
-const place = (axis, width, index) => PAD + (room(width) * (axis.times[Math.min(index, axis.times.length - 1)] ?? 0)) / length(axis);
+const near = (axis, width, index, x) => Math.abs(placeOf(axis.times, width, index) - x) <= NEAR_PX;
 
-// The exposure whose time is nearest to a place.
-function nearest(axis, strip, clientX) {
-  const { times } = axis;
-  const time = ((clientX - strip.getBoundingClientRect().left - PAD) / room(strip.clientWidth)) * length(axis);
-  let low = 0;
-  let high = times.length - 1;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (times[middle] < time) low = middle + 1;
-    else high = middle;
-  }
-  return low > 0 && time - times[low - 1] < times[low] - time ? low - 1 : low;
-}
-
-const near = (axis, strip, index, clientX) => Math.abs(place(axis, strip.clientWidth, index) - clientX + strip.getBoundingClientRect().left) <= NEAR_PX;
-
-function hint(axis, strip, { clientX, clientY }) {
+function hint(axis, plots, strip, { clientX, clientY, target }, index) {
   const box = at("axis-hint");
-  box.hidden = !axis.times.length;
+  const { left, top } = strip.getBoundingClientRect();
+  const plot = target.closest?.(".plot")?.dataset.name;
+  box.hidden = !axis.times.length || (plot !== undefined && clientX - left < GUTTER);
   if (box.hidden) return;
-  const index = nearest(axis, strip, clientX);
+  const lane = plot === undefined ? laneAt(axis, clientY - top + strip.scrollTop) : "";
   box.textContent = [
-    laneAt(axis, clientY - strip.getBoundingClientRect().top),
-    `exposure ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${axis.kinds[index] === "s" ? "stereo" : "video"}`,
+    lane,
+    `frame ${index} · ${(axis.times[index] / 1000).toFixed(2)} s · ${axis.kinds[index] === "s" ? "stereo" : "video"}`,
     index >= axis.computed ? "not computed yet" : "",
+    ...(plot === undefined ? [] : plots.hintAt(plot, index)),
     ...axis.methods.map((method) => happened(method, index)),
-    ...axis.events.filter(({ at }) => near(axis, strip, at, clientX)).slice(0, MOST_EVENTS).map(({ at, text }) => `${at}: ${text}`),
-    axis.matches.includes(index) ? `holds: ${axis.condition}` : "",
+    ...axis.events.filter((event) => near(axis, strip.clientWidth, event.at, clientX - left)).slice(0, MOST_EVENTS).map(({ at, text }) => `${at}: ${text}`),
+    axis.matches.includes(index) ? `true here: ${axis.condition}` : "",
     ...axis.branches.filter((branch) => branch.at === index).map((branch) => `${branch.name} begins`),
     ...axis.bookmarks.filter((bookmark) => bookmark.at === index).map(({ note }) => `bookmark${note && `: ${note}`}`),
   ].filter(Boolean).join("\n");
@@ -120,6 +119,6 @@ function hint(axis, strip, { clientX, clientY }) {
 }
 
 function happened({ label, keyFrames, lost }, index) {
-  const what = [keyFrames.includes(index) && "key frame", lost.some(([first, last]) => first <= index && index <= last) && "lost"];
+  const what = [keyFrames.includes(index) && "keyframe", lost.some(([first, last]) => first <= index && index <= last) && "lost"];
   return what.some(Boolean) ? `${label}: ${what.filter(Boolean).join(", ")}` : "";
 }

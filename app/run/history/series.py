@@ -81,12 +81,14 @@ class Series:
         """(N,) a copy of a column, or of a stretch of it, as it is kept; KeyError for one that there is not."""
         return np.array(self._columns[name][start:stop])
 
-    def said(self, name: str, stop: int) -> tuple[NDArray[np.int64], Array]:
-        """(N,) the exposures before `stop` on which a quantity's method stepped, and (N,) its values there; NaN where
-        nothing was said of it. KeyError for a quantity that there is not."""
+    def said(self, name: str, stop: int, start: int = 0) -> tuple[NDArray[np.int64], Array]:
+        """(N,) the frames from `start` to before `stop` at which the quantity's method stepped, and (N,) its values.
+
+        A step without a value has NaN. Raises KeyError for a quantity that the run does not have.
+        """
         method = self.quantities[name].method
-        stepped = np.frombuffer(bytes(self._stepped[method][:stop]), bool)
-        return np.flatnonzero(stepped), self.values(name, 0, stop)[stepped]
+        stepped = np.frombuffer(bytes(self._stepped[method][start:stop]), bool)
+        return np.flatnonzero(stepped) + start, self.values(name, start, stop)[stepped]
 
     def last_step(self, method: str, index: int) -> int | None:
         """The last frame up to `index` at which a method stepped; None where there is none."""

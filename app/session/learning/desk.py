@@ -15,6 +15,7 @@ from ...learn.ran import Ran
 from ...learn.reveal import pictured, revealed
 from .. import commands as do
 from ..current_run import CurrentRun
+from ..plotting import DEFAULT_PLOTS
 from ..store import Store
 from .commands import EndLesson, Learn, OfLessons, Reveal, TurnTo
 from .learning import Learning
@@ -120,7 +121,7 @@ class LessonDesk:
             raise InputError(f"{lesson.title} has {len(lesson.steps)} steps: there is no step {place + 1}")
         learning = Learning(lesson, place)
         self._command(do.Play(False))
-        self._store.set(lesson=learning, selected="", plotted="", hidden=learning.step.hidden)
+        self._store.set(lesson=learning, selected="", plots=DEFAULT_PLOTS, hidden=learning.step.hidden)
         self._jobs = deque(self._preparing(learning))
 
     def _end(self) -> None:

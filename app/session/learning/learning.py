@@ -59,7 +59,7 @@ def covered(state: State) -> State:
         notes=(),
         displayed=record,
         activity=activity,
-        plotted="",
+        plots=(),
         sweep=None,
         branches=state.branches[:1],
     )

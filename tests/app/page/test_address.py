@@ -47,9 +47,9 @@ def test_the_address_names_what_is_looked_at_closely_and_plotted(page: Page) -> 
     page.tab.evaluate("location.hash = '#run=double:40&at=22&select=key_frame:stereo:1'")
     page.until("state.index === 22 && state.selected === 'key_frame:stereo:1'", "what the address names")
     page.tab.evaluate("location.hash = '#run=double:40&at=23&plot=stereo.inliers'")
-    page.until("state.index === 23 && state.selected === '' && state.plotted === 'stereo.inliers'", "the plot")
+    page.until("state.index === 23 && state.selected === '' && state.address.plots === 'stereo.inliers'", "the plot")
     page.tab.evaluate("location.hash = '#run=double:40&at=21'")
-    page.until("state.index === 21 && state.plotted === ''", "nothing")
+    page.until("state.index === 21 && state.address.plots === ''", "nothing")
 
 
 def test_a_page_that_is_opened_with_it_shows_the_same(page: Page, app: App) -> None:  # noqa: F811
@@ -173,7 +173,7 @@ def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
     page.controls.get_by_role("button", name="Bookmark this exposure").click()
     page.until("window.ispom.axis.bookmarks.length === 2", "the second one")
     assert page.tab.evaluate("window.ispom.axis.bookmarks")[1]["note"] == "here it jumps"
-    page.tab.locator("#axis").hover(position={"x": 8 + 1264 * 33 / 43, "y": 3})
+    page.tab.locator("#axis").hover(position={"x": 176 + 1090 * 33 / 43, "y": 3})
     assert "bookmark: here it jumps" in page.tab.locator("#axis-hint").inner_text()
     go(page, 2)
     page.controls.get_by_role("button", name="Go to", exact=True).click()

@@ -157,13 +157,12 @@ def test_it_plays_by_itself(page: Page):
     page.until(f"state.ended || state.index > {first} + 3", "the exposure counter to advance")
     page.until("state.ended && !state.playing", "the end")
     assert page.state["computed"] == TOTAL
-    assert page.tab.locator("#exposure").inner_text() == f"exposure {TOTAL - 1} / {TOTAL - 1}"
+    assert page.tab.locator("#exposure").inner_text() == f"frame {TOTAL - 1} / {TOTAL - 1}"
     assert page.tab.locator(".method").count() == 3
     assert re.search(r"Stereo.*\d mm?$", page.tab.locator(".method").nth(1).inner_text().replace("\n", " "))
 
 
 def test_viser_shows_its_panels(page: Page):
-    page.controls.get_by_role("button", name="Play").wait_for()
     page.controls.locator(".explain .card").nth(2).wait_for()
     for name in ("Methods", "View", "Record", "Explain"):
         page.controls.get_by_role("tab", name=name).wait_for()
@@ -235,15 +234,22 @@ def test_keys_step_forward_and_back(page: Page):
     page.until("!state.playing && state.index === 43", "the end")
 
 
-def test_the_buttons_of_the_panel_work(page: Page):
-    page.controls.get_by_role("button", name="◀ Step").click()
+def test_the_buttons_of_the_time_dock_work(page: Page):
+    page.tab.get_by_role("button", name="One frame back").click()
     page.until("state.index === 42", "a step back")
-    page.controls.get_by_role("button", name="Step ▶").click()
+    page.tab.get_by_role("button", name="One frame on").click()
     page.until("state.index === 43", "a step forward")
+    page.tab.get_by_label("Speed").select_option("4 ×")
+    page.until("state.speed === 4", "the speed")
+    page.tab.get_by_role("button", name="First frame").click()
+    page.until("state.index === 0", "the first frame")
+    for name, loop in (("Loop from here", "[0, null]"), ("Loop to here", "[0, 0]"), ("Clear the loop", "null")):
+        page.tab.get_by_role("button", name=name).click()
+        page.until(f"JSON.stringify(state.loop) === JSON.stringify({loop})", name)
 
 
-def test_the_bar_seeks(page: Page):
-    page.tab.locator("#axis").click(position={"x": 640, "y": 4})
+def test_the_dock_seeks(page: Page):
+    page.tab.locator("#axis").click(position={"x": 176 + 545, "y": 4})
     page.until("Math.abs(state.index - 21) <= 1", "the middle")
 
 

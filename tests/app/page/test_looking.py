@@ -12,6 +12,7 @@ from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.actions import BY_NAME
 from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.plotting import DEFAULT_PLOTS
 from ispom_app.session.state import Computed, State, changed, reduce
 
 from ispom.errors import InputError
@@ -145,8 +146,9 @@ def test_layers_and_plots_are_the_pages_own(state: State, run: CurrentRun) -> No
     looking.obey(do.Hide(frozenset({"stereo"})), state, run)
     looking.obey(do.Plot("stereo.inliers"), state, run)
     view = own_view(looking.shown(state), state)
-    assert view is not None and view["plotted"] == "stereo.inliers" and any("stereo" in path for path in view["hidden"])
-    assert looking.index is None and not state.hidden and not state.plotted  # it still follows the frames
+    assert view is not None and view["address"]["plots"] == "error,inliers,stereo.inliers"
+    assert any("stereo" in path for path in view["hidden"])
+    assert looking.index is None and not state.hidden and state.plots == DEFAULT_PLOTS  # it still follows the frames
     looking.follow()
     assert looking.shown(state) is state
 

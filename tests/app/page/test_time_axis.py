@@ -100,16 +100,16 @@ in_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt
 @in_chromium
 def test_a_click_and_a_drag_on_the_axis_seek(page: Page) -> None:
     axis = page.tab.locator("#axis")
-    axis.click(position={"x": 640, "y": 6})
+    axis.click(position={"x": 176 + 545, "y": 6})
     page.until("Math.abs(state.index - 21) <= 1", "the middle")
-    axis.click(position={"x": 2, "y": 20})
+    axis.click(position={"x": 172, "y": 20})
     page.until("state.index === 0", "the first")
     box = axis.bounding_box()
-    page.tab.mouse.move(box["x"] + 300, box["y"] + 5)
+    page.tab.mouse.move(box["x"] + 400, box["y"] + 5)
     page.tab.mouse.down()
     for x in (500, 900, 1278):
         page.tab.mouse.move(box["x"] + x, box["y"] + 300)
-        page.until(f"state.index >= {int((x - 20) / 1280 * 43)}", "the drag")
+        page.until(f"state.index >= {int((x - 196) / 1090 * 43)}", "the drag")
     page.tab.mouse.up()
     page.until("state.index === 43", "the last")
 
@@ -117,12 +117,12 @@ def test_a_click_and_a_drag_on_the_axis_seek(page: Page) -> None:
 @in_chromium
 def test_hovering_says_exposure_time_and_what_happened(page: Page) -> None:
     hint = page.tab.locator("#axis-hint")
-    page.tab.locator("#axis").hover(position={"x": 1279, "y": 2})
-    assert hint.inner_text().split("\n")[:2] == ["Video exposures", "exposure 43 · 1.30 s · video"]
-    page.tab.locator("#axis").hover(position={"x": 9, "y": 14})
+    page.tab.locator("#axis").hover(position={"x": 1270, "y": 20})
+    assert hint.inner_text().split("\n")[:2] == ["Video frames", "frame 43 · 1.30 s · video"]
+    page.tab.locator("#axis").hover(position={"x": 177, "y": 45})
     lines = hint.inner_text().split("\n")
-    assert lines[:2] == ["Monocular: marks are key frames, red is lost", "exposure 0 · 0.00 s · video"]
-    assert "Monocular: key frame" in lines
+    assert lines[:2] == ["Monocular: marks are keyframes, red is lost", "frame 0 · 0.00 s · video"]
+    assert "Monocular: keyframe" in lines
     page.tab.locator("#canvas").hover()
     hint.wait_for(state="hidden")
 
@@ -160,7 +160,7 @@ def test_of_5000_exposures_no_pixel_is_drawn_twice_in_a_row(page: Page) -> None:
       CanvasRenderingContext2D.prototype.fillRect = draw;
       return count;
     }"""
-    assert 5000 < page.tab.evaluate(script) < 6020, "six rows of 1,000 pixels, and some bars"
+    assert 5000 < page.tab.evaluate(script) < 6060, "six rows of 1,000 pixels, bars, ticks of the ruler"
 
 
 @in_chromium

@@ -1,37 +1,43 @@
-"""The quantity that is drawn over time is part of the state: asked for again it is closed."""
+"""The quantities that are plotted are part of the state: the same command adds one and removes it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from ispom_app.session import commands as do
+from ispom_app.session.plotting import DEFAULT_PLOTS, MOST_PLOTS
 
 from tests.app.helpers import started, wait_for
 
 
-def test_a_plot_is_opened_and_closed_by_the_same_command(tmp_path: Path) -> None:
+def test_a_plot_is_added_and_removed_by_the_same_command(tmp_path: Path) -> None:
     session = started(tmp_path, autoplay=False)
     session.post(do.Plot("monocular.parallax"))
-    wait_for(lambda: session.state.plotted == "monocular.parallax", "the plot")
+    wait_for(lambda: session.state.plots == (*DEFAULT_PLOTS, "monocular.parallax"), "the plot")
     session.post(do.Seek(3))
     wait_for(lambda: session.state.index == 3, "the seek")
-    assert session.state.plotted == "monocular.parallax"
-    session.post(do.Plot("monocular.inliers"))
-    wait_for(lambda: session.state.plotted == "monocular.inliers", "another")
-    session.post(do.Plot("monocular.inliers"))
-    wait_for(lambda: session.state.plotted == "", "none")
+    session.post(do.Plot("inliers"))
+    wait_for(lambda: session.state.plots == ("error", "monocular.parallax"), "one less")
     session.close(5)
 
 
 def test_what_cannot_be_plotted_is_said_and_changes_nothing(tmp_path: Path) -> None:
     session = started(tmp_path, autoplay=False)
-    session.post(do.Plot("monocular.inliers"))
-    wait_for(lambda: session.state.plotted, "the plot")
-    for count, name in enumerate(("monocular.status", "nonsense"), 1):
+    for count, name in enumerate(("monocular.status", "nonsense", "time_s"), 1):
         session.post(do.Plot(name))
         wait_for(lambda count=count: session.state.notice_count == count, "the notice")
-        assert "is nothing that this run could plot" in session.state.notices[-1].text
-    assert session.state.plotted == "monocular.inliers"
-    session.post(do.Plot(""))
-    wait_for(lambda: session.state.plotted == "", "none")
+    assert session.state.plots == DEFAULT_PLOTS
+    session.close(5)
+
+
+def test_an_address_sets_them_all_at_once_and_what_the_run_does_not_have_is_ignored(tmp_path: Path) -> None:
+    session = started(tmp_path, autoplay=False)
+    session.post(do.SetPlots(("stereo.inliers", "nonsense", "stereo.inliers")))
+    wait_for(lambda: session.state.plots == ("stereo.inliers",), "the plots")
+    session.post(do.SetPlots(()))
+    wait_for(lambda: session.state.plots == (), "none")
+    session.post(do.SetPlots(None))
+    wait_for(lambda: session.state.plots == DEFAULT_PLOTS, "the usual ones")
+    session.post(do.SetPlots(tuple(list(session.series.quantities)[8 : 8 + 2 * MOST_PLOTS])))
+    wait_for(lambda: len(session.state.plots) == MOST_PLOTS, "as many as there may be")
     session.close(5)
