@@ -11,8 +11,8 @@ import numpy as np
 from ispom.types import Exposure, StereoPair
 
 SAME = 0.4
-"""Correlation from which on an image is the frame's, where no other fits better: tracks lie on it, and its pixels are on
-no grid. Of other noise it is 0.05."""
+"""Correlation from which on an image is the frame's, where no other fits better: tracks lie on it, and its pixels are
+on no grid. Of other noise it is 0.05."""
 
 
 def image_of(exposure: Exposure) -> np.ndarray:
