@@ -200,6 +200,8 @@ def _decoded(columns: pa.RecordBatch) -> pa.RecordBatch:
     path = columns.schema.metadata[b"rerun:entity_path"].decode()
     blob = columns.column(f"{IMAGE}:blob")[0].values[0].values
     image = cv2.imdecode(np.asarray(blob, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:  # it was damaged on the disk
+        return _emptied(columns.schema)
     if image.ndim == 3:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     value = rr.Image(image, color_model="L" if image.ndim == 2 else "RGB")

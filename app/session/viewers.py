@@ -54,7 +54,7 @@ class Viewers:
     def open(self, opened: Opened, history: History, recording: Path | None = None) -> None:
         """Begins another run, whatever became of the one before; of one that is over, its recording is shown."""
         self._sink, self._restarts, self._looked_at = self._wanted, RESTARTS, -1
-        kinds = () if recording is None else tuple(record.kind for record in history)
+        kinds: tuple[Kind, ...] = () if recording is None else tuple(record.kind for record in history)
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
         self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history)
         self._guarded(self._begin)

@@ -14,6 +14,7 @@ let idle = FIRST_MS; // the pause before the next frame while nothing happens
 let took = 0;
 let unread = 0; // messages that the viewer has not taken in
 let hurried = false; // whether somebody waits for them
+let partial = false; // whether the last frame took in a part of them
 let waiting = null;
 let drawn = () => {}; // called after each frame
 let looking = []; // who wants to see a frame
@@ -21,7 +22,7 @@ let looking = []; // who wants to see a frame
 window.requestAnimationFrame = (callback) => {
   const now = performance.now();
   const awake = now - wokenAt < FREE_MS || unread > 0;
-  const rest = took > SLOW_MS && !(hurried && unread > 0) && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
+  const rest = took > SLOW_MS && !((hurried || partial) && unread > 0) && now - handAt > FREE_MS ? Math.min(took, FREE_MS) : 0;
   if (!awake) idle = Math.min(3 * idle, RAREST_MS);
   const go = () => {
     waiting = null;
@@ -31,6 +32,7 @@ window.requestAnimationFrame = (callback) => {
       callback(now);
       looking = looking.filter((look) => !look());
       if (unread > 0) drawn();
+      partial = unread > 0;
     });
   };
   const pause = awake ? rest : idle;

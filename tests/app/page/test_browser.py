@@ -46,7 +46,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-dev-shm-usage",
 ]
-PATIENCE_MS = int(__import__("os").environ.get("P_MS", 60_000))
+PATIENCE_MS = 60_000
 NOT_NEW = "localStorage.setItem('ispom.tour', 'seen')"
 """As in a browser that was here before."""
 TOTAL = 44

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -66,9 +67,13 @@ class Stage(Page):
 
     def views(self) -> dict[str, View]:
         seek(self, 30)
-        self.tab.wait_for_timeout(500)  # views find their sizes
-        screen = screen_of(self.tab)
-        return {"video": View.find(screen, image(30)), "left": View.find(screen, image(newest(STEREO, 30)))}
+        until = time.monotonic() + PATIENCE_MS / 1000
+        while True:
+            screen = screen_of(self.tab)  # views find their sizes a frame or two after the first
+            try:
+                return {"video": View.find(screen, image(30)), "left": View.find(screen, image(newest(STEREO, 30)))}
+            except AssertionError:
+                assert time.monotonic() < until, "timed out waiting for the images"
 
 
 def newest(frames: list[int], index: int) -> int:
@@ -136,8 +141,9 @@ def test_while_it_plays_each_image_is_that_of_the_exposure_which_the_views_name(
     """The views leave out exposures where they are slow, and never show one under the name of another."""
     seek(stage, 0)
     stage.send("{do: 'play'}")
+    until = time.monotonic() + PATIENCE_MS / 1000
     while not assert_named(stage, views).endswith(f" {TOTAL - 1}"):
-        pass
+        assert time.monotonic() < until, "timed out waiting for the end"
     assert stage.state["index"] == TOTAL - 1
 
 
@@ -146,8 +152,9 @@ def test_a_fork_keeps_its_parent_in_sight_until_it_has_something_to_show(stage: 
     parent = stage.state["recording_id"]
     stage.controls.get_by_role("tab", name="Methods").click()
     stage.controls.get_by_role("button", name="Fork").click()
+    until = time.monotonic() + PATIENCE_MS / 1000
     while parent in assert_named(stage, views):
-        pass
+        assert time.monotonic() < until, "timed out waiting for the branch"
     stage.until("state.ended && !state.playing", "the end of the branch")
     assert_drawn(stage, views, 12)
 
