@@ -80,6 +80,8 @@ def test_a_folder_that_leads_elsewhere_is_refused(tmp_path: Path) -> None:
 
 def test_nothing_else_opens_a_file_to_write() -> None:
     writes = re.compile(r"""write_text\(|write_bytes\(|open\(\s*["'][rwax]b?\+|open\([^)\n]*["'][wax]b?["']|FileIO\(""")
-    sources = [path for folder in ("ispom", "app") for path in (ROOT / folder).rglob("*.py")]
+    sources = [
+        path for folder in ("ispom", "app") for path in (ROOT / folder).rglob("*.py") if "tests" not in path.parts[-2:]
+    ]
     named = {path.relative_to(ROOT).as_posix() for path in sources if writes.search(path.read_text(encoding="utf-8"))}
     assert named <= OWN_WRITERS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -156,14 +155,13 @@ def _single(
         camera, _, unknown = read_settings(calibration or beside, images.first_size)
         notes += unknown
     elif info is not None:
-        raise info
+        raise InputError(f"{info.args[0]}, or give --camera")
     else:
         size = images.first_size()
         guess = guessed(size, None)
         camera = guess.camera(size)
         notes += (f"{bag.path.name} has no calibration for {topic}: give --camera, or write {beside}",)
     images = _Images(bag, topic, index, (camera.width, camera.height))
-    images.require_size()
     times_ns = index.stamps_ns
     return Recording(
         f"bag {bag.path.name}", camera, None, times_ns, lambda _, i: images.read(i), None, notes, guess=guess
@@ -186,8 +184,6 @@ def _pair(bag: BagFile, topics: tuple[str, str], infos: tuple[_Info, _Info]) -> 
         _Images(bag, topic, index, (info.raw.width, info.raw.height))
         for topic, index, info in zip(topics, (left, right), infos, strict=True)
     ]
-    for raw in raws:
-        raw.require_size()
     streams = {"left": (0, i_left), "right": (1, i_right)}
 
     def read(side: Side, i: int) -> Image:
@@ -296,11 +292,6 @@ class _Images:
         image = np.ascontiguousarray(image)
         image.setflags(write=False)
         return image
-
-    def require_size(self) -> None:
-        """InputError if the first image is not as large as its calibration says: then none is."""
-        with suppress(UnreadableImage):  # a damaged image is skipped, later
-            self.read(0)
 
     def first_size(self) -> tuple[int, int]:
         """(width, height) of the first image that can be read."""

@@ -73,8 +73,8 @@ def test_a_camera_without_calibration_is_a_guess_or_that_of_a_file(info: bool | 
 
 def test_a_calibration_takes_the_place_of_none_that_is_good(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text("{width: 96, height: 64, fx: 90, fy: 90, cx: 47.5, cy: 31.5}")
-    odd = make_bag(tmp_path / "odd", "ros1", ("camera",), info="double_sphere")
-    with pytest.raises(InputError, match=r"no camera that is known \(double_sphere .* or give --camera"):
+    odd = make_bag(tmp_path / "odd", "ros1", ("camera",), model=("double_sphere", (0.0,) * 5))
+    with pytest.raises(InputError, match=r"double_sphere.* or give --camera"):
         open_sequence(str(odd))
     assert open_sequence(str(odd), camera=tmp_path / "own.yaml").rig.camera("video").fx == 90
     for cameras in (("camera",), ("left", "right")):
@@ -251,7 +251,7 @@ def test_images_of_another_size_than_their_camera_info_are_refused_when_the_bag_
     path = make_bag(tmp_path, "ros1", ("camera",), compressed, binning=2)
     raw = path.read_bytes()
     path.write_bytes(raw.replace(struct.pack("<II", 2, 2), struct.pack("<II", 0, 0)))
-    with pytest.raises(InputError, match="are 96 x 64, not 192 x 128 as their camera_info says"):
+    with pytest.raises(InputError, match="96 x 64, not 192 x 128"):
         open_sequence(str(path))
 
 
