@@ -21,6 +21,7 @@ from ispom.errors import InputError
 from ispom.evaluation import metrics
 from ispom.evaluation.association import associate
 from ispom.evaluation.ate import aligned
+from ispom.evaluation.trajectory_error import MIN_POSES
 from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Status, Trajectory
@@ -109,7 +110,7 @@ def _accuracy(trajectory: Trajectory, sequence: Sequence, method: str) -> dict[s
     found = metrics.errors(trajectory, sequence.truth, sequence.rig, metric)
     truth = sequence.truth.moved(right=sequence.rig.rig_from(trajectory.frame), frame=trajectory.frame)
     own, other = associate(trajectory, truth)
-    if metric and len(own) >= metrics.MIN_POSES:
+    if metric and len(own) >= MIN_POSES:
         off = aligned(own, other, "first").translations - other.translations
         found["largest_drift_m"] = float(np.linalg.norm(off, axis=1).max())
     return found

@@ -35,7 +35,7 @@ def listening(_: Plan, run: Run, out: Path, __: bool) -> Row:
     return Row(run, None, {name: float(_open_to_all(process)) for name, process in opened.items() if process})
 
 
-PAGES = ("/", "/status", "/health", "/metrics", "/sitemap.json", "/info/main/workers.html", "/json/counts.json")
+PAGES = ("/", "/status", "/health", "/metrics", "/info/main/workers.html", "/json/counts.json")
 
 
 def pages(_: Plan, run: Run, out: Path, __: bool) -> Row:
