@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ispom.methods import method as registered
+from ispom.methods import names
 
 from .. import colours
 from ..rerun_log.blueprint import hidden_paths
@@ -186,8 +187,8 @@ def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | N
             case "plot":
                 return do.Plot(str(message["name"]))
             case "plots":
-                names = str(message["names"])
-                return do.SetPlots(None if not names else () if names == NO_PLOTS else tuple(names.split(",")))
+                plots = str(message["names"])
+                return do.SetPlots(None if not plots else () if plots == NO_PLOTS else tuple(plots.split(",")))
             case "speed":
                 factor = message["factor"]
                 return do.Speed(None if factor is None else min(max(float(factor), 0.01), 100.0))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from io import FileIO
 from pathlib import Path
 
 import cv2
@@ -18,6 +18,7 @@ from ispom_app.run.playback import Builder
 
 from ispom.ensemble import Ensemble, build
 from ispom.frontends.pair_look import EXCHANGED
+from ispom.io import whole
 from ispom.io.tum import read_tum
 from ispom.methods import Config
 from ispom.types import Rig
@@ -304,19 +305,13 @@ def test_disk_full_while_writing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The file that no longer fits is not there in part, its poses are in the journal, the others are whole."""
-    write_bytes = Path.write_bytes
-
-    def full(self: Path, content: bytes) -> int:
-        if "integrated.tum" in self.name:
-            write_bytes(self, content[:50])
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write_bytes(self, content)
-
-    monkeypatch.setattr(Path, "write_bytes", full)
+    create = whole.create_file
+    full = lambda path: FileIO("/dev/full", "wb") if "integrated.tum" in path.name else create(path)  # noqa: E731
+    monkeypatch.setattr(whole, "create_file", full)
     out = tmp_path / "out"
     told = sentence(capsys, str(make_drive(tmp_path / "kitti")), "--out", str(out))
     assert "integrated.tum cannot be written (No space left on device): make room" in told
-    logs = {"steps.csv", "decisions.csv"}
+    logs = {"steps.csv", "decisions.csv", "events.csv"}
     assert {p.name for p in out.iterdir()} == logs | {
         *("run.yaml", "rig.yaml", "truth.tum", "monocular.tum", "stereo.tum", "poses.csv", "metrics.json"),
         *("landmarks.npz", "thumbnail.jpg", MARKER),
@@ -345,9 +340,6 @@ def test_disk_full_while_recording(
 def test_a_marker_that_cannot_be_renewed_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = RunFolder(tmp_path / "out")
 
-    def full(*_: object, **__: object) -> int:
-        raise OSError(errno.ENOSPC, "full")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(whole, "create_file", lambda _: FileIO("/dev/full", "wb"))
     folder.failed("no reason")
     assert "has not ended" in (tmp_path / "out" / MARKER).read_text()

@@ -312,7 +312,7 @@ def test_a_signal_keeps_what_was_computed(
     out = tmp_path / "out"
     assert ended(drive, out, Interrupted) == code
     assert names(out) == FILES | {"run.rrd", MARKER}
-    assert "signal after 6 of 12 exposures" in (out / MARKER).read_text()
+    assert "signal after 7 of 12 exposures" in (out / MARKER).read_text()
     assert len(read_tum(out / "monocular.tum")) == 3
     assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
 

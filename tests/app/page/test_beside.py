@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -57,7 +58,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
     tab(page, "Branches")
     page.controls.get_by_text("Other programs").wait_for()
     cells = page.controls.locator("tr", has_text="orb").first.locator("td").all_inner_texts()
-    assert cells[0].endswith("orb") and cells[1].endswith(" m") and cells[2] == "0"
+    assert cells[0].endswith("orb") and re.fullmatch(r"[\d.]+ mm SE\(3\)", cells[1]) and cells[2] == "0"
     page.controls.get_by_text("aligned to the ground truth by se3").wait_for()
     legend = page.controls.locator(".u-legend")
     legend.wait_for()
