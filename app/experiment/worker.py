@@ -29,7 +29,7 @@ LOOK_S = 0.3
 
 def without_pages() -> None:
     """Has the nodes of Dask in this process offer no HTTP pages: every user of the machine could read them."""
-    import dask
+    import dask.config
 
     dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
 

@@ -47,6 +47,7 @@ async function stand(own, copy, canvases) {
     copy.setAttribute("value", own.value);
     copy.toggleAttribute("checked", Boolean(own.checked));
   }
+  else if (kind === "select") copy.options[own.selectedIndex]?.setAttribute("selected", "");
   if (own.scrollTop && copy.firstElementChild) copy.firstElementChild.style.marginTop = `${-own.scrollTop}px`;
 }
 

@@ -47,6 +47,7 @@ export function makePlots(box, command) {
     }));
     label.append(button("×", `Closes the plot of ${plot.title}`, () => command({ do: "plot", name: plot.name })));
     const canvas = element.appendChild(document.createElement("canvas"));
+    canvas.className = "drawing"; // not by its kind: a saved picture of the page has an image in its place
     const now = element.appendChild(document.createElement("span"));
     now.className = "now";
     return { plot, element, unit, scale, canvas, now, shown: { name: plot.unit, factor: 1 } };

@@ -60,7 +60,7 @@ def test_the_table_and_the_curves_have_the_other_program(page: Page):
     cells = page.controls.locator("tr", has_text="orb").first.locator("td").all_inner_texts()
     assert cells[0].endswith("orb") and re.fullmatch(r"[\d.]+ mm SE\(3\)", cells[1]) and cells[2] == "0"
     page.controls.get_by_text("aligned to the ground truth by se3").wait_for()
-    legend = page.controls.locator(".u-legend")
+    legend = page.controls.locator(".u-legend").first
     legend.wait_for()
     assert all(name in legend.inner_text() for name in ("Stereo", "Integrated (paper)", "orb"))
     page.tab.wait_for_function(COLOURED)
