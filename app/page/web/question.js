@@ -18,6 +18,7 @@ export function makeQuestion(send) {
   return (question, drives) => {
     const wanted = question && drives && question.number !== answered ? question : null;
     if (wanted?.number === asked?.number && dialog.open === Boolean(wanted)) return;
+    if (wanted && wanted.number === asked?.number) return answer(false); // just closed by Escape: its event comes later
     asked = wanted;
     if (dialog.open) dialog.close();
     if (!wanted) return;

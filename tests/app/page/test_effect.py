@@ -51,7 +51,9 @@ def test_a_slider_predicts_what_the_error_does(page: Page):
 
 def test_a_slider_is_moved_by_its_keys(page: Page):
     row = page.controls.get_by_text("turn y [°]", exact=True).locator("xpath=ancestor::p/../..")
-    row.get_by_role("slider").press("ArrowRight")
+    row.get_by_role("slider").focus()
+    for key in ("Shift+Tab", "Tab", "ArrowRight"):  # by key: after a click the arrows are the run's
+        page.tab.keyboard.press(key)
     page.until("state.effect && state.effect.wrong.turn_y_deg > 0", "the prediction")
     number(page, "turn y [°]").fill("0")
     page.until("state.effect && !('turn_y_deg' in state.effect.wrong)", "the slider at 0 again")

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 import viser
-from ispom_app.features.explain.panel import ExplainPanel, report
 from ispom_app.options import SourceOptions
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
@@ -18,9 +17,10 @@ from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import Kept, Recording, State
 from ispom_app.viser_ui.panels.methods import MethodsPanel
 from ispom_app.viser_ui.panels.record import RecordPanel
-from ispom_app.viser_ui.panels.run import RunPanel
+from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel
 from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
 from ispom_app.viser_ui.panels.view import ViewPanel, legend
+from ispom_app.viser_ui.panels.why import WhyPanel, report
 
 from ispom.methods import Config
 from ispom.types import Decision, Status, Step
@@ -37,9 +37,7 @@ def gui(server: viser.ViserServer) -> viser.GuiApi:
 @pytest.fixture
 def session(tmp_path: Path) -> Any:
     asked: list[do.Command] = []
-    return SimpleNamespace(
-        state=STATE, opened=None, run=None, post=asked.append, asked=asked, folders=Folders(tmp_path)
-    )
+    return SimpleNamespace(state=STATE, opened=None, post=asked.append, asked=asked, folders=Folders(tmp_path))
 
 
 def record(index: int, *decisions: Decision) -> ExposureRecord:
@@ -59,18 +57,62 @@ def press(handle: Any) -> None:
         callback(SimpleNamespace())
 
 
+def test_the_slider_shows_the_exposure_and_asks_only_where_a_hand_moved_it(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(7)))
+    assert panel._slider.value == 7 and panel._slider.max == 19 and not session.asked
+    by_hand(panel._slider, 3)
+    assert session.asked == [do.Seek(3)]
+
+
+def test_an_exposure_can_be_asked_for_that_the_program_had_shown_before(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(7)))
+    by_hand(panel._slider, 3)
+    panel.show(replace(STATE, displayed=record(3)))
+    by_hand(panel._slider, 7)
+    assert session.asked == [do.Seek(3), do.Seek(7)]
+
+
+def test_a_live_source_that_grows_does_not_move_the_slider(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(7)))
+    panel.show(replace(STATE, displayed=record(7), total=40))
+    assert panel._slider.value == 7 and panel._slider.max == 39 and not session.asked
+
+
+def test_a_shorter_source_takes_the_slider_back(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(replace(STATE, displayed=record(15)))
+    panel.show(replace(STATE, total=5, run=2))
+    assert panel._slider.value == 0 and panel._slider.max == 4 and not session.asked
+
+
 def test_a_move_asked_for_while_a_source_is_opened_is_answered_and_not_kept(gui, session):
     """It was kept until then, without a word: Step opened the source paused."""
     panel, told = RunPanel(gui, session), list[str]()
     client = SimpleNamespace(add_notification=lambda title, body, **_: told.append(f"{title}: {body}"))
     by_client = SimpleNamespace(client=client, client_id=1)
-    moves = [callback for command in panel._commands for callback in command._impl.trigger_cb]
+    movers = [panel._buttons, panel._slider, *panel._moves.values()]
+    asking = [callback for mover in movers for callback in mover._impl.update_cb]
+    asking += [callback for command in panel._commands for callback in command._impl.trigger_cb]
     for phase in ("opening", "ready"):
         session.state = replace(STATE, phase=phase)
-        for callback in moves:
+        for callback in asking:
             callback(by_client)
-        assert len(moves) > 10 and len(told) == len(moves)
-        assert len(session.asked) == (0 if phase == "opening" else len(moves))
+        assert len(asking) > 15 and len(told) == len(asking)
+        assert len(session.asked) == (0 if phase == "opening" else len(asking))
+    assert set(told) == {"Not open yet: The source is still being opened: moves work once it is."}
+
+
+def test_the_play_button_says_what_it_will_do(gui, session):
+    panel = RunPanel(gui, session)
+    panel.show(STATE)
+    assert panel._buttons.options == (BACK, PLAY, FORWARD)
+    panel.show(replace(STATE, playing=True))
+    assert panel._buttons.options == (BACK, PAUSE, FORWARD)
+    panel._buttons.value = PAUSE
+    assert session.asked[-1] == do.Play(False)
 
 
 @pytest.mark.parametrize("changes", [{"phase": "opening", "total": 0, "source": HOSTILE}, {"notes": (HOSTILE,)}])
@@ -100,9 +142,17 @@ def test_names_of_recordings_are_never_markup(gui, session):
 
 
 def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
-    triggers = [Decision(n, 0.1, 0.5, False, question="New keyframe?", kind="trigger") for n in (HOSTILE, "turn")]
+    triggers = [Decision(n, 0.1, 0.5, False, question="New key frame?", kind="trigger") for n in (HOSTILE, "turn")]
     text = report(replace(STATE, displayed=record(0, *triggers)))
     assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text
+
+
+@pytest.mark.parametrize("has_stereo", [True, False])
+def test_moves_by_stereo_exposures_are_offered_where_there_are_some(gui, session, has_stereo: bool):
+    panel = RunPanel(gui, session)
+    session.opened = SimpleNamespace(sequence=SimpleNamespace(rig=SimpleNamespace(has_stereo=has_stereo)))
+    panel.show(STATE)
+    assert panel._moves["stereo"].visible is has_stereo and panel._moves["key frame"].visible
 
 
 def test_a_method_whose_settings_are_not_the_defaults_says_so_on_its_folder(gui, session):
@@ -114,22 +164,21 @@ def test_a_method_whose_settings_are_not_the_defaults_says_so_on_its_folder(gui,
     assert panel._folders["stereo"].label == "Stereo settings"
 
 
-def test_explain_names_the_settings_that_are_not_the_defaults():
+def test_why_names_the_settings_that_are_not_the_defaults():
     shown = replace(STATE, displayed=record(0), methods=("stereo",), config=Config())
-    assert "Settings other than the defaults" not in report(shown)
+    assert "other than the defaults" not in report(shown)
     settings = replace(Config().of("stereo"), max_tracks=123)
     text = report(replace(shown, config=Config({"stereo": settings})))
     assert "other than the defaults" in text and "123" in text and "stereo.max-tracks" in text
 
 
-def test_explain_begins_with_the_verdict_of_the_frame_as_it_is_counted_everywhere(gui, session):
-    panel = ExplainPanel(gui, session)
+def test_why_shows_the_exposure_as_it_is_counted_everywhere(gui):
+    panel = WhyPanel(gui)
     panel.show(STATE)
-    assert "No frame is processed yet" in panel._verdicts.content
+    assert "Nothing is computed yet" in panel._html.content
     panel.show(replace(STATE, displayed=record(7, Decision("inliers", 8, 12, False, consequence="no pose"))))
-    text = panel._verdicts.content
-    assert text.index("Frame 7") < text.index('class="headline') < text.index("needed: at least 12 · 4 too low")
-    assert "✕" in panel._details["checks.html"].content and "no pose" in text
+    assert "exposure 7, used by 1 of 1 methods" in panel._html.content
+    assert "✕" in panel._html.content and "no pose" in panel._html.content
 
 
 def test_hiding_a_layer_asks_for_it(gui, session):
@@ -185,9 +234,9 @@ def test_a_folder_that_a_page_cannot_name_is_told_by_its_escapes(gui, session, t
     assert SourcePanel(gui, session)._browse.value == "in caf\\udce9: choose …"
 
 
-def test_before_the_first_exposure_explain_says_what_to_do_or_to_wait(gui, session):
-    panel = ExplainPanel(gui, session)
+def test_before_the_first_exposure_why_says_what_to_do_or_to_wait(gui):
+    panel = WhyPanel(gui)
     panel.show(STATE)
-    assert "Press Play, or step forward" in panel._verdicts.content
+    assert "Press Play, or step forward" in panel._html.content
     panel.show(replace(STATE, playing=True))
-    assert "Waiting for the first frame" in panel._verdicts.content
+    assert "The first exposure is being computed." in panel._html.content
