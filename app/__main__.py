@@ -34,7 +34,16 @@ def main() -> int:
     with lasting():
         from .cli import main as run
 
-    return run(words)
+    try:
+        return run(words)
+    finally:
+        _end_rendering()
+
+
+def _end_rendering() -> None:
+    """Ends the processes that render. Without this, Python waits at its end for an image that nobody needs."""
+    if (process := sys.modules.get("ispom.simulation.process")) is not None:
+        process.render_pool().end()
 
 
 def _end_silently() -> None:

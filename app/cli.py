@@ -76,17 +76,7 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
         what, reason = error.filename or "standard output", error.strerror or str(error)
         return _misuse(printable(f"{what} cannot be used ({reason}): check the path, its permissions and free space"))
     except KeyboardInterrupt:
-        _end_rendering()
         return INTERRUPTED
-    except SystemExit:
-        _end_rendering()
-        raise
-
-
-def _end_rendering() -> None:
-    """Else Python waits at its end for an image that nobody wants."""
-    if (process := sys.modules.get("ispom.simulation.process")) is not None:
-        process.render_pool().end()
 
 
 def _misuse(sentence: str) -> int:

@@ -122,7 +122,7 @@ class Talk:
                     shown = now
                     message = message_of(state) | {"keys": keys, "people": seen}
                     message |= {"axis": axis.since(state, run), "plots": plots.since(covered(local), run)}
-                    message |= {"looking": looking.index, "look": own_view(local, state), "refused": self._refused}
+                    message |= {"looking": looking.index, "own": own_view(local, state), "refused": self._refused}
                     message |= lesson.since(state, run, self._answers, self._person.key)
                     keys = None
                     await socket.send_str(json.dumps(message))

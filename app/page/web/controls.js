@@ -16,7 +16,7 @@ export function openControls(dark, press, command, tabOpened) {
     style.textContent = `:root:root { --mantine-color-dimmed: ${colour}; ${accents.join(" ")} }
       .mantine-Slider-markLabel { color: ${colour}; }
       [role=tab] { padding-inline: 2px !important; font-size: 12px !important; }
-      .following :is(button:not([role=tab], [data-plot], [data-seek]), input, textarea, .mantine-Slider-root) { pointer-events: none; opacity: 0.5; }
+      .following :is(button:not([role=tab], [data-plot], [data-seek]), input, textarea, .mantine-Slider-root) { pointer-events: none; }
       ${dark ? "" : `[role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: ${ON_WHITE} !important; }`}`;
     frame.contentDocument.head.append(style);
     listen(frame.contentWindow, press);

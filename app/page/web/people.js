@@ -43,7 +43,7 @@ export function makePeople(send, command, tell) {
         tell(next.people.driving ? "You drive now." : `${driver(next.people)} drives now.`);
       }
       if (before && next.refused[0] > before.refused[0]) tell(next.refused[1]);
-      const shown = next.look === null ? next : { ...next, ...next.look };
+      const shown = next.own === null ? next : { ...next, ...next.own };
       say(shown, next);
       const wanted = JSON.stringify([next.people, next.looking === null, shown.playing]);
       if (painted !== wanted) paint(shown); // not at each exposure: a button that is drawn again while it is pressed is not clicked

@@ -120,7 +120,7 @@ def test_branches_are_not_lost_without_a_question(page: Page):
     page.until("state.index === 10", "the seek")
     page.controls.get_by_role("tab", name="Methods").click()
     page.controls.get_by_role("button", name="Fork at exposure 11").click()
-    page.until("state.branches.length === 2 && state.ended && !state.playing", "the branch")
+    page.until("state.address.branch === 1 && state.ended && !state.playing", "the branch")
     dialog, run = page.tab.locator("#question"), page.state["run"]
 
     def ask() -> None:

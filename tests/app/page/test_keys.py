@@ -127,7 +127,7 @@ CLICKED = {
 @pytest.mark.parametrize("where", CLICKED)
 def test_a_key_is_the_runs_after_a_click_on_anything_that_is_no_text_field(page: Page, where: str):
     """Arrows switched tabs, moved sliders and dragged the splitter; a list kept all keys once it had been clicked."""
-    splitter = page.tab.locator("#splitter").bounding_box()
+    splitter = page.tab.locator("#splitter").bounding_box()["x"]
     begin(page, "play")
     CLICKED[where](page)
     tab = page.controls.locator("[role=tab][aria-selected=true]").inner_text()
@@ -137,7 +137,7 @@ def test_a_key_is_the_runs_after_a_click_on_anything_that_is_no_text_field(page:
         page.tab.keyboard.press(key)
         page.until(CONSEQUENCES[name], f"{key} after a click on {where}")
     assert page.controls.locator("[role=tab][aria-selected=true]").inner_text() == tab
-    assert page.tab.locator("#splitter").bounding_box() == splitter
+    assert page.tab.locator("#splitter").bounding_box()["x"] == splitter
     assert page.controls.locator("[role=listbox]:visible").count() == 0
 
 
