@@ -120,11 +120,16 @@ DRAWN = """(() => {
 def go_to(page: Page, index: int) -> None:
     page.send(f"{{do: 'seek', index: {index}}}")
     page.until(f"state.index === {index}", "the seek")
-    page.controls.locator(".why", has_text=f"exposure {index},").first.wait_for()  # viser draws it anew, a little later
+    page.controls.locator(".explain", has_text=f"Frame {index}").first.wait_for()  # viser draws it a little later
 
 
 def row(page: Page, name: str = NAME):
-    return page.controls.locator(f'.why button[data-plot="{name}"]')
+    """Of the folder with all checks, which is open as long as the page is."""
+    found = page.controls.locator(f'.explain button[data-plot="{name}"]').last
+    if not found.is_visible():
+        page.controls.get_by_text("All checks", exact=True).click()
+        found.wait_for()
+    return found
 
 
 def plot(page: Page, name: str = NAME):
@@ -166,9 +171,12 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
     row(page).focus()
     page.tab.keyboard.press("Enter")
     page.until("state.address.plots === ''", "the plot to be closed")
-    page.tab.keyboard.press("Tab")
-    page.tab.keyboard.press("Space")
-    page.until("state.address.plots !== ''", "the plot of the next line")
+    other = page.controls.locator('.explain button[data-plot="monocular.alive"]')
+    page.controls.get_by_text("Tracks and numbers", exact=True).click()
+    other.wait_for()
+    other.focus()
+    page.tab.keyboard.press("Enter")
+    page.until("state.address.plots !== ''", "the plot of another line")
     name = page.state["address"]["plots"].split(",")[-1]
     assert name != NAME and not page.state["playing"]
     page.tab.keyboard.press("ArrowRight")

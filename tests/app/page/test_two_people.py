@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -77,11 +78,11 @@ def test_their_buttons_play_and_step_and_their_bar_has_the_numbers_of_their_expo
     follower.send("{do: 'follow'}")
     seek(driver, 20)
     follower.until("window.ispom.shown.index === 20 && state.looking === null", "to follow")
-    errors = "[...document.querySelectorAll('#methods .error')].map((e) => e.textContent).join()"
+    errors = "[...document.querySelectorAll('#methods .method')].map((e) => e.title).join()"  # with the live ones
     before = follower.tab.evaluate(errors)
     follower.tab.get_by_role("button", name="◀ Step").click()
     follower.until("window.ispom.shown.index === 19", "the step")
-    follower.until(f"{errors} !== '{before}'", "the errors at that exposure")
+    follower.until(f"{errors} !== {json.dumps(before)}", "the errors at that exposure")
     seek(driver, 19)
     driver.until("state.index === 19", "the same exposure")
     assert follower.tab.evaluate(errors) == driver.tab.evaluate(errors)
