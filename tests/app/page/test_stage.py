@@ -63,7 +63,11 @@ def seek(page: Page, frame: int) -> None:
 
 
 class Stage(Page):
-    """A page, and where its image views are."""
+    """A page, and where its image views are: it is high, for small views show a frame's neighbours nearly as well."""
+
+    def __init__(self, *args, **kwargs) -> None:
+        super().__init__(*args, **kwargs)
+        self.tab.set_viewport_size({"width": 1280, "height": 884})
 
     def views(self) -> dict[str, View]:
         seek(self, 30)

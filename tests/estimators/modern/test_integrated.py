@@ -188,9 +188,9 @@ def test_a_late_clock_and_a_camera_turned_and_shifted_are_found_in_images(flight
     assert np.degrees(np.linalg.norm(turned)) < 0.25  # half the resolution and an eighth of the time of sim:city
     left = found.rig_from_video.translation - flight.rig.rig_from_video.translation
     assert np.linalg.norm(left) < np.linalg.norm(shift)  # half of it over sim:city; 3 s tell less
-    told = {d.name: d for d in steps[-1].decisions or next(s for s in reversed(steps) if s.decisions).decisions}
-    assert told["clock offset of the video"].value == pytest.approx(20, abs=1)
-    assert told["video camera turned"].passed and "+-" in str(told["video camera shifted"])
+    decisions = {d.key: d for d in steps[-1].decisions or next(s for s in reversed(steps) if s.decisions).decisions}
+    assert decisions["clock_offset"].value == pytest.approx(20, abs=1)
+    assert decisions["video_turned"].passed and "+-" in str(decisions["video_shifted"])
 
 
 def test_after_a_gap_it_is_where_the_stereo_method_found_its_way(flight: Sequence, exposures: list[Exposure]) -> None:
