@@ -32,7 +32,13 @@ def test_when_the_renderer_starts(
     def start(self: RenderPool) -> None:
         started.append(self)
 
+    def end(self: RenderPool) -> None:  # not the real one: the tests that follow need the processes
+        ended.append(self)
+
+    ended: list[object] = []
     monkeypatch.setattr(RenderPool, "start", start)
+    monkeypatch.setattr(RenderPool, "end", end)
     monkeypatch.setattr(cli, "main", lambda given: 7 if given == words else 0)
     assert entry.main() == 7
     assert len(started) == starts
+    assert len(ended) == 1
