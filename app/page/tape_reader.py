@@ -29,8 +29,9 @@ class TapeReader:
     """One page's place on the tape.
 
     A page that comes back names the `run` that it has, the item that comes `next`, and its last `serial` number. It
-    sends "more" when it can take more items, and "show 12" when it can take that frame; this holds until it is
-    answered, so that a frame that comes later, or changes, is sent by itself. An answer is either text, the run that
+    sends "more" when it can take more items, and "show 12 34" when it can take frame 12 and has received message 34; this
+    holds until it is answered, so that a frame that comes later, or changes, is sent by itself. A request that a frame
+    crosses on its way is void: the page asks again when it can take another one. An answer is either text, the run that
     begins now and the id of its recording; or bytes: HEAD, then an `.rrd` stream. The first of a run brings a frame.
     """
 
@@ -43,6 +44,8 @@ class TapeReader:
         self._index = -1
         """The frame that the page asked for last; -1 for none yet."""
         self._takes_frame = self._takes_items = False
+        self._frame_serial = 0
+        """The serial number of the last message that brought a frame."""
         self._shown: tuple[int, bool] | None = None
         """The frame that the page was sent last, and whether that is complete."""
         self._requested = -1
@@ -65,7 +68,7 @@ class TapeReader:
     def _hear(self, text: str) -> None:
         if text == "more":
             self._takes_items = True
-        elif found := re.fullmatch(r"show (\d{1,9})", text):
+        elif (found := re.fullmatch(r"show (\d{1,9}) (\d{1,9})", text)) and int(found[2]) >= self._frame_serial:
             self._index, self._takes_frame = int(found[1]), True
         self._grown.ring()
 
@@ -145,6 +148,8 @@ class TapeReader:
     async def _deliver(self, socket: web.WebSocketResponse, items: bytes, scene: Scene | None) -> None:
         assert self._writer is not None
         self._serial += 1
+        if scene is not None:
+            self._frame_serial = self._serial
         content = items + await asyncio.to_thread(self._writer.write, scene, self._serial)
         index, complete = (-1, True) if scene is None else (scene.index, not scene.missing)
         if scene is not None:

@@ -82,9 +82,9 @@ function heard(stage, recordings) {
   expectData(stage.unread.length);
 }
 
-// The frame that is wanted now; what the server sends next waits until the viewer has taken in the one before.
+// The frame that is wanted now; the server sends no other one until the viewer has taken in the one before.
 function ask(stage) {
-  if (stage.wanted !== null && !stage.unread.some(({ index }) => index >= 0)) tell(stage, `show ${stage.wanted}`);
+  if (stage.wanted !== null && !stage.unread.some(({ index }) => index >= 0)) tell(stage, `show ${stage.wanted} ${stage.serial}`);
 }
 
 const tell = ({ socket }, message) => socket?.readyState === WebSocket.OPEN && socket.send(message);

@@ -176,12 +176,12 @@ def test_a_page_gets_the_frame_that_it_asks_for_and_of_curves_as_much_as_it_asks
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 2")
+            await ws.send_str("show 2 0")
             assert json.loads(await ws.receive_str()) == {"run": tape.run, "recording": "a-run"}
             assert await heard(ws) == (1, 1, 2, True), "the first message brings the opening and the frame"
-            await ws.send_str("show 0")
+            await ws.send_str("show 0 1")
             assert await heard(ws) == (1, 2, 0, True)
-            await ws.send_str("show 1")
+            await ws.send_str("show 1 2")
             assert await heard(ws) == (1, 3, 1, True)
             tape.append(b"later")
             at.live.grown.notify()
@@ -190,8 +190,28 @@ def test_a_page_gets_the_frame_that_it_asks_for_and_of_curves_as_much_as_it_asks
         async with at.client.ws_connect(f"{at.url}live?run={tape.run}&next=1&serial=4") as ws:
             await ws.send_str("more")
             assert await heard(ws) == (2, 5, -1, True)
-            await ws.send_str("show 1")
+            await ws.send_str("show 1 5")
             assert await heard(ws) == (2, 6, 1, True), "nobody knows what the page has"
+        tape.close()
+
+    serving(tmp_path, check)
+
+
+def test_a_request_that_crosses_a_frame_is_void(tmp_path: Path):
+    """A page that seeks faster than it receives would have to take in frames that nobody wants any more."""
+
+    async def check(at: Served) -> None:
+        at.live.tape = tape = filled(tmp_path)
+        async with at.client.ws_connect(f"{at.url}live") as ws:
+            await ws.send_str("show 0 0")
+            await ws.receive_str()
+            assert await heard(ws) == (1, 1, 0, True)
+            await ws.send_str("show 1 0")  # sent before the frame was received
+            tape.append(b"later")
+            await ws.send_str("more")
+            assert await heard(ws) == (2, 2, -1, True), "no frame"
+            await ws.send_str("show 2 1")
+            assert await heard(ws) == (2, 3, 2, True), "a message without a frame makes no request void"
         tape.close()
 
     serving(tmp_path, check)
@@ -202,23 +222,23 @@ def test_a_frame_that_comes_later_or_changes_is_sent_by_itself(tmp_path: Path):
         asked: list[int] = []
         at.live.tape = tape = filled(tmp_path, request=asked.append)
         async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 4")
+            await ws.send_str("show 4 0")
             await ws.receive_str()
             assert (await heard(ws))[2] == 2, "until it is there the last one"
-            await ws.send_str("show 4")
+            await ws.send_str("show 4 1")
             draw(tape, 3)
             at.live.grown.notify()
             assert (await heard(ws))[2] == 3
-            await ws.send_str("show 4")
+            await ws.send_str("show 4 2")
             tape.came(4, bare=True)
             at.live.grown.notify()
             assert (await heard(ws))[2:] == (4, False)
             assert asked == [4]
-            await ws.send_str("show 4")
+            await ws.send_str("show 4 3")
             tape.came(4)
             at.live.grown.notify()
             assert (await heard(ws))[2:] == (4, True)
-            await ws.send_str("show 4")
+            await ws.send_str("show 4 4")
             draw(tape, 4, "the final poses are in it")
             at.live.grown.notify()
             assert (await heard(ws))[2:] == (4, True)
@@ -233,10 +253,10 @@ def test_another_run_begins_when_its_frame_can_be_shown(tmp_path: Path):
     async def check(at: Served) -> None:
         first = at.live.tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as ws:
-            await ws.send_str("show 2")
+            await ws.send_str("show 2 0")
             await ws.receive_str()
             assert (await heard(ws))[2] == 2
-            await ws.send_str("show 2")
+            await ws.send_str("show 2 1")
             second = at.live.tape = filled(tmp_path, frames=1, expected=lambda: 3)
             at.live.grown.notify()
             with pytest.raises(asyncio.TimeoutError):
@@ -264,9 +284,9 @@ def test_a_viewer_that_stops_reading_costs_the_others_nothing(tmp_path: Path):
     async def check(at: Served) -> None:
         at.live.tape = tape = filled(tmp_path)
         async with at.client.ws_connect(f"{at.url}live") as stuck, at.client.ws_connect(f"{at.url}live") as other:
-            await other.send_str("show 0")
+            await other.send_str("show 0 0")
             for _ in range(100):
-                await stuck.send_str("show 0")
+                await stuck.send_str("show 0 0")
                 await stuck.send_str("more")  # and never reads
             for i in range(64):
                 tape.append(b"x" * 1_000_000)
