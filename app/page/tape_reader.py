@@ -29,10 +29,11 @@ class TapeReader:
     """One page's place on the tape.
 
     A page that comes back names the `run` that it has, the item that comes `next`, and its last `serial` number. It
-    sends "more" when it can take more items, and "show 12 34" when it can take frame 12 and has received message 34; this
-    holds until it is answered, so that a frame that comes later, or changes, is sent by itself. A request that a frame
-    crosses on its way is void: the page asks again when it can take another one. An answer is either text, the run that
-    begins now and the id of its recording; or bytes: HEAD, then an `.rrd` stream. The first of a run brings a frame.
+    sends "more" when it can take more items, and "show 12 34" when it can take frame 12 and has received message 34;
+    this holds until it is answered, so that a frame that comes later, or changes, is sent by itself. A request that a
+    frame crosses on its way is void: the page asks again when it can take another one. An answer is either text, the
+    run that begins now and the id of its recording; or bytes: HEAD, then an `.rrd` stream. The first of a run brings a
+    frame.
     """
 
     def __init__(
