@@ -26,8 +26,8 @@ MOVES = {
 """Rows of buttons: what is on each, and the action's name."""
 HAND_S = 0.4
 """How long after a person moved the slider the program leaves it alone."""
-TOLD_S = 6.0
-"""How long a person is told that nothing is open yet, as in the page (notices.js)."""
+NOTICE_S = 6.0
+"""How long the sentence that nothing is open yet stays, as in the page (notices.js)."""
 
 
 class RunPanel:
@@ -95,8 +95,8 @@ def _move(session: Session, event: viser.GuiEvent[Any] | viser.CommandEvent, wan
     if session.state.phase != "opening":
         session.post(wanted)
     elif event.client is not None:
-        told = "The source is still being opened: moves work once it is."
-        event.client.add_notification("Not open yet", told, auto_close_seconds=TOLD_S)
+        text = "The source is still being opened: moves work once it is."
+        event.client.add_notification("Not open yet", text, auto_close_seconds=NOTICE_S)
 
 
 def _text(state: State) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import viser
+from ispom_app.features.explain.panel import ExplainPanel, report
 from ispom_app.options import SourceOptions
 from ispom_app.run.history.record import ExposureRecord
 from ispom_app.session import commands as do
@@ -20,7 +21,6 @@ from ispom_app.viser_ui.panels.record import RecordPanel
 from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel
 from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
 from ispom_app.viser_ui.panels.view import ViewPanel, legend
-from ispom_app.viser_ui.panels.why import WhyPanel, report
 
 from ispom.methods import Config
 from ispom.types import Decision, Status, Step
@@ -37,7 +37,9 @@ def gui(server: viser.ViserServer) -> viser.GuiApi:
 @pytest.fixture
 def session(tmp_path: Path) -> Any:
     asked: list[do.Command] = []
-    return SimpleNamespace(state=STATE, opened=None, post=asked.append, asked=asked, folders=Folders(tmp_path))
+    return SimpleNamespace(
+        state=STATE, opened=None, run=None, post=asked.append, asked=asked, folders=Folders(tmp_path)
+    )
 
 
 def record(index: int, *decisions: Decision) -> ExposureRecord:
@@ -142,7 +144,7 @@ def test_names_of_recordings_are_never_markup(gui, session):
 
 
 def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
-    triggers = [Decision(n, 0.1, 0.5, False, question="New key frame?", kind="trigger") for n in (HOSTILE, "turn")]
+    triggers = [Decision(n, 0.1, 0.5, False, question="New keyframe?", kind="trigger") for n in (HOSTILE, "turn")]
     text = report(replace(STATE, displayed=record(0, *triggers)))
     assert "No: 0 of 2 triggers" in text and "✕" not in text and "<iframe" not in text
 
@@ -164,21 +166,22 @@ def test_a_method_whose_settings_are_not_the_defaults_says_so_on_its_folder(gui,
     assert panel._folders["stereo"].label == "Stereo settings"
 
 
-def test_why_names_the_settings_that_are_not_the_defaults():
+def test_explain_names_the_settings_that_are_not_the_defaults():
     shown = replace(STATE, displayed=record(0), methods=("stereo",), config=Config())
-    assert "other than the defaults" not in report(shown)
+    assert "Settings other than the defaults" not in report(shown)
     settings = replace(Config().of("stereo"), max_tracks=123)
     text = report(replace(shown, config=Config({"stereo": settings})))
     assert "other than the defaults" in text and "123" in text and "stereo.max-tracks" in text
 
 
-def test_why_shows_the_exposure_as_it_is_counted_everywhere(gui):
-    panel = WhyPanel(gui)
+def test_explain_begins_with_the_verdict_of_the_frame_as_it_is_counted_everywhere(gui, session):
+    panel = ExplainPanel(gui, session)
     panel.show(STATE)
-    assert "Nothing is computed yet" in panel._html.content
+    assert "No frame is processed yet" in panel._verdicts.content
     panel.show(replace(STATE, displayed=record(7, Decision("inliers", 8, 12, False, consequence="no pose"))))
-    assert "exposure 7, used by 1 of 1 methods" in panel._html.content
-    assert "✕" in panel._html.content and "no pose" in panel._html.content
+    text = panel._verdicts.content
+    assert text.index("Frame 7") < text.index('class="headline') < text.index("needed: at least 12 · 4 too low")
+    assert "✕" in panel._details["checks.html"].content and "no pose" in text
 
 
 def test_hiding_a_layer_asks_for_it(gui, session):
@@ -234,9 +237,9 @@ def test_a_folder_that_a_page_cannot_name_is_told_by_its_escapes(gui, session, t
     assert SourcePanel(gui, session)._browse.value == "in caf\\udce9: choose …"
 
 
-def test_before_the_first_exposure_why_says_what_to_do_or_to_wait(gui):
-    panel = WhyPanel(gui)
+def test_before_the_first_exposure_explain_says_what_to_do_or_to_wait(gui, session):
+    panel = ExplainPanel(gui, session)
     panel.show(STATE)
-    assert "Press Play, or step forward" in panel._html.content
+    assert "Press Play, or step forward" in panel._verdicts.content
     panel.show(replace(STATE, playing=True))
-    assert "The first exposure is being computed." in panel._html.content
+    assert "Waiting for the first frame" in panel._verdicts.content
