@@ -11,13 +11,11 @@ def main() -> int:
     """As `cli.main` of the words on the command line."""
     _end_silently()
     _complete_streams()
-    from .obeyed_files import refusal
+    from .cli.obeyed_files import refusal
 
     if sentence := refusal():
         sys.stderr.write(f"ispom: {sentence}\n")
         return 2
-    from .lasting import lasting
-
     words = sys.argv[1:]
     if words[:1] == ["demo"] or (words[:1] == ["app"] and any(word.startswith("sim:") for word in words)):
         from ispom.simulation.cache import anything_rendered
@@ -26,13 +24,12 @@ def main() -> int:
         if not anything_rendered():
             render_pool().start()
     if any(word.split("=")[0] == "--external" for word in words):
-        from .external import add_programs
+        from .engine.external import add_programs
 
         if fault := add_programs(words):  # before `options` makes flags of all methods
             sys.stderr.write(f"ispom: {fault}\n")
             return 2
-    with lasting():
-        from .cli import main as run
+    from .cli.main import main as run
 
     try:
         return run(words)

@@ -17,7 +17,7 @@ UNUSED = (
 )
 CODE = f"""
 import sys
-import ispom_app.cli, ispom_app.headless.command, ispom_app.rerun_log.file_recording
+import ispom_app.cli.main, ispom_app.features.headless.command, ispom_app.views.rerun.file_recording
 print(*(name for name in {UNUSED} if name in sys.modules))
 import numpy as np
 assert np.f2py and np.testing and "ma" in dir(np) and "ctypeslib" in np.__all__

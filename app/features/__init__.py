@@ -1,1 +1,1 @@
-"""Capabilities that a person sees, each in a folder: its values, commands, panel, templates and tests."""
+"""Capabilities that a person sees, one folder each."""

@@ -17,8 +17,8 @@ import numpy as np
 from ispom.evaluation.trajectory_error import TrajectoryError, alignment_of, error_against_truth
 from ispom.methods import method as registered
 
-from ..run.beside.placed import Beside
-from .branching.branches import Branch, Measured
+from ..engine.external_trajectories.placed import Beside
+from ..features.branches.branches import Branch, Measured
 from .current_run import CurrentRun
 from .store import Store
 

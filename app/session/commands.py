@@ -8,13 +8,13 @@ from typing import Literal
 from ispom.evaluation.sensitivity.perturbation import Perturbation
 from ispom.methods import Config
 
+from ..engine.inspection.colouring import Colouring
+from ..engine.options import SourceOptions
 from ..features.events.commands import StepToEvent
-from ..inspect.colouring import Colouring
-from ..options import SourceOptions
-from .flicker import Side
-from .learning.commands import OfLessons
+from ..features.flicker.flicker import Side
+from ..features.lessons.commands import OfLessons
+from ..features.sweep.commands import OfSweeps
 from .state import Look
-from .sweeping.commands import OfSweeps
 
 
 @dataclass(frozen=True)

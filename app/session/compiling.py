@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from ispom.methods import Config
 
-from ..run import warmup
-from ..run.playback import Playback
+from ..engine import warmup
+from ..engine.playback import Playback
 from .state import Activity, NoticeAdded, changed
 from .store import Store
 

@@ -8,30 +8,36 @@ from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.sequences.address import without_secrets
 
-from ..learn.lesson import Asked
-from ..learn.library import Library
-from ..options import SourceOptions
-from . import break_points, event_moves, flicker, integration, moves, plotting, selecting
+from ..engine.options import SourceOptions
+from ..features.bookmarks.service import BookmarkDesk
+from ..features.branches.service import BranchDesk
+from ..features.breakpoints import moves as break_points
+from ..features.events import moves as event_moves
+from ..features.flicker import flicker
+from ..features.integration import integration
+from ..features.lessons.commands import Learn, TurnTo
+from ..features.lessons.lesson import Asked
+from ..features.lessons.library import Library
+from ..features.lessons.service import LessonDesk
+from ..features.plots import plotting
+from ..features.recording.library import Shelf
+from ..features.recording.service import RecordingDesk
+from ..features.sensitivity.service import EffectDesk
+from ..features.sweep.commands import CancelSweep, RunSweep, ShowSwept
+from ..features.sweep.service import SweepDesk
+from ..features.tracks import selecting
 from . import commands as do
+from . import moves
 from .accuracy import AccuracyDesk
-from .bookmarks.desk import BookmarkDesk
-from .branching.desk import BranchDesk
 from .closing import loss
 from .compiling import Compiling
 from .current_run import CurrentRun
-from .effects import EffectDesk
-from .learning.commands import Learn, TurnTo
-from .learning.desk import LessonDesk
 from .player import Player
-from .recording.desk import RecordingDesk
-from .recording.shelf import Shelf
 from .sources.known import Known, run_name
 from .sources.opening import SourceOpener, stored_at
 from .sources.recent import RecentSources
 from .state import Flicked, NoticeAdded, Opening, OpeningFailed, Question, Restored, Resumed, changed
 from .store import Store
-from .sweeping.commands import CancelSweep, RunSweep, ShowSwept
-from .sweeping.desk import SweepDesk
 from .viewers import Viewers
 
 log = logging.getLogger(__name__)

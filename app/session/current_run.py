@@ -10,21 +10,21 @@ from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.types import Trajectory
 
-from ..diff.compare import divergences
-from ..diff.order import record_rows
-from ..features.events.log import EventLog
-from ..review.recorded_tracks import RecordedViews
-from ..review.stored import Stored
-from ..run.events import Finished, Opened, Stepped
-from ..run.folder.made_map import made_map
-from ..run.history.checkpoints import Checkpoint, Checkpoints
-from ..run.history.held import Held
-from ..run.history.history import History, Past
-from ..run.history.record import ExposureRecord
-from ..run.history.series import Series
-from ..run.model.run_model import RunModel
-from ..run.model.tally import Tally
-from ..run.playback import Playback
+from ..engine.events import Finished, Opened, Stepped
+from ..engine.history.checkpoints import Checkpoint, Checkpoints
+from ..engine.history.held import Held
+from ..engine.history.history import History, Past
+from ..engine.history.record import ExposureRecord
+from ..engine.history.series import Series
+from ..engine.model.run_model import RunModel
+from ..engine.model.tally import Tally
+from ..engine.playback import Playback
+from ..engine.run_events.log import EventLog
+from ..engine.run_folder.made_map import made_map
+from ..features.diff.compare import divergences
+from ..features.diff.order import record_rows
+from .review.recorded_tracks import RecordedViews
+from .review.stored import Stored
 
 EXPOSURES_SHARE, STATES_SHARE = 0.1, 0.1
 """Of its memory: for the newest exposures, which are on disk as well and from there take a millisecond, and for states

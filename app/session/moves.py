@@ -8,8 +8,8 @@ from typing import Literal
 
 from ispom.errors import InputError
 
-from ..expressions.matches import first_match
-from ..expressions.parser import Expression, parse
+from ..engine.conditions.matches import first_match
+from ..engine.conditions.parser import Expression, parse
 from .current_run import CurrentRun
 from .state import Displayed, Event, Loop, State, changed
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 
-from ..run.events import Finished
-from ..run.memory import give_back, give_back_after
-from . import break_points, moves
+from ..engine.events import Finished
+from ..engine.memory import give_back, give_back_after
+from ..features.breakpoints import moves as break_points
+from ..features.recording.service import RecordingDesk
+from . import moves
 from .compiling import Compiling
 from .current_run import CurrentRun
-from .recording.desk import RecordingDesk
 from .state import Computed, Displayed, Event, NoticeAdded, changed
 from .store import Store
 from .viewers import Viewers

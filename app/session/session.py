@@ -10,23 +10,23 @@ from ispom.methods import Config, Variant
 from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
-from ..learn.library import Library
-from ..options import SourceOptions
-from ..run.beside.given import Given
-from ..run.events import Opened
-from ..run.history.history import MEMORY_BYTES, History
-from ..run.history.series import Series
-from ..run.model.run_model import RunModel
-from ..run.playback import Builder
+from ..engine.events import Opened
+from ..engine.external_trajectories.given import Given
+from ..engine.history.history import MEMORY_BYTES, History
+from ..engine.history.series import Series
+from ..engine.model.run_model import RunModel
+from ..engine.options import SourceOptions
+from ..engine.playback import Builder
+from ..features.branches.branches import Beside
+from ..features.branches.service import BranchDesk
+from ..features.lessons.library import Library
+from ..features.recording.library import CLOSE_S
+from ..features.recording.service import RecordingDesk
 from . import commands as do
-from .branching.branches import Beside
-from .branching.desk import BranchDesk
 from .compiling import Compiling
 from .controller import Controller
 from .current_run import CurrentRun
 from .player import Player
-from .recording.desk import RecordingDesk
-from .recording.shelf import CLOSE_S
 from .sources.folders import Folders
 from .sources.opening import SourceOpener
 from .sources.recent import RecentSources

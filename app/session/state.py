@@ -11,23 +11,23 @@ from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
-from ..expressions.parser import Expression
+from ..engine.conditions.parser import Expression
+from ..engine.events import Bookmark, Finished, Opened
+from ..engine.external_trajectories.placed import Beside
+from ..engine.history.held import Held
+from ..engine.history.record import ExposureRecord, MethodStatus
+from ..engine.inspection.colouring import Colouring
+from ..engine.model.tally import Tally
+from ..engine.options import SourceOptions
+from ..features.branches.branches import FIRST, Branch
+from ..features.branches.comparison import Comparison
 from ..features.events.commands import NextEvent
-from ..inspect.colouring import Colouring
-from ..options import SourceOptions
-from ..run.beside.placed import Beside
-from ..run.events import Bookmark, Finished, Opened
-from ..run.history.held import Held
-from ..run.history.record import ExposureRecord, MethodStatus
-from ..run.model.tally import Tally
-from ..sweep.sweep import Sweep
-from .branching.branches import FIRST, Branch
-from .branching.comparing import Comparison
-from .effects import Effect
-from .flicker import Flicker
-from .integration import Integration
-from .learning.learning import Learning
-from .plotting import DEFAULT_PLOTS
+from ..features.flicker.flicker import Flicker
+from ..features.integration.integration import Integration
+from ..features.lessons.learning import Learning
+from ..features.plots.plotting import DEFAULT_PLOTS
+from ..features.sensitivity.service import Effect
+from ..features.sweep.sweep import Sweep
 
 MAX_NOTICES = 5
 Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals", "geometry"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from ..subscribers import Subscribers
+from ..engine.subscribers import Subscribers
 from .state import Activity, Event, State, changed, reduce
 
 

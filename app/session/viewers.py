@@ -9,8 +9,8 @@ from typing import Protocol
 
 from ispom.types import Kind
 
-from ..run.events import Event, Opened
-from ..run.history.history import History
+from ..engine.events import Event, Opened
+from ..engine.history.history import History
 
 log = logging.getLogger(__name__)
 RESTARTS = 1

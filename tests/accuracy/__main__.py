@@ -19,7 +19,7 @@ import json
 import sys
 from pathlib import Path
 
-from ispom_app.bench.row import plain
+from ispom_app.features.benchmark.row import plain
 from rich.console import Console
 
 from ispom.methods import names

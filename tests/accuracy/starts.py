@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from ispom_app.bench.measure import ensemble_of
+from ispom_app.features.benchmark.measure import ensemble_of
 from rich.console import Console
 
 from ispom.child import end_with_parent

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ispom_app.bench import child
-from ispom_app.bench.plan import CASES, found_below
+from ispom_app.features.benchmark import child
+from ispom_app.features.benchmark.plan import CASES, found_below
 from rich.console import Console
 
 from ispom.methods import names

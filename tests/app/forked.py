@@ -15,13 +15,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import tyro
-from ispom_app.cli import main as ispom
-from ispom_app.options import Run
-from ispom_app.run.events import blank
-from ispom_app.run.folder.results import in_frame
-from ispom_app.run.folder.run_folder import LANDMARKS, STEPS, RunFolder, trajectory_file
-from ispom_app.run.folder.step_log import StepLog
-from ispom_app.run.model.map_memory import MapCollectors
+from ispom_app.cli.main import main as ispom
+from ispom_app.engine.events import blank
+from ispom_app.engine.model.map_memory import MapCollectors
+from ispom_app.engine.run_folder.results import in_frame
+from ispom_app.engine.run_folder.run_folder import LANDMARKS, STEPS, RunFolder, trajectory_file
+from ispom_app.engine.run_folder.step_log import StepLog
+from ispom_app.features.headless.options import Run
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.session import Session

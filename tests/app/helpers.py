@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from ispom_app.options import SourceOptions
+from ispom_app.engine.options import SourceOptions
 from ispom_app.session.session import Session
 
 from ispom.ensemble import Ensemble

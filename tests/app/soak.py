@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-from ispom_app.rerun_log import live, tape
-from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
 from ispom_app.session.current_run import CurrentRun
+from ispom_app.views.rerun import live, tape
+from ispom_app.views.rerun.recorder import Recorder
 
 from ispom.persistent_list import PersistentList
 from ispom.types import Exposure, Kind, Landmarks, Rig, Sequence, Step, StereoPair, Tracks, Trajectory, VideoFrame

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ispom_app.cli import main
-from ispom_app.outputs import signature
-from ispom_app.rerun_log.rrd import whole_bytes
-from ispom_app.run.folder.journal import COLUMNS, JOURNAL
-from ispom_app.run.folder.run_folder import MARKER, METRICS, RECORDING, STEPS
+from ispom_app.cli.main import main
+from ispom_app.engine.outputs import signature
+from ispom_app.engine.run_folder.journal import COLUMNS, JOURNAL
+from ispom_app.engine.run_folder.run_folder import MARKER, METRICS, RECORDING, STEPS
+from ispom_app.views.rerun.rrd import whole_bytes
 
 from ispom.io.whole import part_of
 from tests.app import helpers

@@ -11,10 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.rerun_log import file_recording
-from ispom_app.run.folder.run_folder import MARKER, RunFolder
-from ispom_app.run.playback import Builder
+from ispom_app.cli.main import main
+from ispom_app.engine.playback import Builder
+from ispom_app.engine.run_folder.run_folder import MARKER, RunFolder
+from ispom_app.views.rerun import file_recording
 
 from ispom.ensemble import Ensemble, build
 from ispom.frontends.pair_look import EXCHANGED
@@ -259,7 +259,7 @@ def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_no_motion_of_images_that_are_mixed_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ispom_app.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED)))
+    monkeypatch.setattr("ispom_app.cli.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED)))
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
     told = sentence(capsys, str(drive), "--out", str(out), builder=build)
     assert "no method found any motion: left and right seem to be exchanged" in told and "texture" not in told

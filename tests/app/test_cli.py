@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ispom_app.cli import main
-from ispom_app.page import command
-from ispom_app.page.server import Serving
+from ispom_app.cli.main import main
+from ispom_app.views.web import command
+from ispom_app.views.web.server import Serving
 
 from ispom.errors import InputError
 from ispom.methods import Config

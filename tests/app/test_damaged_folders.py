@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
+from ispom_app.cli.main import main
 
 from tests.app.strangers import killed_run
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.decisions import answers, margin, mark, measured, sentence
+from ispom_app.presentation.decisions import answers, margin, mark, measured, sentence
 
 from ispom.types import Check, Decision
 

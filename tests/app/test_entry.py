@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from ispom_app import __main__ as entry
-from ispom_app import cli
+from ispom_app.cli import main as cli
 
 from ispom.simulation.process import RenderPool
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.run.folder.run_file import RunFile
-from ispom_app.run.folder.run_folder import MARKER
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_file import RunFile
+from ispom_app.engine.run_folder.run_folder import MARKER
 
 from ispom.errors import InputError
 from ispom.io.kitti import read_poses, read_times

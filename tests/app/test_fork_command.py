@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app.cli import main
-from ispom_app.review.folder import read_stored
+from ispom_app.cli.main import main
+from ispom_app.session.review.folder import read_stored
 
 from tests.alone import METHODS
 from tests.app import helpers

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
-from ispom_app.cli import main
+from ispom_app.cli.main import main
+from ispom_app.features.benchmark.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
 
 from ispom.methods import method as registered
 from ispom.methods import with_asked

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from ispom_app.cli import main
-from ispom_app.rerun_log.rrd import is_finished
-from ispom_app.run import console
-from ispom_app.run.folder.results import in_frame
-from ispom_app.run.folder.run_folder import MARKER
-from ispom_app.run.playback import Builder
+from ispom_app.cli.main import main
+from ispom_app.engine.playback import Builder
+from ispom_app.engine.run_folder.results import in_frame
+from ispom_app.engine.run_folder.run_folder import MARKER
+from ispom_app.features.headless import console
+from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum
@@ -180,7 +180,7 @@ def test_progress_is_for_terminals_only(capsys: pytest.CaptureFixture[str]) -> N
 def test_help_needs_no_viewer_nor_ray_caster() -> None:
     """Each takes seconds to import."""
     code = (
-        "import sys; from ispom_app.cli import main\n"
+        "import sys; from ispom_app.cli.main import main\n"
         "try: main(['run', '--help'])\n"
         "except SystemExit: pass\n"
         "heavy = {'rerun', 'viser', 'open3d', 'aiohttp'} & set(sys.modules)\n"

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.rerun_log.file_recording import FLUSH_EVERY
-from ispom_app.rerun_log.rrd import is_finished
-from ispom_app.run.folder.run_folder import MARKER, is_incomplete
-from ispom_app.run.folder.table import read_table
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_folder import MARKER, is_incomplete
+from ispom_app.engine.run_folder.table import read_table
+from ispom_app.views.rerun.file_recording import FLUSH_EVERY
+from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.io.tum import read_tum
 from ispom.io.whole import PART, part_of
@@ -49,7 +49,7 @@ MOMENTS: dict[str, Callable[[Path], bool]] = {
 
 
 def _run(drive: str, out: str) -> None:
-    from ispom_app.rerun_log import file_recording
+    from ispom_app.views.rerun import file_recording
 
     file_recording.WAIT_S = 60.0
     main(["run", drive, "--out", out], helpers.build)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.outputs import MARKER, claim_folder, write_file
+from ispom_app.engine.outputs import MARKER, claim_folder, write_file
 
 from ispom.errors import InputError
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
+from ispom_app.cli.main import main
 
 from ispom.io.rig import read_rig
 

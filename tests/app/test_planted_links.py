@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.calibrate.saved import save
-from ispom_app.cli import main
-from ispom_app.map.output import write_recording
-from ispom_app.rerun_log.piped_file import PipedFile
-from ispom_app.run.events import Bookmark
-from ispom_app.run.folder.run_folder import METRICS, NOTES, RunFolder
-from ispom_app.run.folder.step_log import StepLog
-from ispom_app.session.bookmarks.notes import notes_of, put
+from ispom_app.cli.main import main
+from ispom_app.engine.events import Bookmark
+from ispom_app.engine.run_folder.run_folder import METRICS, NOTES, RunFolder
+from ispom_app.engine.run_folder.step_log import StepLog
+from ispom_app.features.bookmarks.notes import notes_of, put
+from ispom_app.features.calibration.saved import save
+from ispom_app.features.mapping.output import write_recording
+from ispom_app.views.rerun.piped_file import PipedFile
 
 from ispom.errors import InputError
 from ispom.io.whole import part_of

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from ispom_app import __main__ as entry
-from ispom_app.bench import child as bench_child
-from ispom_app.experiment import workers
-from ispom_app.run import warmup
-from ispom_app.sweep import process as sweep
+from ispom_app.engine import warmup
+from ispom_app.features.benchmark import child as bench_child
+from ispom_app.features.experiments import workers
+from ispom_app.features.sweep import process as sweep
 
 from ispom.child import PYTHON, Child
 from ispom.estimators.program.pipe import Pipe, ProgramFault

@@ -9,9 +9,9 @@ import signal
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
-from ispom_app.rerun_log.rrd import is_finished
-from ispom_app.run.folder.run_folder import MARKER
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_folder import MARKER
+from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.ensemble import Ensemble
 from ispom.io.tum import read_tum
@@ -36,7 +36,7 @@ def _build_killed(config, methods, rig) -> Ensemble:
 
 
 def _run(drive: str, out: str) -> None:
-    from ispom_app.rerun_log import file_recording
+    from ispom_app.views.rerun import file_recording
 
     file_recording.FLUSH_EVERY, file_recording.WAIT_S = 1, 60.0
     main(["run", drive, "--out", out], _build_killed)

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
-from ispom_app.rerun_log import file_recording
-from ispom_app.rerun_log.rrd import is_finished
-from ispom_app.run.folder.run_folder import MARKER
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_folder import MARKER
+from ispom_app.views.rerun import file_recording
+from ispom_app.views.rerun.rrd import is_finished
 
 from ispom.io.tum import read_tum
 from tests.app import helpers

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.sources import described
+from ispom_app.cli.main import main
+from ispom_app.features.sources.description import described
 
 from tests import doubles
 from tests.sequences.folders import MAKERS, make_euroc

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.texts import METRE, angle, computing_time, digits, length, length_unit, lengths
+from ispom_app.presentation.texts import METRE, angle, computing_time, digits, length, length_unit, lengths
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import rerun as rr
-from ispom_app import uncertainty
+from ispom_app.engine.events import Opened, Stepped
+from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.features.explain.panel import report
-from ispom_app.rerun_log import blueprint
-from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.events import Opened, Stepped
-from ispom_app.run.history.record import ExposureRecord
+from ispom_app.presentation import uncertainty
 from ispom_app.session.state import State
+from ispom_app.views.rerun import blueprint
+from ispom_app.views.rerun.recorder import Recorder
 
 from ispom.geometry import Pose, Similarity
 from ispom.methods import Config

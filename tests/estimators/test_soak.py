@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ispom_app.bench.rounds import SCENARIOS, Scenario, rig
-from ispom_app.bench.soak import small_images
+from ispom_app.features.benchmark.rounds import SCENARIOS, Scenario, rig
+from ispom_app.features.benchmark.soak import small_images
 
 from ispom.ensemble import build
 from ispom.methods import method as registered

@@ -107,7 +107,7 @@ def test_it_has_flags_and_no_flag_for_its_command() -> None:
     ],
 )
 def test_a_mistake_is_a_sentence(value: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    from ispom_app.external import add_programs
+    from ispom_app.engine.external import add_programs
 
     assert said in add_programs(["run", "--external", value])
 

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
-from ispom_app.cli import main
+from ispom_app.cli.main import main
 
 from ispom.io.euroc import euroc_text
 from ispom.io.kitti import poses_text

@@ -8,9 +8,9 @@ import random
 import re
 import sys
 
-from ispom_app.expressions.evaluate import holds, values
-from ispom_app.expressions.parser import parse
-from ispom_app.run.history.quantities import NO_ROW, Row, Value, quantities
+from ispom_app.engine.conditions.evaluate import holds, values
+from ispom_app.engine.conditions.parser import parse
+from ispom_app.engine.history.quantities import NO_ROW, Row, Value, quantities
 
 from ispom.errors import InputError
 from ispom.methods import names

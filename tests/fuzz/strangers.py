@@ -8,17 +8,17 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from ispom_app.calibrate.kept import NUMBERS, REPORT, RIG, files_of, kept_in
-from ispom_app.experiment.options import Experiment
-from ispom_app.experiment.plan_file import read_plan
-from ispom_app.learn.library import own_lesson
-from ispom_app.learn.markdown import html
-from ispom_app.page.messages import message_of
-from ispom_app.rerun_log.repair import unfinished
-from ispom_app.session.bookmarks.notes import notes_of, read_notes
-from ispom_app.session.recording.listing import list_recordings
+from ispom_app.features.bookmarks.notes import notes_of, read_notes
+from ispom_app.features.calibration.kept import NUMBERS, REPORT, RIG, files_of, kept_in
+from ispom_app.features.experiments.options import Experiment
+from ispom_app.features.experiments.plan_file import read_plan
+from ispom_app.features.lessons.library import own_lesson
+from ispom_app.features.lessons.markdown import html
+from ispom_app.features.recording.listing import list_recordings
 from ispom_app.session.sources.opening import stored_at
 from ispom_app.session.state import State
+from ispom_app.views.rerun.repair import unfinished
+from ispom_app.views.web.messages import message_of
 
 from ispom.io.rig import rig_text
 from ispom.sequences import open_sequence

@@ -19,7 +19,7 @@ from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 
-from ispom_app.cli import main
+from ispom_app.cli.main import main
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence

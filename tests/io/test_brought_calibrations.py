@@ -12,9 +12,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from ispom_app.cli.main import main
+from ispom_app.features.calibration.saved import left_out
 
-from app.calibrate.saved import left_out
-from app.cli import main
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.files import camera_text, rig_files

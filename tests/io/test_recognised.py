@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ispom_app.cli.main import main
 
-from app.cli import main
 from ispom.errors import InputError
 from ispom.geometry import Pose
 from ispom.io.calibrations.files import rig_files

@@ -17,9 +17,8 @@ OWN_WRITERS = {
     "ispom/kept_code.py",  # these two write to the user's own cache, through mkstemp
     "ispom/simulation/cache.py",
     "app/__main__.py",  # standard streams
-    "app/run/folder/table.py",  # cuts a table that it has looked at
-    "app/bench/blocks.py",  # these write to temporary folders that they have just made
-    "app/bench/cameras.py",
+    "app/engine/run_folder/table.py",  # cuts a table that it has looked at
+    "app/features/benchmark/blocks.py",  # these write to temporary folders that they have just made
 }
 
 

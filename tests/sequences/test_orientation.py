@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from ispom_app.cli.main import main
 from PIL import Image as Writer
 
-from app.cli import main
 from ispom.sequences import open_sequence
 from ispom.sequences.images import read_image
 from ispom.sequences.orientation import common_orientation

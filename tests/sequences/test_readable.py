@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
+from ispom_app.cli.main import main
 
 from ispom.errors import InputError
 from ispom.sequences import open_sequence

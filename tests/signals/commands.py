@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
-from ispom_app.cli import main
-from ispom_app.run.folder.made_map import MAP_NUMBERS
-from ispom_app.run.folder.run_folder import MARKER, RUN, is_incomplete
-from ispom_app.run.folder.table import read_table
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.made_map import MAP_NUMBERS
+from ispom_app.engine.run_folder.run_folder import MARKER, RUN, is_incomplete
+from ispom_app.engine.run_folder.table import read_table
 
 from ispom.io.rig import read_rig
 from ispom.io.tum import read_tum

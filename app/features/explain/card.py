@@ -13,14 +13,14 @@ from ispom.geometry import Similarity
 from ispom.methods import method as registered
 from ispom.types import Check, Decision, Step, Tracks, TrackStatus
 
-from ... import colours
-from ...decisions import answers, limit, margin, mark, sentence
-from ...run.history.quantities import DROPPED
-from ...run.history.record import ExposureRecord
-from ...run.model.drawn_size import unit_in_metres
-from ...texts import PROVISIONAL, computing_time, length
-from ...uncertainty import describe
-from .verdict import Severity, Verdict, verdict, waiting
+from ...engine.history.quantities import DROPPED
+from ...engine.history.record import ExposureRecord
+from ...engine.model.drawn_size import unit_in_metres
+from ...engine.verdict import Severity, Verdict, verdict, waiting
+from ...presentation import colours
+from ...presentation.decisions import answers, limit, margin, mark, sentence
+from ...presentation.texts import PROVISIONAL, computing_time, length
+from ...presentation.uncertainty import describe
 
 HINTS = {
     "✓": "requirement: passed",

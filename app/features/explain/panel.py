@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
-from ispom.errors import as_text
 from ispom.methods import Config
 
-from ... import colours
-from ...run.history.record import ExposureRecord
+from ...engine.history.record import ExposureRecord
+from ...engine.run_events.event import RunEvent
+from ...engine.run_events.find import with_bookmarks
+from ...engine.run_events.registry import event_kinds
+from ...presentation import colours
 from ...session import commands as do
-from ...session.branching.branches import changes
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ...templating import environment
-from ..events.event import RunEvent
-from ..events.find import with_bookmarks
-from ..events.registry import event_kinds
+from ...views.viser.markup import renderer
+from ..branches.branches import changes
 from .card import Card, cards
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ TAB = "Explain"
 AROUND = 60
 """Of a run with more events than twice this, those nearest to the frame shown are listed."""
 FOLDERS = {"checks.html": "All checks", "steps.html": "Steps and times", "numbers.html": "Tracks and numbers"}
-_TEMPLATES = environment(__package__ or "")
+render = renderer(__package__)
 
 
 class ExplainPanel:
@@ -79,7 +78,7 @@ class ExplainPanel:
 def report(state: State) -> str:
     """All that is said of the frame shown, but the events, as HTML."""
     values = report_values(state, {}, ())
-    return "".join(_html(t, values | {"ongoing": {}}) for t in ("verdicts.html", *FOLDERS))
+    return "".join(render(t, **values | {"ongoing": {}}) for t in ("verdicts.html", *FOLDERS))
 
 
 def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: tuple[str, ...]) -> dict[str, Any]:
@@ -137,13 +136,9 @@ def _frames(event: RunEvent) -> str:
 
 
 def _put(handle: viser.GuiHtmlHandle, template: str, values: Mapping[str, Any]) -> None:
-    text = _html(template, values)
+    text = render(template, **values)
     if text != handle.content:
         handle.content = text
-
-
-def _html(template: str, values: Mapping[str, Any]) -> str:
-    return as_text(_TEMPLATES.get_template(template).render(values))
 
 
 def _coming(state: State) -> bool:

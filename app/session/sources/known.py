@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from ispom.errors import InputError
 from ispom.sequences.address import is_address, is_device
 
-from ...run.folder.run_folder import RUN
+from ...engine.run_folder.run_folder import RUN
 from ..state import State
 
 

@@ -13,15 +13,15 @@ from ispom.sequences.address import is_address, is_device, without_secrets
 from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
 from ispom.types import Sequence
 
-from ...options import SourceOptions
-from ...review.folder import read_stored
-from ...review.recording import read_recording
-from ...review.stored import Stored
-from ...run.beside.given import Given
-from ...run.beside.placed import Beside, beside_run
-from ...run.folder.run_folder import RECORDING, RUN
-from ...run.playback import Builder, Playback, truth_from_start
+from ...engine.external_trajectories.given import Given
+from ...engine.external_trajectories.placed import Beside, beside_run
+from ...engine.options import SourceOptions
+from ...engine.playback import Builder, Playback, truth_from_start
+from ...engine.run_folder.run_folder import RECORDING, RUN
 from ..current_run import CurrentRun
+from ..review.folder import read_stored
+from ..review.recording import read_recording
+from ..review.stored import Stored
 from .folders import Folders
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from ispom.errors import is_text
 from ispom.sequences.address import without_secrets
 
-from ...user_files import read_json, write_json
+from ...engine.user_files import read_json, write_json
 
 MOST = 10
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import child, measure, plan, tables, unit
-from ispom_app.bench.peers import PEERS
-from ispom_app.cli import main
+from ispom_app.cli.main import main
+from ispom_app.features.benchmark import child, measure, plan, tables, unit
+from ispom_app.features.benchmark.peers import PEERS
 
 from tests.alone import METHODS
 from tests.app import helpers
@@ -26,7 +26,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(unit.Unit, "measure", lambda self, times=7: self.samples_ms.append(10.0))
 
     def measured_elsewhere(module: str, task: dict, one_thread: bool = True) -> object:
-        assert module == "ispom_app.bench.measure"
+        assert module == "ispom_app.features.benchmark.measure"
         return measure.answer(task)
 
     monkeypatch.setattr(child, "found", measured_elsewhere)
@@ -79,8 +79,8 @@ def test_every_peer_stands_beside_a_row() -> None:
 
 def test_a_row_in_a_process_of_its_own(tmp_path: Path) -> None:
     task = {"case": "kitti-06", "source": str(tmp_path), "pair": [], "runs": 1, "method": "stereo.paper"}
-    assert "empty folder" in child.found("ispom_app.bench.measure", task)["error"]
-    assert "failed, please report it" in child.found("ispom_app.bench.nothing", task)["error"]
+    assert "empty folder" in child.found("ispom_app.features.benchmark.measure", task)["error"]
+    assert "failed, please report it" in child.found("ispom_app.features.benchmark.nothing", task)["error"]
 
 
 def test_the_unit() -> None:
@@ -91,7 +91,7 @@ def test_the_unit() -> None:
 
 def test_the_peak_counts_what_is_held() -> None:
     """In a process of its own: what tests gave back before would be taken again, and the peak stay where it was."""
-    script = "import numpy as np; from ispom_app.bench.peak import peak_mb; before = peak_mb()\n"
+    script = "import numpy as np; from ispom_app.features.benchmark.peak import peak_mb; before = peak_mb()\n"
     script += "held = np.ones(30_000_000); print(peak_mb() - before)"
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert math.isnan(float(found)) or float(found) >= 100
@@ -99,7 +99,7 @@ def test_the_peak_counts_what_is_held() -> None:
 
 def test_the_window_is_of_the_size_that_is_told() -> None:
     window = pytest.importorskip("ispom.solvers.window.adjustment")
-    from ispom_app.bench import blocks
+    from ispom_app.features.benchmark import blocks
 
     problem = blocks.bundle_window()
     assert len(problem.points) == 1000 and len(problem.rotations) == 10 and set(problem.cameras) == set(range(10))

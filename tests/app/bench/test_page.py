@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import studies
-from ispom_app.bench.page.drive import to_and_fro
-from ispom_app.bench.page.measure import ATTENDANCES, Attendance, answered, attended
-from ispom_app.bench.page.served import Served
-from ispom_app.bench.rounds import FRAME_NS, SCENARIOS, world_from_rig
-from ispom_app.cli import main
+from ispom_app.cli.main import main
+from ispom_app.features.benchmark import studies
+from ispom_app.features.benchmark.page.drive import to_and_fro
+from ispom_app.features.benchmark.page.measure import ATTENDANCES, Attendance, answered, attended
+from ispom_app.features.benchmark.page.served import Served
+from ispom_app.features.benchmark.rounds import FRAME_NS, SCENARIOS, world_from_rig
 
 from ispom.errors import InputError
 from ispom.types import Trajectory

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.bench import child, soak
-from ispom_app.bench.rounds import LAP, SCENARIOS, STOP, Scenario
-from ispom_app.cli import main
+from ispom_app.cli.main import main
+from ispom_app.features.benchmark import child, soak
+from ispom_app.features.benchmark.rounds import LAP, SCENARIOS, STOP, Scenario
 
 from ispom.methods import names
 from ispom.types import StereoPair, VideoFrame
@@ -61,7 +61,7 @@ def test_rows_are_printed_and_written(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def measured_elsewhere(module: str, task: dict) -> dict:
-        assert module == "ispom_app.bench.soak" and task["exposures"] == 5000
+        assert module == "ispom_app.features.benchmark.soak" and task["exposures"] == 5000
         if task["scenario"] == "still":
             return {"error": "failed, please report it: why"}
         times = {"early_ms": 4.0, "last_ms": 5.0 if task["scenario"] == "stops" else 4.0}

@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from ispom_app.cli.main import main
+from ispom_app.features.calibration.images import open_sources
 
-from app.calibrate.images import open_sources
-from app.cli import main
 from ispom.calibration.targets import parse_target
 from ispom.io.rig import read_rig
 from ispom.simulation.board import Exposing, board_image

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ispom_app.cli.main import main
+from ispom_app.features.calibration import from_motion, from_tracks
 
-from app.calibrate import from_motion, from_tracks
-from app.cli import main
 from ispom.calibration.motion.combine import Part
 from ispom.calibration.tracked.solve import TrackedLens
 from ispom.errors import InputError

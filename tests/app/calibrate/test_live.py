@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.calibrate import command
-from ispom_app.calibrate.live import covered, filmed, is_camera, words
-from ispom_app.calibrate.simulated import simulated
-from ispom_app.cli import main
+from ispom_app.cli.main import main
+from ispom_app.features.calibration import command
+from ispom_app.features.calibration.live import covered, filmed, is_camera, words
+from ispom_app.features.calibration.simulated import simulated
 
 from ispom.calibration.detection import detect
 from ispom.calibration.targets import parse_target

@@ -10,11 +10,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from ispom_app.calibrate.job import Asked, Job
-from ispom_app.calibrate.kept import NUMBERS, REPORT, RIG, files_of, kept_in
-from ispom_app.calibrate.shown import image_of, seen_in, shown
-from ispom_app.calibrate.simulated import simulated
-from ispom_app.cli import main
+from ispom_app.cli.main import main
+from ispom_app.features.calibration.job import Asked, Job
+from ispom_app.features.calibration.kept import NUMBERS, REPORT, RIG, files_of, kept_in
+from ispom_app.features.calibration.shown import image_of, seen_in, shown
+from ispom_app.features.calibration.simulated import simulated
 
 from ispom.calibration.targets import parse_target
 from ispom.errors import InputError

@@ -12,9 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from ispom_app.bench.rounds import FRAME_NS, SCENARIOS, world_from_rig
-from ispom_app.cli import main
-from ispom_app.run.folder.run_folder import DECISIONS, MARKER
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_folder import DECISIONS, MARKER
+from ispom_app.features.benchmark.rounds import FRAME_NS, SCENARIOS, world_from_rig
 
 from ispom.sequences import open_sequence
 from ispom.types import Trajectory, VideoFrame

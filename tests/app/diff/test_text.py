@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.diff.compare import Difference, Divergence
-from ispom_app.diff.text import MOST, lines
+from ispom_app.features.diff.compare import Difference, Divergence
+from ispom_app.features.diff.text import MOST, lines
 
 
 @pytest.mark.parametrize(

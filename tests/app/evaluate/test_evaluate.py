@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.evaluate.evaluated import distinct_names
-from ispom_app.run.folder.run_file import RunFile
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_file import RunFile
+from ispom_app.features.evaluation.evaluated import distinct_names
 
 from ispom.geometry import Pose
 from ispom.io.euroc import euroc_text
@@ -136,7 +136,7 @@ def test_csv_and_plots(files: dict[str, Path], tmp_path: Path) -> None:
 def test_plots_without_matplotlib_say_what_to_install(
     files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    monkeypatch.setattr("ispom_app.evaluate.command.find_spec", lambda _: None)
+    monkeypatch.setattr("ispom_app.features.evaluation.command.find_spec", lambda _: None)
     assert main(["evaluate", str(files["truth.tum"]), str(files["moved.tum"]), "--plots", str(tmp_path)]) == 2
     assert "run 'pip install matplotlib'" in capsys.readouterr().err
 

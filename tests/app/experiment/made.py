@@ -8,8 +8,8 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import psutil
-from ispom_app.experiment.plan import Line, Plan, Run
-from ispom_app.experiment.row import Row
+from ispom_app.features.experiments.plan import Line, Plan, Run
+from ispom_app.features.experiments.row import Row
 
 LINES = (Line("a", "stereo"), Line("b", "monocular"))
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app.cli import main
-from ispom_app.experiment import cluster, workers
-from ispom_app.experiment.cluster import ATTEMPTS
-from ispom_app.experiment.results import TIMES, by_plan
+from ispom_app.cli.main import main
+from ispom_app.features.experiments import cluster, workers
+from ispom_app.features.experiments.cluster import ATTEMPTS
+from ispom_app.features.experiments.results import TIMES, by_plan
 
 from ispom.child import Child
 from ispom.errors import InputError

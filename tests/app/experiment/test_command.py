@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 import yaml
-from ispom_app.cli import INTERRUPTED, main
+from ispom_app.cli.main import INTERRUPTED, main
 
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app.experiment.options import Experiment
-from ispom_app.experiment.plan import config_of
-from ispom_app.experiment.plan_file import built_in, read_plan
+from ispom_app.features.experiments.options import Experiment
+from ispom_app.features.experiments.plan import config_of
+from ispom_app.features.experiments.plan_file import built_in, read_plan
 
 from ispom.errors import InputError
 

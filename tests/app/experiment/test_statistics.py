@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.experiment.plan import Line, Statement
-from ispom_app.experiment.statistics import outcomes, paired, spreads
+from ispom_app.features.experiments.plan import Line, Statement
+from ispom_app.features.experiments.statistics import outcomes, paired, spreads
 
 from tests.app.experiment.made import LINES, plan, row
 

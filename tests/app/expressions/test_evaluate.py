@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.expressions.evaluate import holds, values
-from ispom_app.expressions.parser import parse
-from ispom_app.run.history.quantities import NO_ROW, Row, quantities
+from ispom_app.engine.conditions.evaluate import holds, values
+from ispom_app.engine.conditions.parser import parse
+from ispom_app.engine.history.quantities import NO_ROW, Row, quantities
 
 KNOWN = quantities(["monocular", "stereo"])
 BEFORE: Row = {"": {"exposure": 6}, "stereo": {"status": "tracking", "inliers": 40, "scale": 1.0, "key_frame": False}}

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from ispom_app.expressions.parser import DEEPEST, parse
-from ispom_app.expressions.syntax import All, Any, Call, Chain, Comparison, Name, Not, Number, Text
-from ispom_app.expressions.words import LONGEST
-from ispom_app.run.history.quantities import quantities
+from ispom_app.engine.conditions.parser import DEEPEST, parse
+from ispom_app.engine.conditions.syntax import All, Any, Call, Chain, Comparison, Name, Not, Number, Text
+from ispom_app.engine.conditions.words import LONGEST
+from ispom_app.engine.history.quantities import quantities
 
 from ispom.errors import InputError
 from ispom.methods import names

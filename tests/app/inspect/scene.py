@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from ispom_app.run.history.record import ExposureRecord
+from ispom_app.engine.history.record import ExposureRecord
 
 from ispom.geometry import Array, Pose
 from ispom.types import Camera, Landmarks, Rig, Status, Step, Tracks, TrackStatus

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from ispom_app.inspect.geometry import MOST_POINTS, nearest_to_ray, pair, track_rays, triple
-from ispom_app.inspect.looked import Looked
-from ispom_app.inspect.sightings import life
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.history.series import Series
-from ispom_app.run.model.run_model import RunModel
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.history.series import Series
+from ispom_app.engine.inspection.geometry import MOST_POINTS, nearest_to_ray, pair, track_rays, triple
+from ispom_app.engine.inspection.looked import Looked
+from ispom_app.engine.inspection.sightings import life
+from ispom_app.engine.model.run_model import RunModel
 
 from ispom.geometry import Pose
 from ispom.types import Camera, Rig, Status, Step, Tracks

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from ispom_app.inspect.epipolar import epipolar
-from ispom_app.inspect.point import covariance, estimate, ideal, residuals
-from ispom_app.inspect.poses import revised
-from ispom_app.inspect.sightings import TrackLife, life
-from ispom_app.run.model.run_model import RunModel
+from ispom_app.engine.inspection.epipolar import epipolar
+from ispom_app.engine.inspection.point import covariance, estimate, ideal, residuals
+from ispom_app.engine.inspection.poses import revised
+from ispom_app.engine.inspection.sightings import TrackLife, life
+from ispom_app.engine.model.run_model import RunModel
 
 from ispom.estimators.modern.lens import Lens
 from ispom.geometry import Array, Pose

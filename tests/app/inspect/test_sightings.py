@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ispom_app.inspect.selection import Selection, parsed
-from ispom_app.inspect.sightings import life, nearest, seen_by
+from ispom_app.engine.inspection.selection import Selection, parsed
+from ispom_app.engine.inspection.sightings import life, nearest, seen_by
 
 from ispom.errors import InputError
 from ispom.types import Landmarks, TrackStatus

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import cache
 
-from ispom_app.learn.lesson import OWN, Asked, Lesson, Step
-from ispom_app.learn.ran import Ran
-from ispom_app.learn.reveal import Revealed, revealed
-from ispom_app.options import SourceOptions
-from ispom_app.run.playback import Playback
+from ispom_app.engine.options import SourceOptions
+from ispom_app.engine.playback import Playback
+from ispom_app.features.lessons.lesson import OWN, Asked, Lesson, Step
+from ispom_app.features.lessons.ran import Ran
+from ispom_app.features.lessons.reveal import Revealed, revealed
+from ispom_app.features.lessons.service import ran
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.learning.desk import ran
 
 from ispom.types import Sequence
 

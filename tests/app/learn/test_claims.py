@@ -6,9 +6,9 @@ Seed 0 is that of the app: tests/app/page/test_lessons.py finds no doubt in its 
 from __future__ import annotations
 
 import pytest
-from ispom_app.learn.lesson import Choose, Lesson, Point
-from ispom_app.learn.library import built_in
-from ispom_app.learn.markdown import html
+from ispom_app.features.lessons.lesson import Choose, Lesson, Point
+from ispom_app.features.lessons.library import built_in
+from ispom_app.features.lessons.markdown import html
 
 from tests.app.learn.runs import shown
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 import pytest
-from ispom_app.learn.lesson import Choose, Fact, Number
-from ispom_app.learn.lesson_file import read_lesson
-from ispom_app.learn.library import ORDER, Library, built_in, own_lesson
-from ispom_app.learn.markdown import html
+from ispom_app.features.lessons.lesson import Choose, Fact, Number
+from ispom_app.features.lessons.lesson_file import read_lesson
+from ispom_app.features.lessons.library import ORDER, Library, built_in, own_lesson
+from ispom_app.features.lessons.markdown import html
 
 from ispom.errors import InputError
 

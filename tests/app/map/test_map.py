@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.review.folder import read_stored
-from ispom_app.review.recording import identity
-from ispom_app.run.folder.made_map import made_map
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.made_map import made_map
 from ispom_app.session.current_run import CurrentRun
+from ispom_app.session.review.folder import read_stored
+from ispom_app.session.review.recording import identity
 from rerun.chunk import RrdReader
 
 from ispom.ensemble import build

@@ -10,10 +10,10 @@ import sys
 import time
 from pathlib import Path
 
-from ispom_app.options import SourceOptions
-from ispom_app.page.server import Serving, serve
+from ispom_app.engine.options import SourceOptions
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
+from ispom_app.views.web.server import Serving, serve
 
 from ispom.sequences import open_sequence
 from ispom.types import Sequence

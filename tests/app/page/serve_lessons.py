@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ispom_app.learn.library import Library
-from ispom_app.options import SourceOptions
-from ispom_app.page.server import Serving, serve
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.lessons.library import Library
 from ispom_app.session.session import Session
+from ispom_app.views.web.server import Serving, serve
 
 from ispom.ensemble import build
 from ispom.sequences import open_sequence

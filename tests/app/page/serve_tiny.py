@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ispom_app.page.server import Serving, serve
 from ispom_app.session.session import Session
+from ispom_app.views.web.server import Serving, serve
 
 from ispom.sequences import open_sequence
 from ispom.types import Sequence

@@ -9,17 +9,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from aiohttp import ClientSession
-from ispom_app.page.access import Access
-from ispom_app.page.connections import Connections, runner_of
-from ispom_app.page.gateway import Backends, Gateway
-from ispom_app.page.rerun_assets import NAMES
-from ispom_app.rerun_log.tape import Tape
+from ispom_app.engine.subscribers import Subscribers
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import State
-from ispom_app.subscribers import Subscribers
-from ispom_app.viser_ui.portless import PortlessViser
+from ispom_app.views.rerun.tape import Tape
+from ispom_app.views.viser.portless import PortlessViser
+from ispom_app.views.web.access import Access
+from ispom_app.views.web.connections import Connections, runner_of
+from ispom_app.views.web.gateway import Backends, Gateway
+from ispom_app.views.web.rerun_assets import NAMES
 
 COOKIE = "ispom-test"
 

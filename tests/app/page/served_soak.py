@@ -9,11 +9,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ispom_app.bench.page.drive import to_and_fro
-from ispom_app.options import SourceOptions
-from ispom_app.page.server import Serving, serve
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.benchmark.page.drive import to_and_fro
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
+from ispom_app.views.web.server import Serving, serve
 
 from ispom.sequences import open_sequence
 from ispom.types import Sequence

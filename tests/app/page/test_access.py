@@ -11,12 +11,12 @@ import pytest
 import rich
 import viser
 from aiohttp import WSCloseCode, WSMsgType
-from ispom_app.page import connections, sockets
-from ispom_app.page.access import Access, checked_base, checked_host
-from ispom_app.page.connections import Connections
-from ispom_app.page.listener import listener
-from ispom_app.page.server import Serving
-from ispom_app.viser_ui.portless import PortlessViser
+from ispom_app.views.viser.portless import PortlessViser
+from ispom_app.views.web import connections, sockets
+from ispom_app.views.web.access import Access, checked_base, checked_host
+from ispom_app.views.web.connections import Connections
+from ispom_app.views.web.listener import listener
+from ispom_app.views.web.server import Serving
 
 from ispom.errors import InputError
 from tests.app.page.attacks import ALLOWED, PATHS, REFUSED

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ispom_app.page.messages import message_of
 from ispom_app.session.state import State
+from ispom_app.views.web.messages import message_of
 
 from ispom.types import Guess
 from tests.app.page.served import COOKIE, Served, serving

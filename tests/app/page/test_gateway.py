@@ -13,16 +13,16 @@ import rerun as rr
 import rich
 import viser
 from aiohttp import WSMsgType
-from ispom_app.page import files
-from ispom_app.page.messages import Pane, command_of, message_of
-from ispom_app.page.rerun_assets import viewer_assets
-from ispom_app.page.tape_reader import HEAD
-from ispom_app.rerun_log.parts import columns_of
-from ispom_app.rerun_log.rrd import HEADER
-from ispom_app.rerun_log.tape import Tape
 from ispom_app.session import commands as do
 from ispom_app.session.state import NoticeAdded, State, reduce
-from ispom_app.viser_ui.portless import PortlessViser
+from ispom_app.views.rerun.parts import columns_of
+from ispom_app.views.rerun.rrd import HEADER
+from ispom_app.views.rerun.tape import Tape
+from ispom_app.views.viser.portless import PortlessViser
+from ispom_app.views.web import files
+from ispom_app.views.web.messages import Pane, command_of, message_of
+from ispom_app.views.web.rerun_assets import viewer_assets
+from ispom_app.views.web.tape_reader import HEAD
 
 from tests.app.helpers import wait_for
 from tests.app.page.served import Served, serving

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ispom_app.learn.library import built_in
+from ispom_app.features.lessons.library import built_in
 
 from tests.app.page.test_browser import CHROMIUM, App, Page, browser, launched  # noqa: F401 - a fixture
 

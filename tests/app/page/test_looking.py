@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from ispom_app.page.looking import Looking
-from ispom_app.page.messages import own_view
-from ispom_app.run.events import Bookmark
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import Bookmark
+from ispom_app.engine.playback import Playback
+from ispom_app.features.plots.plotting import DEFAULT_PLOTS
 from ispom_app.session import commands as do
 from ispom_app.session.actions import BY_NAME
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.plotting import DEFAULT_PLOTS
 from ispom_app.session.state import Computed, State, changed, reduce
+from ispom_app.views.web.looking import Looking
+from ispom_app.views.web.messages import own_view
 
 from ispom.errors import InputError
 from tests import doubles

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.page.numbers import of_exposure, over_time
-from ispom_app.run.model.corrections import corrected_by
-from ispom_app.run.playback import Playback
+from ispom_app.engine.model.corrections import corrected_by
+from ispom_app.engine.playback import Playback
 from ispom_app.session.current_run import CurrentRun
+from ispom_app.views.web.numbers import of_exposure, over_time
 
 from ispom.io.rig import read_rig
 from tests import doubles

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from ispom_app.page.people import People, Person
 from ispom_app.session import commands as do
+from ispom_app.session.people import People, Person
 
 from tests.app.page.served import COOKIE, Served, serving
 

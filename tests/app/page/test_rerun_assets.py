@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from ispom_app.page import rerun_assets
+from ispom_app.views.web import rerun_assets
 
 import ispom.child
 

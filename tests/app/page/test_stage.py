@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.rerun_log.file_recording import FileRecording
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.views.rerun.file_recording import FileRecording
 
 from tests import doubles
 from tests.alone import METHODS

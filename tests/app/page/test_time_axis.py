@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ispom_app.expressions.parser import parse
-from ispom_app.page import time_axis
-from ispom_app.page.time_axis import AxisNews
-from ispom_app.run.playback import Playback
-from ispom_app.session.branching.branches import Branch
+from ispom_app.engine.conditions.parser import parse
+from ispom_app.engine.playback import Playback
+from ispom_app.features.branches.branches import Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
+from ispom_app.views.web import time_axis
+from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS

@@ -13,7 +13,7 @@ import pytest
 import rich
 import viser
 from aiohttp import WSCloseCode, WSMsgType
-from ispom_app.viser_ui.portless import PortlessViser
+from ispom_app.views.viser.portless import PortlessViser
 
 from tests.app.page.served import COOKIE, Served, serving
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.report import analysis, moments
-from ispom_app.report.folder import Run
-from ispom_app.report.steps import NUMBERS, DecisionRow, Steps
-from ispom_app.report.traces import ALL_POINTS, MAX_POINTS, points_per_line, thinned
+from ispom_app.features.report import analysis, moments
+from ispom_app.features.report.folder import Run
+from ispom_app.features.report.steps import NUMBERS, DecisionRow, Steps
+from ispom_app.features.report.traces import ALL_POINTS, MAX_POINTS, points_per_line, thinned
 
 from ispom.geometry import Pose
 from ispom.types import Decision, Rig, Trajectory

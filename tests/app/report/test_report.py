@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app.cli import main
-from ispom_app.run.folder.run_folder import MARKER
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_folder import MARKER
 
 from tests.app import helpers
 from tests.sequences.kitti_folder import make_drive

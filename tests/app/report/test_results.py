@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ispom_app.report.blocks import Compared, MethodName, Table
-from ispom_app.report.folder import Run
-from ispom_app.report.results import results
+from ispom_app.features.report.blocks import Compared, MethodName, Table
+from ispom_app.features.report.folder import Run
+from ispom_app.features.report.results import results
 
 from ispom.types import Rig
 

@@ -11,7 +11,7 @@ import pytest
 SCRIPT = """
 import os
 before = dict(os.environ)
-import ispom_app.rerun_log
+import ispom_app.views.rerun
 import pyarrow
 print(pyarrow.default_memory_pool().backend_name, dict(os.environ) == before)
 """

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.playback import Playback, truth_from_start
+from ispom_app.engine.playback import Playback, truth_from_start
+from ispom_app.views.rerun.recorder import Recorder
 
 from ispom.types import Trajectory
 from tests import doubles

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ispom_app.inspect.colouring import BINS, COLOURINGS, SCALES
-from ispom_app.inspect.knowledge import known_from
-from ispom_app.inspect.sightings import seen_before
-from ispom_app.rerun_log.batch import Entry
-from ispom_app.rerun_log.blueprint import hidden_paths
-from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.events import Opened, without_images
+from ispom_app.engine.events import Opened, without_images
+from ispom_app.engine.inspection.colouring import BINS, COLOURINGS, SCALES
+from ispom_app.engine.inspection.knowledge import known_from
+from ispom_app.engine.inspection.sightings import seen_before
+from ispom_app.views.rerun.batch import Entry
+from ispom_app.views.rerun.blueprint import hidden_paths
+from ispom_app.views.rerun.recorder import Recorder
 
 from ispom.methods import Config
 from ispom.types import TrackStatus

@@ -14,11 +14,11 @@ from types import SimpleNamespace
 
 import pytest
 import rerun as rr
-from ispom_app.rerun_log import file_recording, piped_file
-from ispom_app.rerun_log.piped_file import PipedFile
-from ispom_app.rerun_log.rrd import is_finished, whole_bytes
-from ispom_app.run.events import without_images
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import without_images
+from ispom_app.engine.playback import Playback
+from ispom_app.views.rerun import file_recording, piped_file
+from ispom_app.views.rerun.piped_file import PipedFile
+from ispom_app.views.rerun.rrd import is_finished, whole_bytes
 
 from ispom.errors import InputError
 from ispom.io import whole

@@ -12,16 +12,16 @@ import psutil
 import pyarrow as pa
 import pytest
 import rerun as rr
-from ispom_app.rerun_log import blueprint, entities, live, rrd, tape
-from ispom_app.rerun_log.file_recording import FileRecording
-from ispom_app.rerun_log.parts import STAGE, SceneSource, SceneWriter, columns_of, latest_of_each_camera
-from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.rerun_log.stored_tape import StoredTape
-from ispom_app.run.events import Stepped
-from ispom_app.run.history.feed import IMAGES_WAITING
-from ispom_app.run.history.history import History
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import Stepped
+from ispom_app.engine.history.feed import IMAGES_WAITING
+from ispom_app.engine.history.history import History
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.playback import Playback
+from ispom_app.views.rerun import blueprint, entities, live, rrd, tape
+from ispom_app.views.rerun.file_recording import FileRecording
+from ispom_app.views.rerun.parts import STAGE, SceneSource, SceneWriter, columns_of, latest_of_each_camera
+from ispom_app.views.rerun.recorder import Recorder
+from ispom_app.views.rerun.stored_tape import StoredTape
 from rerun.chunk import RrdReader
 
 from ispom.types import Exposure, StereoPair

@@ -11,17 +11,17 @@ import numpy as np
 import pyarrow
 import pytest
 import rerun as rr
-from ispom_app import colours
-from ispom_app.rerun_log import entities
-from ispom_app.rerun_log.batch import Entry
-from ispom_app.rerun_log.blueprint import blueprint
-from ispom_app.rerun_log.file_recording import FileRecording
-from ispom_app.rerun_log.recorder import Recorder
-from ispom_app.run.events import Finished, Stepped
-from ispom_app.run.history.encoding import decode, encode
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.model.true_path import FIRST
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import Finished, Stepped
+from ispom_app.engine.history.encoding import decode, encode
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.model.true_path import FIRST
+from ispom_app.engine.playback import Playback
+from ispom_app.presentation import colours
+from ispom_app.views.rerun import entities
+from ispom_app.views.rerun.batch import Entry
+from ispom_app.views.rerun.blueprint import blueprint
+from ispom_app.views.rerun.file_recording import FileRecording
+from ispom_app.views.rerun.recorder import Recorder
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.blueprint.api import View
 from rerun.chunk import RrdReader

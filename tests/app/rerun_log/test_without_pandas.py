@@ -8,12 +8,12 @@ import sys
 SCRIPT = """
 import sys
 import numpy as np, pyarrow
-from ispom_app.rerun_log.without_pandas import spare_pandas
+from ispom_app.views.rerun.without_pandas import spare_pandas
 finders = list(sys.meta_path)
 spare_pandas()
 assert sys.meta_path == finders
 assert pyarrow.array(np.arange(3.0)).to_pylist() == [0, 1, 2]
-import ispom_app.rerun_log.streams
+import ispom_app.views.rerun.streams
 import rerun as rr
 rr.Points3D(np.zeros((3, 3))), rr.Scalars(1.0)
 print("pandas" in sys.modules)

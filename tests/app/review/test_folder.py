@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.options import SourceOptions
-from ispom_app.review.folder import read_stored
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.history.series import Series
-from ispom_app.run.playback import Playback
+from ispom_app.cli.main import main
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.history.series import Series
+from ispom_app.engine.options import SourceOptions
+from ispom_app.engine.playback import Playback
+from ispom_app.session.review.folder import read_stored
 
 from ispom.errors import InputError
 from tests import doubles

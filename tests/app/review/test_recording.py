@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
-from ispom_app.cli import main
-from ispom_app.rerun_log.live import LiveStream
-from ispom_app.rerun_log.rrd import HEADER, messages
-from ispom_app.review.folder import read_stored
-from ispom_app.review.recording import read_recording
-from ispom_app.run.history.series import Series
+from ispom_app.cli.main import main
+from ispom_app.engine.history.series import Series
 from ispom_app.session import commands as do
-from ispom_app.viser_ui.screen import Screen
+from ispom_app.session.review.folder import read_stored
+from ispom_app.session.review.recording import read_recording
+from ispom_app.views.rerun.live import LiveStream
+from ispom_app.views.rerun.rrd import HEADER, messages
+from ispom_app.views.viser.screen import Screen
 
 from ispom.errors import InputError
 from tests import doubles

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.run.events import Finished, Opened, Stepped
-from ispom_app.run.history.history import History
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import Finished, Opened, Stepped
+from ispom_app.engine.history.history import History
+from ispom_app.engine.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from ispom_app.run.events import Stepped
-from ispom_app.run.playback import Playback, Snapshot
+from ispom_app.engine.events import Stepped
+from ispom_app.engine.playback import Playback, Snapshot
 
 from ispom.errors import InputError
 from ispom.geometry import Similarity

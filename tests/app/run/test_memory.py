@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import psutil
 import pytest
-from ispom_app.run import memory
+from ispom_app.engine import memory
 
 from ispom.types import StereoPair
 from ispom.warm_up import flight, flight_rig
@@ -32,7 +32,7 @@ VmFlags: rd ex mr mw me
 """
 LIBRARIES = """
 import re
-from ispom_app.run import memory
+from ispom_app.engine import memory
 import llvmlite.binding, numba
 from pathlib import Path
 def resident_mb():
@@ -50,7 +50,7 @@ assert resident_mb() < 8
 """
 RUN = """
 from ispom_app.__main__ import main
-from ispom_app.bench.peak import peak_mb
+from ispom_app.features.benchmark.peak import peak_mb
 assert main() == 0
 print(peak_mb())
 """

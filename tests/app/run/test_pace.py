@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from ispom_app.run.pace import END_SHARE, LEAST_GIVEN, LEAST_S, Pace
+from ispom_app.engine.pace import END_SHARE, LEAST_GIVEN, LEAST_S, Pace
 
 PARTS = (2, 1, 1, 4, 1, 1, 5, 6, 2, 3, 1, 1, 1, 3, 1, 1, 2, 1, 1, 2, 14, 2, 1, 2, 1, 1, 1, 9, 2, 7, 5, 3, 2, 2)
 """Lengths of what is compiled, one after the other."""

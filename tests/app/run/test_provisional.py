@@ -7,10 +7,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from ispom_app.review.folder import read_stored
-from ispom_app.run.folder.step_reader import stored_steps
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.playback import Playback
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.playback import Playback
+from ispom_app.engine.run_folder.step_reader import stored_steps
+from ispom_app.session.review.folder import read_stored
 
 from ispom.sequences import open_sequence
 from ispom.types import Sequence

@@ -8,8 +8,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from ispom_app.run import signals
-from ispom_app.run.signals import terminable
+from ispom_app.engine import signals
+from ispom_app.engine.signals import terminable
 
 from ispom.stop import check_stop
 
@@ -50,7 +50,7 @@ def test_a_signal_sent_to_the_process_and_its_group_counts_once(number: int, mon
 def test_a_second_signal_ends_the_process_at_once(number: int) -> None:
     code = (
         "import signal, time\n"
-        "from ispom_app.run import signals\n"
+        "from ispom_app.engine import signals\n"
         "signals.REPEAT_S = -1.0\n"
         "signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
         "with signals.terminable() as got:\n"
@@ -138,7 +138,7 @@ def test_a_signal_during_imports_ends_the_command_without_a_word(number: int) ->
         f"signal.signal({int(signal.SIGINT)}, signal.default_int_handler)\n"
         "class Sending:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'ispom_app.cli':\n"
+        "        if name == 'ispom_app.cli.main':\n"
         f"            signal.raise_signal({int(number)})\n"
         "sys.meta_path.insert(0, Sending())\n"
         "from ispom_app.__main__ import main\n"

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
-from ispom_app.options import Run
-from ispom_app.run.playback import Playback
+from ispom_app.cli.main import main
+from ispom_app.engine.playback import Playback
+from ispom_app.features.headless.options import Run
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.tum import read_tum

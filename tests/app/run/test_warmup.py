@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
-from ispom_app.run import warmup
+from ispom_app.engine import warmup
 from ispom_app.session import commands as do
 
 from ispom import warm_up

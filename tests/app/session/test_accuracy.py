@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.options import SourceOptions
-from ispom_app.page.messages import message_of
+from ispom_app.cli.main import main
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.branches.error_curves import aligned_curves, live_curves
+from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.presentation.texts import length, lengths
 from ispom_app.session import commands as do
 from ispom_app.session.accuracy import measured, over_common_frames
-from ispom_app.session.branching.branches import Branch
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
-from ispom_app.texts import length, lengths
-from ispom_app.viser_ui.panels.compare.branches import BranchesPanel
-from ispom_app.viser_ui.panels.compare.error_curves import aligned_curves, live_curves
+from ispom_app.views.web.messages import message_of
 
 from ispom.sequences import open_sequence
 from ispom.types import Sequence

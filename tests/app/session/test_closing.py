@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ispom_app.learn.library import Library
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.lessons.commands import Learn
+from ispom_app.features.lessons.library import Library
 from ispom_app.session import commands as do
-from ispom_app.session.branching.branches import Branch
 from ispom_app.session.closing import loss
-from ispom_app.session.learning.commands import Learn
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 

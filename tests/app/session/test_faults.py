@@ -9,13 +9,13 @@ from pathlib import Path
 from threading import Event, current_thread
 
 import pytest
-from ispom_app.rerun_log.file_recording import FileRecording
-from ispom_app.run.events import Opened, Stepped
-from ispom_app.run.history.history import History
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import Opened, Stepped
+from ispom_app.engine.history.history import History
+from ispom_app.engine.playback import Playback
+from ispom_app.features.recording.listing import list_recordings
 from ispom_app.session import commands as do
-from ispom_app.session.recording.listing import list_recordings
 from ispom_app.session.session import Session
+from ispom_app.views.rerun.file_recording import FileRecording
 
 from ispom.errors import InputError
 from ispom.io.whole import part_of
@@ -202,7 +202,7 @@ def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
     def fault(_: Path) -> None:
         raise PermissionError("the folder is not yours")
 
-    monkeypatch.setattr("ispom_app.session.recording.shelf.list_recordings", fault)
+    monkeypatch.setattr("ispom_app.features.recording.library.list_recordings", fault)
     paused.post(do.Record("r"))
     wait_for(lambda: paused.state.recording is not None, "recording")
     paused.post(do.StopRecording())

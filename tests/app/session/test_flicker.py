@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.flicker.flicker import Flicker, Side, between, sides, usual
 from ispom_app.session import commands as do
-from ispom_app.session.branching.branches import Branch
-from ispom_app.session.flicker import Flicker, Side, between, sides, usual
 from ispom_app.session.state import Flicked, State, changed, reduce
 
 from ispom.errors import InputError

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.features.integration.integration import Integration, latest_fit, stage_count
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.integration import Integration, latest_fit, stage_count
 
 from tests import doubles
 from tests.app import helpers

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app.cli import main
-from ispom_app.headless import play
-from ispom_app.run.folder.run_folder import MARKER
+from ispom_app.cli.main import main
+from ispom_app.engine.run_folder.run_folder import MARKER
+from ispom_app.features.headless import play
 from ispom_app.session import commands as do
 
 from ispom.sequences import open_sequence

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from ispom_app.options import SourceOptions
-from ispom_app.rerun_log.live import LiveStream
+from ispom_app.engine.options import SourceOptions
 from ispom_app.session import commands as do
+from ispom_app.views.rerun.live import LiveStream
 
 from ispom.types import Sequence
 from tests.app.helpers import started, wait_for

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ispom_app.features.plots.plotting import DEFAULT_PLOTS, MOST_PLOTS
 from ispom_app.session import commands as do
-from ispom_app.session.plotting import DEFAULT_PLOTS, MOST_PLOTS
 
 from tests.app.helpers import started, wait_for
 

@@ -11,21 +11,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from ispom_app.cli import main
-from ispom_app.options import SourceOptions
-from ispom_app.rerun_log.live import LiveStream
-from ispom_app.rerun_log.stored_tape import StoredTape
-from ispom_app.review.folder import read_stored
-from ispom_app.review.recorded_tracks import RecordedViews
+from ispom_app.cli.main import main
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.recording.listing import list_recordings
+from ispom_app.features.tracks.tab import LookTab, looked_at
+from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.session import commands as do
-from ispom_app.session.recording.listing import list_recordings
+from ispom_app.session.review.folder import read_stored
+from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.sources.known import run_name
 from ispom_app.session.state import Kept
-from ispom_app.viser_ui.panels.look.tab import LookTab, looked_at
-from ispom_app.viser_ui.panels.look.track_picture import track_picture
-from ispom_app.viser_ui.screen import Screen
+from ispom_app.views.rerun.live import LiveStream
+from ispom_app.views.rerun.stored_tape import StoredTape
+from ispom_app.views.viser.screen import Screen
 
 from ispom.sequences import open_sequence
 from ispom.types import Tracks, TrackStatus

@@ -122,7 +122,7 @@ def test_a_fault_of_the_program_is_told_and_survived(paused: Session, monkeypatc
     def fault(*_):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("ispom_app.run.playback.Playback.step", fault)
+    monkeypatch.setattr("ispom_app.engine.playback.Playback.step", fault)
     paused.post(do.StepBy(1))
     wait_for(lambda: paused.state.notices, "a notice")
     assert "internal fault" in paused.state.notices[-1].text
@@ -215,7 +215,7 @@ def test_a_full_disk_stops_the_recording_not_the_run(paused: Session, monkeypatc
     def full(self, event) -> None:
         self.failure = "full.rrd could not be written on (No space left on device): free some space and record again"
 
-    monkeypatch.setattr("ispom_app.rerun_log.file_recording.FileRecording.write", full)
+    monkeypatch.setattr("ispom_app.views.rerun.file_recording.FileRecording.write", full)
     go(paused, do.StepBy(1), 1)
     wait_for(lambda: paused.state.recording is None, "the end of the recording")
     assert "No space left" in paused.state.notices[0].text

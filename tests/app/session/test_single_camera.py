@@ -10,14 +10,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from ispom_app.options import SourceOptions
-from ispom_app.page.messages import message_of
-from ispom_app.run.model.true_path import FIRST, TruePath
+from ispom_app.engine.model.true_path import FIRST, TruePath
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.branches.error_curves import aligned_curves, live_curves
+from ispom_app.features.branches.panel import BranchesPanel
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
-from ispom_app.viser_ui.panels.compare.branches import BranchesPanel
-from ispom_app.viser_ui.panels.compare.error_curves import aligned_curves, live_curves
-from ispom_app.viser_ui.scene import TRUE_LINE, Scene
+from ispom_app.views.viser.scene import TRUE_LINE, Scene
+from ispom_app.views.web.messages import message_of
 
 from ispom.evaluation.trajectory_error import error_against_truth
 from ispom.io.tum import tum_text

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.run.events import Finished, Opened, Stepped
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.model.tally import Tally
+from ispom_app.engine.events import Finished, Opened, Stepped
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.model.tally import Tally
 from ispom_app.session.state import (
     MAX_NOTICES,
     Computed,

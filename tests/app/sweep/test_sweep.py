@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ispom_app.options import SourceOptions
-from ispom_app.sweep.process import SweepProcess
-from ispom_app.sweep.sweep import Sweep
-from ispom_app.sweep.values import Swept
-from ispom_app.texts import duration
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.sweep.process import SweepProcess
+from ispom_app.features.sweep.sweep import Sweep
+from ispom_app.features.sweep.values import Swept
+from ispom_app.presentation.texts import duration
 
 from tests.app.helpers import wait_for
 
@@ -77,7 +77,7 @@ def test_cancelled_it_ends_by_the_end_of_its_input(tmp_path: Path) -> None:
 
 
 def test_one_that_does_not_end_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ispom_app.sweep.process.ENDS_S", 0.2)
+    monkeypatch.setattr("ispom_app.features.sweep.process.ENDS_S", 0.2)
     process = SweepProcess("plan", tmp_path, 0, (sys.executable, "-c", "import time; time.sleep(60)"))
     process.cancel()
     began_s = time.monotonic()

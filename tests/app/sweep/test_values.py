@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from ispom_app.experiment.options import Experiment
-from ispom_app.experiment.plan import config_of
-from ispom_app.experiment.plan_file import read_plan
-from ispom_app.options import SourceOptions
-from ispom_app.sweep.plan import plan_text
-from ispom_app.sweep.values import FEWEST, MOST, Swept, offered, parsed, proposed, shown
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.experiments.options import Experiment
+from ispom_app.features.experiments.plan import config_of
+from ispom_app.features.experiments.plan_file import read_plan
+from ispom_app.features.sweep.plan import plan_text
+from ispom_app.features.sweep.values import FEWEST, MOST, Swept, offered, parsed, proposed, shown
 
 from ispom.errors import InputError
 from ispom.methods import Config, method, names

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import viser
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.model.run_model import RunModel
-from ispom_app.run.playback import Playback, truth_from_start
-from ispom_app.viser_ui import beside_scene
-from ispom_app.viser_ui.beside_scene import BesideScene
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.model.run_model import RunModel
+from ispom_app.engine.playback import Playback, truth_from_start
+from ispom_app.views.viser import beside_scene
+from ispom_app.views.viser.beside_scene import BesideScene
 from numpy.testing import assert_allclose
 
 from ispom.types import Trajectory

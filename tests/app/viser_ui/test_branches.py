@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 import viser
-from ispom_app.run.model.tally import Tally
-from ispom_app.run.playback import Playback
+from ispom_app.engine.model.tally import Tally
+from ispom_app.engine.playback import Playback
+from ispom_app.features.branches.branches import Beside, Branch
+from ispom_app.features.branches.panel import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
+from ispom_app.features.branches.scene import BranchScene
+from ispom_app.presentation.texts import MILLIMETRE
 from ispom_app.session import commands as do
 from ispom_app.session.accuracy import measured
-from ispom_app.session.branching.branches import Beside, Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
-from ispom_app.texts import MILLIMETRE
-from ispom_app.viser_ui.branch_scene import BranchScene
-from ispom_app.viser_ui.panels.compare.branches import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
 
 from ispom.evaluation.metrics import errors
 from tests import doubles

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 import viser
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.features.breakpoints.panel import MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
-from ispom_app.viser_ui.panels.break_point import MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
 
 from tests import doubles
 from tests.alone import METHODS

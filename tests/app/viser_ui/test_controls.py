@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 import pytest
 import viser
+from ispom_app.features.methods.panel import APPLIED, PENDING, MethodsPanel
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
-from ispom_app.viser_ui.controls import ConfigForm, label_of
-from ispom_app.viser_ui.panels.methods import APPLIED, PENDING, MethodsPanel
+from ispom_app.views.viser.controls import ConfigForm, label_of
 
 from ispom.methods import Config, names
 from ispom.settings import Range

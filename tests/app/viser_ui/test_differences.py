@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 import viser
-from ispom_app.diff.compare import Difference, Divergence
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.branches.comparison import Comparison
+from ispom_app.features.branches.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
+from ispom_app.features.diff.compare import Difference, Divergence
 from ispom_app.session import commands as do
-from ispom_app.session.branching.branches import Branch
-from ispom_app.session.branching.comparing import Comparison
 from ispom_app.session.state import State
-from ispom_app.viser_ui.panels.compare.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
 
 NAME = "<img src=x onerror=alert(1)>"
 FOUND = tuple(

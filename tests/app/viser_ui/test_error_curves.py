@@ -10,21 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app import colours
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.features.branches import error_curves as panels
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.branches.error_curves import ErrorCurvesPanel, aligned_curves, live_curves, thinned
+from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.presentation import colours
+from ispom_app.presentation.texts import METRE, MILLIMETRE, length
 from ispom_app.session.accuracy import errors_beside, measured
-from ispom_app.session.branching.branches import Branch
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
-from ispom_app.texts import METRE, MILLIMETRE, length
-from ispom_app.viser_ui.panels.compare import error_curves as panels
-from ispom_app.viser_ui.panels.compare.branches import BranchesPanel
-from ispom_app.viser_ui.panels.compare.error_curves import (
-    ErrorCurvesPanel,
-    aligned_curves,
-    live_curves,
-    thinned,
-)
 
 from tests import doubles
 from tests.alone import METHODS

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app import colours
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.flicker.flicker import Flicker, Side
+from ispom_app.features.flicker.panel import OFF, TURN, FlickerPanel
+from ispom_app.features.flicker.scene import FlickerScene
+from ispom_app.presentation import colours
 from ispom_app.session import commands as do
-from ispom_app.session.branching.branches import Branch
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.flicker import Flicker, Side
 from ispom_app.session.state import State, reduce
-from ispom_app.viser_ui.flicker_scene import FlickerScene
-from ispom_app.viser_ui.panels.compare.flicker import OFF, TURN, FlickerPanel
-from ispom_app.viser_ui.track_picture import picture, tracks_of
+from ispom_app.views.viser.track_picture import picture, tracks_of
 
 from ispom.types import Tracks
 from tests import doubles

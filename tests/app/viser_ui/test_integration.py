@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.features.integration.drawing import Dots, Line, bracket_rows, drawing, extent
+from ispom_app.features.integration.integration import Integration, latest_fit
+from ispom_app.features.integration.numbers import table
+from ispom_app.features.integration.panel import LOOK, NEXT, PREVIOUS, IntegrationPanel
+from ispom_app.features.integration.scene import IntegrationScene
+from ispom_app.presentation.texts import length
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.integration import Integration, latest_fit
 from ispom_app.session.state import State, reduce
-from ispom_app.texts import length
-from ispom_app.viser_ui.integration.drawing import Dots, Line, bracket_rows, drawing, extent
-from ispom_app.viser_ui.integration.numbers import table
-from ispom_app.viser_ui.integration.scene import IntegrationScene
-from ispom_app.viser_ui.panels.integration import LOOK, NEXT, PREVIOUS, IntegrationPanel
-from ispom_app.viser_ui.screen import Screen
+from ispom_app.views.viser.screen import Screen
 
 from ispom.types import Step, Trajectory
 from tests import doubles

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app.inspect.looked import Looked
-from ispom_app.inspect.selection import parsed
-from ispom_app.run.playback import Playback
+from ispom_app.engine.inspection.looked import Looked
+from ispom_app.engine.inspection.selection import parsed
+from ispom_app.engine.playback import Playback
+from ispom_app.features.tracks import tab as looks
+from ispom_app.features.tracks.geometry import geometry_report
+from ispom_app.features.tracks.key_frames import key_frames_report
+from ispom_app.features.tracks.residuals import residuals_report
+from ispom_app.features.tracks.scene import LookScene, clicked
+from ispom_app.features.tracks.tab import EMPTY, LookTab
+from ispom_app.features.tracks.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
+from ispom_app.features.tracks.track_picture import track_picture
+from ispom_app.features.tracks.tracks import lifetimes_chart, tracks_table
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import Computed, State, changed, reduce
-from ispom_app.viser_ui.look_scene import LookScene, clicked
-from ispom_app.viser_ui.panels.look import tab as looks
-from ispom_app.viser_ui.panels.look.geometry import geometry_report
-from ispom_app.viser_ui.panels.look.key_frames import key_frames_report
-from ispom_app.viser_ui.panels.look.residuals import residuals_report
-from ispom_app.viser_ui.panels.look.tab import EMPTY, LookTab
-from ispom_app.viser_ui.panels.look.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
-from ispom_app.viser_ui.panels.look.track_picture import track_picture
-from ispom_app.viser_ui.panels.look.tracks import lifetimes_chart, tracks_table
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import viser
-from ispom_app.run.folder.made_map import MadeMap
-from ispom_app.viser_ui.map_scene import MapScene
+from ispom_app.engine.run_folder.made_map import MadeMap
+from ispom_app.features.mapping.scene import MapScene
 
 from ispom.io.meshes import glb_bytes
 from tests.app.viser_ui.test_scene import Spy

@@ -10,17 +10,17 @@ from typing import Any
 
 import pytest
 import viser
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.options import SourceOptions
 from ispom_app.features.explain.panel import ExplainPanel, report
-from ispom_app.options import SourceOptions
-from ispom_app.run.history.record import ExposureRecord
+from ispom_app.features.layers.panel import ViewPanel, legend
+from ispom_app.features.methods.panel import MethodsPanel
+from ispom_app.features.playback.panel import BACK, FORWARD, PAUSE, PLAY, RunPanel
+from ispom_app.features.recording.panel import RecordPanel
+from ispom_app.features.sources.panel import MARK, UP, SourcePanel
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import Kept, Recording, State
-from ispom_app.viser_ui.panels.methods import MethodsPanel
-from ispom_app.viser_ui.panels.record import RecordPanel
-from ispom_app.viser_ui.panels.run import BACK, FORWARD, PAUSE, PLAY, RunPanel
-from ispom_app.viser_ui.panels.source import MARK, UP, SourcePanel
-from ispom_app.viser_ui.panels.view import ViewPanel, legend
 
 from ispom.methods import Config
 from ispom.types import Decision, Status, Step

@@ -11,7 +11,7 @@ import pytest
 import rich
 import viser
 import websockets.asyncio.server
-from ispom_app.viser_ui.portless import PageLine, PortlessViser
+from ispom_app.views.viser.portless import PageLine, PortlessViser
 
 from tests.app.helpers import wait_for
 

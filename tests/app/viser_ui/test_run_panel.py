@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ispom_app.features.playback.panel import _text
 from ispom_app.session.state import Opening, OpeningFailed, State, reduce
-from ispom_app.viser_ui.panels.run import _text
 
 
 def test_a_page_that_comes_after_a_failed_opening_says_why() -> None:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app.run.events import Opened
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.model.run_model import RunModel
-from ispom_app.run.playback import Playback
-from ispom_app.viser_ui.scene import Scene
+from ispom_app.engine.events import Opened
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.model.run_model import RunModel
+from ispom_app.engine.playback import Playback
+from ispom_app.views.viser.scene import Scene
 from numpy.testing import assert_allclose
 
 from ispom.geometry import Pose, Similarity

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.playback import Playback
 from ispom_app.features.explain.panel import ExplainPanel
-from ispom_app.learn.library import Library
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.playback import Playback
+from ispom_app.features.lessons.library import Library
+from ispom_app.features.playback.panel import RunPanel
+from ispom_app.features.recording.panel import RecordPanel
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.state import Computed, Displayed, Recording, State, changed, reduce
-from ispom_app.viser_ui import screen as screens
-from ispom_app.viser_ui.panels.record import RecordPanel
-from ispom_app.viser_ui.panels.run import RunPanel
-from ispom_app.viser_ui.screen import Screen
+from ispom_app.views.viser import screen as screens
+from ispom_app.views.viser.screen import Screen
 
 from tests import doubles
 from tests.alone import METHODS

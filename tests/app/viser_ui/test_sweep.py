@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app.options import SourceOptions
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
+from ispom_app.features.sweep.panel import SweepPanel
+from ispom_app.features.sweep.plot import points
+from ispom_app.features.sweep.sweep import Sweep
+from ispom_app.features.sweep.values import Swept, Value
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
-from ispom_app.session.sweeping.commands import CancelSweep, RunSweep, ShowSwept
-from ispom_app.sweep.sweep import Sweep
-from ispom_app.sweep.values import Swept, Value
-from ispom_app.viser_ui.panels.compare.sweep import SweepPanel
-from ispom_app.viser_ui.panels.compare.sweep_plot import points
 
 from tests import doubles
 

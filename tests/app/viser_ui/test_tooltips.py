@@ -8,15 +8,16 @@ from typing import Any
 
 import ispom_app
 import pytest
-from ispom_app.options import SourceOptions
-from ispom_app.viser_ui.controls import hint_of, label_of, unit_of
-from ispom_app.viser_ui.screen import Screen
+from ispom_app.engine.options import SourceOptions
+from ispom_app.views.viser.controls import hint_of, label_of, unit_of
+from ispom_app.views.viser.screen import Screen
 
 from ispom.methods import registry
 from ispom.settings import settings
 from tests.app.helpers import started, wait_for
 
 APP = Path(ispom_app.__file__).parent
+PANELS = sorted(p for p in (APP / "features").glob("*/templates/*.html") if (p.parents[1] / "panel.py").exists())
 CONFIGS = {name: method.config for name, method in registry().items()} | {"source": SourceOptions}
 RATIOS = {"min_share", "knot_frames", "knot_misfit", "loss", "max_depth_baselines", "video_scale"}
 RATIOS |= {"focal_sigma", "radial_sigma", "decentring_sigma"}
@@ -49,7 +50,7 @@ def test_every_setting_has_a_hint_with_its_unit(name: str) -> None:
             assert setting.name in RATIOS, f"{setting.name}: name its unit, or list it as a ratio"
 
 
-@pytest.mark.parametrize("path", sorted((APP / "viser_ui" / "templates").glob("*.html")), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", PANELS, ids=lambda path: path.name)
 def test_every_column_has_a_hint(path: Path) -> None:
     for row in re.findall(r'<tr style="opacity:.85">(.*?)</tr>', path.read_text(), re.S):
         cells = re.findall(r"<td[^>]*>", row)
@@ -59,7 +60,7 @@ def test_every_column_has_a_hint(path: Path) -> None:
 
 
 def test_every_button_of_the_page_itself_has_a_hint() -> None:
-    page = (APP / "page" / "web" / "index.html").read_text()
+    page = (APP / "views" / "web" / "static" / "index.html").read_text()
     elements = re.findall(r"<(?:button|a|progress)\b[^>]*>|<[^>]*tabindex=[^>]*>", page)
     assert len(elements) > 10
     assert not [element for element in elements if " title=" not in element]

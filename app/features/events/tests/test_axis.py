@@ -6,10 +6,10 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from ispom_app.page.time_axis import AxisNews
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
+from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ispom_app.features.events import kinds, log
-from ispom_app.features.events.find import nearest, with_bookmarks
-from ispom_app.features.events.log import EventLog
-from ispom_app.features.events.registry import event_kinds
-from ispom_app.features.explain.verdict import Severity
-from ispom_app.run.events import Bookmark
-from ispom_app.run.history.quantities import NO_ROW, row_after
+from ispom_app.engine.events import Bookmark
+from ispom_app.engine.history.quantities import NO_ROW, row_after
+from ispom_app.engine.run_events import kinds, log
+from ispom_app.engine.run_events.find import nearest, with_bookmarks
+from ispom_app.engine.run_events.log import EventLog
+from ispom_app.engine.run_events.registry import event_kinds
+from ispom_app.engine.verdict import Severity
 
 from ispom.estimators.modern.loops.checks import LOOP_VIEWS
 from ispom.estimators.modern.monocular import checks
@@ -151,8 +151,8 @@ def test_the_next_and_the_previous_event_with_bookmarks_between() -> None:
 
 
 KIND = """
-from ispom_app.features.events.event import EventKind, Moment
-from ispom_app.features.explain.verdict import Severity
+from ispom_app.engine.run_events.event import EventKind, Moment
+from ispom_app.engine.verdict import Severity
 
 
 def detect(moment):

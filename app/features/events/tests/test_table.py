@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.features.events.event import RunEvent
-from ispom_app.features.events.table import PRINTED, EventRecorder, event_lines, events_text, read_events
-from ispom_app.features.explain.verdict import Severity
-from ispom_app.run.playback import Playback
+from ispom_app.engine.playback import Playback
+from ispom_app.engine.run_events.event import RunEvent
+from ispom_app.engine.run_events.table import PRINTED, EventRecorder, event_lines, events_text, read_events
+from ispom_app.engine.verdict import Severity
 from ispom_app.session.current_run import CurrentRun
 
 from ispom.errors import InputError

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from ispom_app.engine.history.quantities import quantities
+from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.features.explain.card import cards
-from ispom_app.run.history.quantities import quantities
-from ispom_app.run.history.record import ExposureRecord
 
 from ispom.estimators.modern.monocular import checks
 from ispom.types import Decision, Status, Step, Tracks, TrackStatus

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 import viser
+from ispom_app.engine.events import Bookmark
+from ispom_app.engine.history.quantities import NO_ROW, row_after
+from ispom_app.engine.playback import Playback
+from ispom_app.engine.run_events.log import EventLog
 from ispom_app.features.events.commands import StepToEvent
-from ispom_app.features.events.log import EventLog
 from ispom_app.features.explain.panel import ExplainPanel, ongoing
-from ispom_app.run.events import Bookmark
-from ispom_app.run.history.quantities import NO_ROW, row_after
-from ispom_app.run.playback import Playback
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from ispom_app.features.explain.verdict import Severity, verdict, worst
+from ispom_app.engine.verdict import Severity, verdict, worst
 
 from ispom.estimators.modern.monocular import checks as monocular
 from ispom.estimators.modern.motions import SECOND_MOTION

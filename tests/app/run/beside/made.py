@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ispom_app.run.beside.given import Given, given
-from ispom_app.run.beside.placed import Beside, beside_run
-from ispom_app.run.playback import truth_from_start
+from ispom_app.engine.external_trajectories.given import Given, given
+from ispom_app.engine.external_trajectories.placed import Beside, beside_run
+from ispom_app.engine.playback import truth_from_start
 
 from ispom.geometry import Pose
 from ispom.io.tum import tum_text

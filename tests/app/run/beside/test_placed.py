@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.run.beside.placed import Beside
-from ispom_app.run.playback import truth_from_start
+from ispom_app.engine.external_trajectories.placed import Beside
+from ispom_app.engine.playback import truth_from_start
 from numpy.testing import assert_allclose
 
 from ispom.errors import InputError

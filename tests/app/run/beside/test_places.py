@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from ispom_app.run.beside.placed import Placed
-from ispom_app.run.beside.places import Places
-from ispom_app.run.model.run_model import RunModel
-from ispom_app.run.playback import Playback
+from ispom_app.engine.external_trajectories.placed import Placed
+from ispom_app.engine.external_trajectories.places import Places
+from ispom_app.engine.model.run_model import RunModel
+from ispom_app.engine.playback import Playback
 from numpy.testing import assert_allclose
 
 from tests import doubles

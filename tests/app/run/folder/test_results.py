@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ispom_app.run.folder.results import Results, metrics_text, summary, trajectory_files
-from ispom_app.run.folder.run_folder import RunFolder
-from ispom_app.run.folder.statistics import RunStatistics
+from ispom_app.engine.run_folder.results import Results, metrics_text, summary, trajectory_files
+from ispom_app.engine.run_folder.run_folder import RunFolder
+from ispom_app.engine.run_folder.statistics import RunStatistics
 
 from ispom.geometry import Pose
 from ispom.types import Camera, Rig, Status, Trajectory

@@ -9,7 +9,7 @@ from io import FileIO
 from pathlib import Path
 
 import pytest
-from ispom_app.run.folder.run_folder import MARKER, RunFolder, is_incomplete
+from ispom_app.engine.run_folder.run_folder import MARKER, RunFolder, is_incomplete
 
 from ispom.errors import InputError
 from ispom.io import whole

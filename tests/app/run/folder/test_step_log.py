@@ -7,10 +7,10 @@ from io import FileIO
 from pathlib import Path
 
 import pytest
-from ispom_app.run.folder import run_folder, step_log, table
-from ispom_app.run.folder.run_folder import RunFolder
-from ispom_app.run.history.quantities import DROPPED
-from ispom_app.run.playback import Playback
+from ispom_app.engine.history.quantities import DROPPED
+from ispom_app.engine.playback import Playback
+from ispom_app.engine.run_folder import run_folder, step_log, table
+from ispom_app.engine.run_folder.run_folder import RunFolder
 
 from ispom.io.whole import create_file
 from ispom.types import TrackStatus

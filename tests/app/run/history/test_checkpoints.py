@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from ispom_app.run.history.checkpoints import INTERVAL, Checkpoint, Checkpoints, size_bytes
-from ispom_app.run.model.run_model import RunModel
-from ispom_app.run.model.tally import Tally
-from ispom_app.run.playback import Snapshot
+from ispom_app.engine.history.checkpoints import INTERVAL, Checkpoint, Checkpoints, size_bytes
+from ispom_app.engine.model.run_model import RunModel
+from ispom_app.engine.model.tally import Tally
+from ispom_app.engine.playback import Snapshot
 
 EACH = 100_000
 

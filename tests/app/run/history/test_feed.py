@@ -8,11 +8,11 @@ from dataclasses import replace
 from threading import Thread
 
 import pytest
-from ispom_app.run.events import Event, Finished, Pictured, Stepped
-from ispom_app.run.history.feed import IMAGES_WAITING, Feed
-from ispom_app.run.history.history import History
-from ispom_app.run.history.record import ExposureRecord
-from ispom_app.run.playback import Playback
+from ispom_app.engine.events import Event, Finished, Pictured, Stepped
+from ispom_app.engine.history.feed import IMAGES_WAITING, Feed
+from ispom_app.engine.history.history import History
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.playback import Playback
 
 from ispom.errors import UnreadableImage
 from ispom.types import Exposure, VideoFrame

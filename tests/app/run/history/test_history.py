@@ -7,11 +7,11 @@ import tempfile
 from dataclasses import replace
 
 import pytest
-from ispom_app.run.history import history as module
-from ispom_app.run.history.encoding import decode, encode
-from ispom_app.run.history.history import SEGMENTS, History, Past
-from ispom_app.run.history.record import ExposureRecord, size_bytes
-from ispom_app.run.playback import Playback
+from ispom_app.engine.history import history as module
+from ispom_app.engine.history.encoding import decode, encode
+from ispom_app.engine.history.history import SEGMENTS, History, Past
+from ispom_app.engine.history.record import ExposureRecord, size_bytes
+from ispom_app.engine.playback import Playback
 
 from ispom.solvers.trajectory.stages import stages
 from tests import doubles

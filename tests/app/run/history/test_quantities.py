@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ispom_app.run.events import Stepped
-from ispom_app.run.folder.step_log import STEP_COLUMNS
-from ispom_app.run.history.quantities import (
+from ispom_app.engine.events import Stepped
+from ispom_app.engine.history.quantities import (
     MOTION,
     NO_ROW,
     POSE,
@@ -22,6 +21,7 @@ from ispom_app.run.history.quantities import (
     row_after,
     step_values,
 )
+from ispom_app.engine.run_folder.step_log import STEP_COLUMNS
 from scipy.spatial.transform import Rotation
 
 from ispom.geometry import Pose

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ispom_app.run.model.drawn_size import DrawnSize, drawn_size, true_size
-from ispom_app.run.model.poses import PoseHistory, Times
+from ispom_app.engine.model.drawn_size import DrawnSize, drawn_size, true_size
+from ispom_app.engine.model.poses import PoseHistory, Times
 
 from ispom.types import Rig, Trajectory
 from tests import doubles

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from ispom_app.run.model.map_memory import MapCollectors
+from ispom_app.engine.model.map_memory import MapCollectors
 
 from ispom.types import Landmarks, Step, Tracks, TrackStatus, Trajectory, VideoFrame
 from tests import doubles

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from ispom_app.run.model.points import HALVED_EVERY, NEW_PER_STEP, PointMap
-from ispom_app.run.model.poses import POSES_PER_BLOCK, Times
-from ispom_app.run.model.run_model import RunModel
+from ispom_app.engine.model.points import HALVED_EVERY, NEW_PER_STEP, PointMap
+from ispom_app.engine.model.poses import POSES_PER_BLOCK, Times
+from ispom_app.engine.model.run_model import RunModel
 from numpy.testing import assert_array_equal
 
 from ispom.geometry import Pose

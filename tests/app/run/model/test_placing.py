@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ispom_app.run.model import placing
-from ispom_app.run.model.placing import Placing
+from ispom_app.engine.model import placing
+from ispom_app.engine.model.placing import Placing
 
 from ispom.evaluation.placement import first_segment_placement
 from ispom.geometry import Pose

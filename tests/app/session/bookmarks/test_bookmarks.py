@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.run.events import Bookmark
+from ispom_app.engine.events import Bookmark
+from ispom_app.features.bookmarks.notes import change_bookmark, notes_path, put, read_notes
 from ispom_app.session import commands as do
-from ispom_app.session.bookmarks.notes import change_bookmark, notes_path, put, read_notes
 from rerun.chunk import RrdReader
 
 from ispom.errors import InputError

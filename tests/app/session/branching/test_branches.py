@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ispom_app.features.branches.branches import MOST, changes
 from ispom_app.session import commands as do
-from ispom_app.session.branching.branches import MOST, changes
 from ispom_app.session.session import Session
 
 from ispom.methods import Config

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ispom_app.features.branches.branches import Branch
+from ispom_app.features.branches.comparison import Comparison, advanced, begin, forked_at
 from ispom_app.session import commands as do
-from ispom_app.session.branching.branches import Branch
-from ispom_app.session.branching.comparing import Comparison, advanced, begin, forked_at
 from ispom_app.session.session import Session
 
 from ispom.ensemble import Ensemble

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ispom_app.learn.lesson_file import read_lesson
+from ispom_app.features.lessons.lesson_file import read_lesson
 
 TEXT = """---
 title: Stand-ins

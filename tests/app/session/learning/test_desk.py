@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from ispom_app.learn.library import Library
-from ispom_app.page.messages import message_of
+from ispom_app.features.lessons.commands import EndLesson, Learn, Reveal, TurnTo
+from ispom_app.features.lessons.learning import Learning, covered
+from ispom_app.features.lessons.library import Library
 from ispom_app.session import commands as do
-from ispom_app.session.learning.commands import EndLesson, Learn, Reveal, TurnTo
-from ispom_app.session.learning.learning import Learning, covered
 from ispom_app.session.session import Session
+from ispom_app.views.web.messages import message_of
 
 from tests.app.helpers import started, wait_for
 from tests.app.session.learning.lessons import LESSON

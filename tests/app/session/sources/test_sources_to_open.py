@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ispom_app.options import SourceOptions
+from ispom_app.engine.options import SourceOptions
 from ispom_app.session import commands as do
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.sources.opening import SourceOpener

@@ -6,16 +6,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ispom_app.cli import main
-from ispom_app.options import SourceOptions
+from ispom_app.cli.main import main
+from ispom_app.engine.options import SourceOptions
+from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
+from ispom_app.features.sweep.service import SweepDesk
+from ispom_app.features.sweep.sweep import Sweep
+from ispom_app.features.sweep.values import parsed
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.session.store import Store
-from ispom_app.session.sweeping.commands import CancelSweep, RunSweep, ShowSwept
-from ispom_app.session.sweeping.desk import SweepDesk
-from ispom_app.sweep.sweep import Sweep
-from ispom_app.sweep.values import parsed
 
 from ispom.ensemble import build
 from ispom.sequences import open_sequence

@@ -1,0 +1,1 @@
+"""The command `ispom`: one file per command in `commands`."""

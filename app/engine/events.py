@@ -1,0 +1,99 @@
+"""What happens in a run, as values: it is opened, takes steps, and finishes. Everything that draws, records or counts
+a run gets these and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from uuid import uuid4
+
+import numpy as np
+
+from ispom.geometry import Similarity
+from ispom.methods import Config
+from ispom.types import Exposure, Sequence, Step, StereoPair, Trajectory, VideoFrame
+
+from .external_trajectories.placed import Beside
+from .run_folder.made_map import MadeMap
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A sequence was opened and its estimators built."""
+
+    sequence: Sequence
+    methods: tuple[str, ...]
+    config: Config
+    truth: Trajectory | None
+    """world_from_rig, moved so that it starts at the pose where the estimates start."""
+    recording_id: str = field(default_factory=lambda: uuid4().hex)
+    """Of this run, in all that is recorded of it: by it a viewer tells runs apart."""
+    beside: tuple[Beside, ...] = ()
+    """Trajectories of other programs over the same sequence."""
+    map: MadeMap | None = None
+    """What `ispom map` made of this run, where it is over."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """One exposure went through the estimators."""
+
+    index: int
+    """Of the exposure in the sequence."""
+    exposure: Exposure
+    steps: tuple[Step, ...]
+    placements: Mapping[str, Similarity]
+    """By method: shared world from the method's own world. Only the monocular one is ever not the identity."""
+    errors_m: Mapping[str, float]
+    """By method, the live error: distance of the rig from the truth, by the pose as this step gave it, in the gauge of
+    the first stereo pair. Without an alignment, so that it is no part of the ATE. None of a provisional pose, and of
+    a method whose unit is not known."""
+    skipped: str = ""
+    """Why no estimator saw it: the image that is unreadable. Its images are empty then."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The sequence ended, or the run was closed early: the final trajectories, each in its own world and frame."""
+
+    trajectories: Mapping[str, Trajectory]
+    placements: Mapping[str, Similarity]
+
+
+@dataclass(frozen=True, eq=False)
+class Pictured:
+    """An earlier exposure that was drawn without its images is shown to somebody: here they are."""
+
+    index: int
+    exposure: Exposure
+    steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True)
+class Bookmark:
+    """An exposure that a person marked."""
+
+    exposure: int
+    time_ns: int
+    note: str = ""
+
+
+Event = Stepped | Finished | Pictured
+
+
+def blank(sequence: Sequence, index: int) -> Exposure:
+    """An exposure with empty images, which nobody draws."""
+    return _without_image(int(sequence.times_ns[index]), sequence.kinds[index] == "stereo")
+
+
+def without_images(event: Event) -> Event:
+    """The event with empty images: its pictures are not drawn, all else is."""
+    if not isinstance(event, Stepped):
+        return event
+    exposure = event.exposure
+    return replace(event, exposure=_without_image(exposure.time_ns, isinstance(exposure, StereoPair)))
+
+
+def _without_image(time_ns: int, stereo: bool) -> Exposure:
+    nothing = np.zeros((0, 0), np.uint8)
+    return StereoPair(time_ns, nothing, nothing) if stereo else VideoFrame(time_ns, nothing)

@@ -1,0 +1,170 @@
+"""A trajectory of another program in the shared world of a run: aligned, and known at the exposures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.evaluation.association import associate
+from ispom.evaluation.ate import Alignment, alignment, placed
+from ispom.evaluation.trajectory_error import MIN_POSES, TrajectoryError, error_against_truth
+from ispom.geometry import Array, Pose
+from ispom.solvers.trajectory.interpolation import interpolate
+from ispom.types import Rig, Sequence, Trajectory
+
+from ...presentation.colours import Rgb, beside
+from ...presentation.texts import ALIGNMENTS
+from .given import FLAG, Given
+
+WIDEST_GAP = 3.0
+"""Median intervals between two poses beyond which nothing is interpolated between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where the rig is after another program, in the shared world."""
+
+    poses: Trajectory
+    """shared_world_from_rig at the file's own times."""
+    alignment: str
+    """How it came there, in words."""
+    positions: Array
+    """(N, 3) at the exposures, interpolated; NaN where the file has no poses on both sides, near enough."""
+    rotations: Array
+    """(N, 3, 3) likewise."""
+    errors_m: Array
+    """(N,) distance of the rig from the truth at the exposures; NaN where one of them is unknown."""
+
+    def pose(self, index: int) -> Pose | None:
+        """shared_world_from_rig at an exposure, where it is known."""
+        if not np.isfinite(self.positions[index]).all():
+            return None
+        return Pose(self.rotations[index], self.positions[index])
+
+    def count(self, time_ns: int) -> int:
+        """How many of the file's poses lie up to a time."""
+        return int(np.searchsorted(self.poses.times_ns, time_ns, side="right"))
+
+    def missing(self, count: int) -> int:
+        """Of the first `count` exposures: those without a pose."""
+        return int(np.isnan(self.positions[:count, 0]).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A trajectory of another program beside a run of one sequence."""
+
+    given: Given
+    number: int
+    """Its place among those given."""
+    times_ns: NDArray[np.int64]
+    """(N,) of the exposures."""
+    trajectory: Trajectory
+    """world_from_frame, in its own world and unit."""
+    of_truth: Placed | None
+    """Aligned to the ground truth; None without one."""
+
+    @property
+    def name(self) -> str:
+        return self.given.name
+
+    @property
+    def colour(self) -> Rgb:
+        return beside(self.number)
+
+    @cached_property
+    def errors_m(self) -> Array:
+        """(N,) at the exposures; NaN where unknown."""
+        return np.full(len(self.times_ns), np.nan) if self.of_truth is None else self.of_truth.errors_m
+
+    def error(self, truth: Trajectory, rig: Rig, until_ns: int) -> TrajectoryError | None:
+        """Against shared_world_from_rig of the ground truth, up to a time; None with too few common times."""
+        known = self.trajectory.select(self.trajectory.times_ns <= until_ns)
+        return error_against_truth(known, truth, rig, self.given.alignment)
+
+    def placed(self, reference: Trajectory, against: str, rig: Rig, kind: Alignment | None = None) -> Placed | None:
+        """Aligned to shared_world_from_rig of the reference (called `against`); None with too few common times."""
+        kind = kind or self.given.alignment
+        frame = self.given.frame
+        partner = reference.moved(right=rig.rig_from(frame), frame=frame)
+        own, other = associate(self.trajectory, partner)
+        if len(own) < (MIN_POSES if kind in ("scale", "se3", "sim3") else 1):
+            return None
+        found = alignment(own, other, kind)
+        poses = placed(self.trajectory, found).moved(right=rig.rig_from(frame).inverse(), frame="rig")
+        positions, rotations = _at(poses, self.times_ns)
+        of_frame = "" if frame == "rig" else f"poses of the {frame} camera, "
+        scale = f", scale {found.scale:.4g}" if kind in ("scale", "sim3") else ""
+        words = f"{of_frame}aligned to {against} by {ALIGNMENTS[kind]} ({len(own)} poses{scale})"
+        return Placed(poses, words, positions, rotations, _errors_m(positions, self.times_ns, reference))
+
+
+def beside_run(number: int, given: Given, sequence: Sequence, truth: Trajectory | None) -> Beside:
+    """Beside a run over this sequence, whose `truth` is shared_world_from_rig. InputError without common times."""
+    if sequence.grow is not None:
+        raise InputError(f"{FLAG} {given.name}: {sequence.name} is live: record it first, and open the recording")
+    if given.frame != "rig" and getattr(sequence.rig, given.frame) is None:
+        raise InputError(
+            f"{FLAG} {given.name}:{given.frame}: nothing is known of a {given.frame} camera in {sequence.name}: "
+            "give poses of the rig"
+        )
+    trajectory, path = _timed(given, sequence), given.file.path
+    trajectory = replace(trajectory, frame=given.frame)
+    found = Beside(given, number, sequence.times_ns, trajectory, None)
+    if not np.isfinite(_at(trajectory, sequence.times_ns)[0]).any():
+        raise InputError(
+            f"{FLAG} {given.name}: the times of {path} have none in common with those of {sequence.name}: "
+            "give a trajectory of the same recording, with its times in seconds"
+        )
+    if truth is None:
+        return found
+    against = found.placed(truth, "the ground truth", sequence.rig)
+    if against is None:
+        raise InputError(
+            f"{FLAG} {given.name}: {path} has fewer than {MIN_POSES} poses within 10 ms of one of the ground truth: "
+            "give a trajectory of the same recording"
+        )
+    return replace(found, of_truth=against)
+
+
+def _timed(given: Given, sequence: Sequence) -> Trajectory:
+    """With the times of the images, where the file (a KITTI one) has none: row i is image i."""
+    trajectory = given.file.trajectory
+    if given.file.timed:
+        # Of several poses at one time the last counts.
+        times_ns, last = np.unique(trajectory.times_ns[::-1], return_index=True)
+        return replace(trajectory.select(len(trajectory) - 1 - last), times_ns=times_ns)
+    kinds = np.array(sequence.kinds)
+    for times_ns in (sequence.times_ns, *(sequence.times_ns[kinds == kind] for kind in ("video", "stereo"))):
+        images_ns = np.unique(times_ns)
+        if len(images_ns) == len(trajectory):
+            return replace(trajectory, times_ns=images_ns)
+    raise InputError(
+        f"{FLAG} {given.name}: {given.file.path} has {len(trajectory)} rows without times, and {sequence.name} "
+        f"{len(np.unique(sequence.times_ns))} images: give a file with a row for each image, or one with times (TUM)"
+    )
+
+
+def _at(poses: Trajectory, times_ns: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Positions (N, 3) and rotations (N, 3, 3) at times; NaN outside, and in gaps."""
+    positions, rotations = np.full((len(times_ns), 3), np.nan), np.full((len(times_ns), 3, 3), np.nan)
+    own = poses.times_ns
+    after = np.searchsorted(own, times_ns).clip(0, len(own) - 1)
+    before = np.where(own[after] == times_ns, after, (after - 1).clip(0))
+    widest_ns = WIDEST_GAP * float(np.median(np.diff(own))) if len(own) > 1 else 0.0
+    known = (own[before] <= times_ns) & (times_ns <= own[after]) & (own[after] - own[before] <= widest_ns)
+    if known.any():
+        found = interpolate(poses, times_ns[known], "linear")
+        positions[known], rotations[known] = found.translations, found.rotations
+    return positions, rotations
+
+
+def _errors_m(positions: Array, times_ns: NDArray[np.int64], truth: Trajectory) -> Array:
+    """(N,) distances from the truth at exactly these times."""
+    at = np.searchsorted(truth.times_ns, times_ns).clip(0, len(truth) - 1)
+    errors = np.linalg.norm(positions - truth.translations[at], axis=1)
+    return np.where(truth.times_ns[at] == times_ns, errors, np.nan)

@@ -1,0 +1,147 @@
+"""All that the closer look at one exposure is drawn from: taken once, shared by its panels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ispom.estimators.modern.lens import Lens
+from ispom.geometry import Array, Similarity
+from ispom.types import Camera, Frame, Rig, Sequence, Step
+
+from ..history.history import Records
+from ..history.record import ExposureRecord
+from ..history.series import Series
+from ..model.drawn_size import unit_in_metres
+from ..model.run_model import RunModel
+from .colouring import Colouring
+from .knowledge import Knowledge, known_from
+from .point import PointEstimate, estimate
+from .poses import revised
+from .selection import Selection
+from .sightings import Seen, TrackLife, life, missing_tracks, seen_before, seen_by
+
+EXPOSURES = 60
+"""Of the camera, up to the one shown: what lifetimes and residuals are drawn of."""
+REMEMBERED = 256
+"""Exposures that are gone through for ages and depths."""
+RAYLEIGH_MEDIAN = 1.1774
+"""Of the length of an error whose two coordinates have a standard deviation of 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """At `record`; `camera` is whose picture is wanted, where the rig has it."""
+
+    sequence: Sequence
+    records: Records
+    series: Series
+    known_at: Callable[[int], RunModel]
+    record: ExposureRecord
+    selection: Selection | None
+    camera: str
+    colour_by: Colouring
+    unavailable: str = ""
+    """Why a stored run cannot be computed again; empty where it can."""
+
+    @property
+    def rig(self) -> Rig:
+        return self.sequence.rig
+
+    @cached_property
+    def cameras(self) -> tuple[Frame, ...]:
+        """Those that the rig has and tracks are followed in."""
+        video: tuple[Frame, ...] = ("video",) if self.rig.video is not None else ()
+        left: tuple[Frame, ...] = ("left",) if self.rig.left is not None else ()
+        return video + left
+
+    @cached_property
+    def _recorded_cameras(self) -> tuple[Frame, ...]:
+        """Those of a recording alone, which has no rig."""
+        kinds = self.sequence.kinds
+        return (("video",) if "video" in kinds else ()) + (("left",) if "stereo" in kinds else ())
+
+    @cached_property
+    def pictured(self) -> Frame:
+        """The camera whose picture is shown."""
+        cameras = self.cameras or self._recorded_cameras
+        wanted = self.camera if self.camera in cameras else (cameras[0] if cameras else "video")
+        return "left" if wanted == "left" else "video"
+
+    @cached_property
+    def index(self) -> int | None:
+        """The camera's latest exposure; None before its first."""
+        kind = "stereo" if self.pictured == "left" else "video"
+        kinds = self.sequence.kinds
+        return next((i for i in range(self.record.index, -1, -1) if kinds[i] == kind), None)
+
+    @cached_property
+    def seen(self) -> Seen | None:
+        """The tracks in the picture: those of the method whose track or key frame is selected, or else the first's."""
+        if self.index is None:
+            return None
+        record, method = self.records[self.index], self.selection.method if self.selection else ""
+        return seen_by(record, method, self.pictured) or seen_by(record, camera=self.pictured)
+
+    @cached_property
+    def missing(self) -> str:
+        """Why the tracks in the picture are not known one by one, and what to do; empty where they are."""
+        if self.index is None or (self.seen is not None and len(self.seen.tracks)):
+            return ""
+        return missing_tracks(self.records[self.index], self.unavailable)
+
+    @cached_property
+    def recent(self) -> tuple[Seen, ...]:
+        """The exposures of the picture's camera and method up to it, oldest first."""
+        if self.seen is None:
+            return ()
+        found = seen_before(self.records, self.seen.index, self.seen.step.method, self.pictured, REMEMBERED)
+        return tuple(reversed(list(found)))
+
+    @cached_property
+    def knowledge(self) -> Knowledge:
+        return known_from(self.recent, self.rig)
+
+    @cached_property
+    def life(self) -> TrackLife | None:
+        """Of the selected track, with the poses known at the exposure shown."""
+        if self.selection is None or self.selection.kind != "track":
+            return None
+        found = life(self.records, self.record.index, self.selection, self.rig)
+        return None if found is None else revised(found, self.known_at(self.record.index), self.rig)
+
+    @cached_property
+    def of_track(self) -> Step | None:
+        """The step that saw the selected track last."""
+        if self.life is None:
+            return None
+        seen = seen_by(self.records[self.life.last.index], self.life.method, self.life.camera)
+        return None if seen is None else seen.step
+
+    @cached_property
+    def point(self) -> PointEstimate | None:
+        """Of the selected track."""
+        if self.life is None:
+            return None
+        return estimate(self.life, self.lens(self.of_track, self.life.camera), self.rig, self.sigma_px)
+
+    @property
+    def sigma_px(self) -> float:
+        """Of an observed coordinate, by the residuals of the step that saw the selected track last; 1 without any."""
+        residuals = self.of_track.residuals_px if self.of_track is not None else np.zeros(0)
+        return max(float(np.median(residuals)) / RAYLEIGH_MEDIAN, 0.05) if len(residuals) else 1.0
+
+    def lens(self, step: Step | None, camera: Frame) -> Lens:
+        """A camera as the method had it at this step."""
+        extra: Array | None = step.calibration.get("lens") if step is not None and camera == "video" else None
+        return Lens(self.of_camera(camera), np.zeros(2) if extra is None else extra)
+
+    def of_camera(self, camera: Frame) -> Camera:
+        return self.rig.camera(camera)
+
+    def unit_m(self, method: str) -> float | None:
+        """Of a method's world [m]; None where nobody knows."""
+        return unit_in_metres(method, self.record.placements.get(method, Similarity()).scale)

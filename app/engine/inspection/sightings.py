@@ -1,0 +1,169 @@
+"""What the history says of the tracks of one camera: who saw them, where, and since when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispom.geometry import Array, Pose
+from ispom.types import Frame, Rig, Step, Tracks, TrackStatus
+
+from ..history.history import Records
+from ..history.quantities import by_method
+from ..history.record import ExposureRecord
+from .selection import Selection
+
+SEARCHED = 300
+"""Exposures looked through for a track: each costs a millisecond where it is on disk only."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The tracks of one camera at one exposure, and the step that they come from."""
+
+    index: int
+    step: Step
+    camera: Frame
+    tracks: Tracks
+
+    @property
+    def moved(self) -> Tracks | None:
+        """Those that one other rigid motion explains; None where none is told."""
+        return self.step.other_motion.get(self.camera)
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """One track at one exposure."""
+
+    index: int
+    time_ns: int
+    uv: Array
+    """(2,) [px]; of a track that ended here the last known place."""
+    status: TrackStatus
+    residual_px: float
+    """As the method found it then; NaN where the track took no part in the pose."""
+    disparity_px: float
+    """NaN where unknown."""
+    key_frame: bool
+    world_from_camera: Pose | None
+    """As it was given then; None without a pose, and in a world that was given up since."""
+    xyz_in_world: Array | None
+    """(3,) where this exposure said where the point is."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackLife:
+    """A track up to the exposure shown."""
+
+    method: str
+    camera: Frame
+    number: int
+    sightings: tuple[Sighting, ...]
+    """Oldest first; at least one."""
+    whole: bool
+    """Whether it goes back to where the track began."""
+
+    @property
+    def last(self) -> Sighting:
+        return self.sightings[-1]
+
+    @property
+    def seen(self) -> tuple[Sighting, ...]:
+        """Those that found it: without the exposure that lost it."""
+        return tuple(s for s in self.sightings if not s.status.dropped)
+
+
+def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen | None:
+    """The tracks that a method has in the exposure, in this camera; empty for the first that has any."""
+    for name, step in by_method(record.steps).items():
+        for of, tracks in step.tracks.items():
+            if method in ("", name) and camera in ("", of) and of in ("video", "left"):
+                return Seen(record.index, step, "video" if of == "video" else "left", tracks)
+    return None
+
+
+def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
+    """Why an exposure's tracks are not known one by one, and what to do about it; empty where it simply has none.
+
+    `unavailable` says why a stored run cannot be computed again.
+    """
+    if record.stored is not None and unavailable:
+        return f"A stored run keeps no single tracks, and they cannot be computed again: {unavailable}"
+    if record.stored is not None:
+        return (
+            "A stored run keeps no single tracks: fork it at an earlier exposure, or apply and restart (Methods); "
+            "exposures that are computed then have them."
+        )
+    if record.thinned:
+        return (
+            "The tracks of this exposure were discarded to save disk space: fork at an earlier exposure (Methods) to "
+            "compute them again."
+        )
+    return ""
+
+
+def seen_before(
+    records: Records, index: int, method: str = "", camera: str = "", most: int = SEARCHED
+) -> Iterator[Seen]:
+    """The same of exposure `index` and, newest first, those before it: of at most so many exposures."""
+    for i in range(index, max(index - most, -1), -1):
+        if (found := seen_by(records[i], method, camera)) is not None:
+            yield found
+
+
+def life(records: Records, index: int, wanted: Selection, rig: Rig) -> TrackLife | None:
+    """The track as known at exposure `index`; None where it is not among the last SEARCHED exposures up to there."""
+    method, camera, found, same_world, whole = wanted.method, "", list[Sighting](), True, False
+    for seen in seen_before(records, index, method):
+        if camera and seen.camera != camera:
+            continue
+        rows = np.flatnonzero(seen.tracks.ids == wanted.number)
+        if not len(rows):
+            if found:
+                whole = True
+                break
+            continue
+        method, camera = seen.step.method, seen.camera
+        sighting = _sighting(seen, int(rows[0]), rig)
+        found.append(sighting if same_world else replace(sighting, world_from_camera=None, xyz_in_world=None))
+        same_world = same_world and not seen.step.restarted
+        if sighting.status == TrackStatus.NEW:
+            whole = True
+            break
+    if not found:
+        return None
+    return TrackLife(method, "video" if camera == "video" else "left", wanted.number, tuple(reversed(found)), whole)
+
+
+def nearest(seen: Seen, uv: Array) -> int | None:
+    """The id of the track nearest to a pixel (2,); None where there is none."""
+    if not len(seen.tracks):
+        return None
+    return int(seen.tracks.ids[np.nanargmin(np.linalg.norm(seen.tracks.uv - uv, axis=1))])
+
+
+def camera_pose(step: Step, rig: Rig, camera: Frame) -> Pose | None:
+    """world_from_camera of a step, in its method's world."""
+    if step.world_from_frame is None:
+        return None
+    return step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
+
+
+def _sighting(seen: Seen, row: int, rig: Rig) -> Sighting:
+    tracks, points = seen.tracks, seen.step.landmarks
+    at = np.flatnonzero(points.ids == tracks.ids[row])
+    xyz = points.xyz_in_world[at[0]] if len(at) and np.isfinite(points.xyz_in_world[at[0]]).all() else None
+    return Sighting(
+        seen.index,
+        seen.step.time_ns,
+        tracks.uv[row].astype(float),
+        TrackStatus(int(tracks.status[row])),
+        float(tracks.residual_px[row]),
+        float(tracks.disparity_px[row]),
+        seen.step.key_frame,
+        camera_pose(seen.step, rig, seen.camera),
+        xyz,
+    )

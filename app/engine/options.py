@@ -1,0 +1,114 @@
+"""Options that several commands share. Settings of the methods are flags: `--monocular.paper.scale-transfer unit`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, make_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from ispom.calibration.tracked.opened import refined
+from ispom.frontends.pair_look import with_look
+from ispom.methods import Config, Variant, names, registry
+from ispom.sequences import open_sequence
+from ispom.sequences.policy import ANY_SOURCE, SourcePolicy
+from ispom.types import Sequence
+
+
+def _field(name: str) -> str:
+    """What a method's settings are called as a field: `monocular_paper` of `monocular.paper`."""
+    return name.replace(".", "_").replace("-", "_")
+
+
+if TYPE_CHECKING:
+    Name = str
+
+    class Settings: ...
+else:
+    Name = Literal[names()]
+    Settings = make_dataclass(
+        "Settings",
+        [
+            (_field(name), Annotated[method.config, tyro.conf.arg(name=name)], field(default_factory=method.config))
+            for name, method in registry().items()
+        ],
+        frozen=True,
+        kw_only=True,
+    )
+"""The configs of all methods, a field each: so every setting is a flag, as in `--stereo.paper.max-tracks 300`."""
+
+
+def config_of(settings: Settings) -> Config:
+    """The settings of all methods."""
+    return Config({name: getattr(settings, _field(name)) for name in names()})
+
+
+def settings_of(config: Config) -> Settings:
+    """The same settings as flags have them."""
+    return Settings(**{_field(name): config.of(name) for name in names()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Programs:
+    """Methods that are programs."""
+
+    external: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME[:video|stereo|video+stereo]=COMMAND: a program of yours as the method NAME, as described in
+    examples/external_program/README.md; can be given several times. It steps on video where nothing is said."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceOptions:
+    """How a source is opened."""
+
+    stereo_every: int = 1
+    """Use every K-th pair of a stereo recording as stereo, and every left image as video."""
+    video_scale: float = 1.0
+    """Size of the video images of a stereo recording relative to its left images, up to 1."""
+    seed: int = 0
+    """Seed of a simulation."""
+    max_exposures: int | None = None
+    """Use only the first N exposures."""
+    camera: Path | None = None
+    """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file beside them."""
+
+    def open(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
+        """The sequence of a source, shaped by these options, with the camera that its images tell where it has no
+        calibration; InputError where that cannot be, or may not."""
+        return refined(self.opened(source, policy))
+
+    def opened(self, source: str, policy: SourcePolicy = ANY_SOURCE) -> Sequence:
+        """As `open`, but a camera without a calibration is a guess: what refines it takes a while."""
+        sequence = open_sequence(
+            source,
+            stereo_every=self.stereo_every,
+            video_scale=self.video_scale,
+            seed=self.seed,
+            max_exposures=self.max_exposures,
+            camera=self.camera,
+            policy=policy,
+        )
+        return sequence if source.startswith("sim:") else with_look(sequence)  # those of a simulation are right
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(SourceOptions, Programs):
+    """What every command takes."""
+
+    methods: tuple[Name, ...] = ()
+    """Methods to run, any beside each other; none given means all of --variant that the source has the cameras for."""
+    variant: Variant | None = None
+    """Which methods run where --methods does not say: modern, or paper (exactly as published). Default: modern. On
+    first launch the app uses paper until compilation finishes."""
+    settings: Annotated[Settings, tyro.conf.arg(name="", prefix_name=False)] = field(default_factory=Settings)
+
+    @property
+    def of_source(self) -> SourceOptions:
+        """Those that say how the source is opened."""
+        return SourceOptions(**{f.name: getattr(self, f.name) for f in fields(SourceOptions)})
+
+    @property
+    def config(self) -> Config:
+        """The settings of all methods."""
+        return config_of(self.settings)

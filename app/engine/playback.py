@@ -1,0 +1,232 @@
+"""One run of the asked methods over one sequence, as events. Headless runs and the app both pull from here.
+
+A run may have been forked from others: then it begins with what those did up to the exposures where they were left.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ispom.ensemble import Ensemble, build
+from ispom.errors import InputError, UnreadableImage
+from ispom.geometry import Pose, Similarity
+from ispom.methods import STEREO, Config
+from ispom.methods import method as registered
+from ispom.sequences.readable import UNREADABLE_SHARE
+from ispom.types import Rig, Sequence, Step, Trajectory
+
+from .events import Finished, Opened, Stepped, blank
+from .external_trajectories.placed import Beside
+from .model.placing import Placing
+
+Builder = Callable[[Config, tuple[str, ...], Rig], Ensemble]
+"""Makes the estimators of the asked methods; InputError as `ispom.ensemble.build`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What ran before a fork."""
+
+    until: int
+    """The first exposure that ran with other methods or settings."""
+    methods: tuple[str, ...]
+    config: Config
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A run between two exposures, as a value: from here it can be run on, any number of times."""
+
+    position: int
+    """The next exposure."""
+    skipped: tuple[str, ...]
+    states: Mapping[str, Any]
+    """Of each method's estimator."""
+    placements: Mapping[str, Similarity]
+    placing: Mapping[str, Placing]
+
+
+@dataclass
+class Playback:
+    """Steps through a sequence. Not a value: it holds the current state of a run, and nothing that grows."""
+
+    sequence: Sequence
+    methods: tuple[str, ...]
+    config: Config = field(default_factory=Config)
+    builder: Builder = build
+    earlier: tuple[Stage, ...] = ()
+    """What ran from the start up to the fork that this run began with, oldest first."""
+    beside: tuple[Beside, ...] = ()
+    """Trajectories of other programs over the same sequence."""
+
+    def __post_init__(self) -> None:
+        begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first exposure shares none
+        self._stages = (*begun, Stage(sys.maxsize, self.methods, self.config))
+        # The last one first: a mistake in what was asked is found before anything runs.
+        self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
+        self.ensemble: Ensemble = self._build(self._stages[0])
+        self.truth = truth_from_start(self.sequence)
+        self.position = 0
+        self.skipped: list[str] = []
+        """What was wrong with each skipped exposure."""
+        self._state = self.ensemble.start()
+        start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
+        own = [name for name in self.methods if registered(name).unit == "own"]
+        metric = (n for n in self.methods if registered(n).unit == "metric" and registered(n).needs == STEREO)
+        self._placements: dict[str, Similarity] = {name: Similarity(1.0, start) for name in own}
+        self._metric_method = next(metric, None)
+        self._placing: dict[str, Placing] = {name: Placing(self.sequence.rig) for name in own}
+        """Of the methods with a unit of their own that are not placed yet."""
+
+    @property
+    def snapshot(self) -> Snapshot:
+        placing = {name: placing.copy() for name, placing in self._placing.items()}
+        return Snapshot(self.position, tuple(self.skipped), self._state, dict(self._placements), placing)
+
+    def forked(self, at: int, methods: tuple[str, ...], config: Config, snapshot: Snapshot | None = None) -> Playback:
+        """Another run, that is as this one up to exposure `at`, and has other methods or settings from there on.
+
+        It stands at `snapshot`, one of this run's at or before `at`, or else at the start. InputError as `builder`.
+        """
+        earlier = [stage for stage in self._stages[:-1] if stage.until < at]
+        here = next(stage for stage in self._stages if stage.until >= at)
+        stages = (*earlier, Stage(at, here.methods, here.config)) if at else ()
+        found = Playback(self.sequence, methods, config, self.builder, stages, self.beside)
+        if snapshot is not None:
+            found._resume(snapshot)
+        return found
+
+    def _resume(self, snapshot: Snapshot) -> None:
+        stage = next(stage for stage in self._stages if stage.until >= snapshot.position)
+        self.ensemble = self._build(stage)
+        self.position, self.skipped, self._state = snapshot.position, list(snapshot.skipped), dict(snapshot.states)
+        self._placements |= snapshot.placements
+        known = {name: placing.copy() for name, placing in snapshot.placing.items()}
+        self._placing = {
+            name: known.get(name, placing)
+            for name, placing in self._placing.items()
+            if name in known or name not in snapshot.placements
+        }
+
+    def _build(self, stage: Stage) -> Ensemble:
+        same = stage.methods == self.methods and stage.config == self.config
+        return self._final if same else self.builder(stage.config, stage.methods, self.sequence.rig)
+
+    def _enter_stage(self) -> None:
+        """Changes to the methods and settings of the next stage, where one begins at this exposure."""
+        ended = [i for i, stage in enumerate(self._stages) if stage.until == self.position]
+        if ended:
+            self.ensemble = self._build(self._stages[ended[-1] + 1])
+            self._state = self.ensemble.carried(self._state)
+
+    @property
+    def opened(self) -> Opened:
+        return Opened(self.sequence, self.methods, self.config, self.truth, beside=self.beside)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing comes any more."""
+        return self.position >= len(self.sequence) and self.sequence.grow is None
+
+    def more(self, patience_s: float | None = None) -> bool:
+        """Whether there is an exposure to step to; of a live source, waits for it so long (None: until it ends).
+
+        InputError, once, where the live source fails.
+        """
+        while self.position >= len(self.sequence) and self.sequence.grow is not None:
+            before = self.sequence
+            self.sequence = self.sequence.grow(self.position, patience_s)
+            if len(self.sequence) == len(before) and self.sequence.grow is not None:
+                return False
+        return self.position < len(self.sequence)
+
+    def end(self) -> None:
+        """Nothing comes any more: the sequence is as if it had been opened up to here."""
+        self.sequence = replace(self.sequence.truncated(self.position), grow=None)
+
+    @property
+    def placed_methods(self) -> frozenset[str]:
+        """The methods with a unit of their own whose unit a stereo segment has fixed."""
+        return frozenset(self._placements.keys() - self._placing.keys())
+
+    def unit_m(self, method: str) -> float | None:
+        """The unit of a method's own world [m]; None where nothing tells it."""
+        if method in self._placing:
+            return None
+        return self._placements[method].scale if method in self._placements else 1.0
+
+    def step(self) -> Stepped:
+        """Runs the next exposure. The position does not advance where loading it raises InputError.
+
+        One in a hundred may be unreadable: the estimators go on from the one before to the one after.
+        """
+        self._enter_stage()
+        index = self.position
+        try:
+            exposure = self.sequence[index]
+        except UnreadableImage as fault:
+            return self._skip(index, str(fault))
+        self._state, steps = self.ensemble.step(self._state, exposure)
+        self.position = index + 1
+        self._place(steps)
+        steps = tuple(step for step in steps if step.method in self.methods)
+        return Stepped(index, exposure, steps, dict(self._placements), self._errors(steps))
+
+    def _skip(self, index: int, fault: str) -> Stepped:
+        if len(self.skipped) + 1 > UNREADABLE_SHARE * len(self.sequence):
+            more = f" (skipped before it: {len(self.skipped)})" if self.skipped else ""
+            raise InputError(fault + more)
+        self.skipped.append(fault)
+        self.position = index + 1
+        nothing = blank(self.sequence, index)
+        return Stepped(index, nothing, (), dict(self._placements), {}, fault)
+
+    def finish(self) -> Finished:
+        ensemble = self._final
+        return Finished(ensemble.finish(ensemble.carried(self._state)), dict(self._placements))
+
+    def placed(self, step: Step) -> Pose | None:
+        """shared_world_from_rig of a step, or None where it has no pose."""
+        if step.world_from_frame is None:
+            return None
+        placement = self._placements.get(step.method, Similarity())
+        return placement.apply_pose(step.world_from_frame) @ self.sequence.rig.rig_from(step.frame).inverse()
+
+    def _errors(self, steps: tuple[Step, ...]) -> dict[str, float]:
+        """The live errors, by method: see `Stepped.errors_m`."""
+        errors = {}
+        for step in steps:
+            pose = self.placed(step)
+            truth = self.truth.at(step.time_ns) if self.truth is not None else None
+            metric = step.method not in self._placing
+            if pose is not None and not step.provisional and truth is not None and metric:
+                errors[step.method] = float(np.linalg.norm(pose.translation - truth.translation))
+        return errors
+
+    def _place(self, steps: tuple[Step, ...]) -> None:
+        """Once a method: the first stereo segment fixes where, and in what unit, its trajectory is drawn."""
+        for name, placing in tuple(self._placing.items()) if self._metric_method else ():
+            for step in steps:
+                if step.method == self._metric_method and step.world_from_frame is not None:
+                    placing.add_metric(step.time_ns, step.world_from_frame)
+                if step.method == name:
+                    placing.add_video(step.revised)
+            placement = placing.found()
+            if placement is not None:
+                self._placements[name] = placement
+                del self._placing[name]
+
+
+def truth_from_start(sequence: Sequence) -> Trajectory | None:
+    """The truth, with the rig at the first stereo exposure (without stereo: the first exposure) as its world."""
+    if sequence.truth is None or not len(sequence.truth):
+        return None
+    wanted = "stereo" if sequence.rig.has_stereo else "video"
+    first = next((int(t) for t, kind in zip(sequence.times_ns, sequence.kinds, strict=True) if kind == wanted), None)
+    start = sequence.truth.at(first) if first is not None else None
+    return sequence.truth.moved(left=(start or sequence.truth.pose(0)).inverse())

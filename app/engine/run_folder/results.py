@@ -1,0 +1,128 @@
+"""The results of a run: trajectories in the asked frame, and metrics."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ispom.evaluation import metrics
+from ispom.io.tum import tum_text
+from ispom.methods import method as registered
+from ispom.types import Frame, Rig, Trajectory
+
+from ...presentation.texts import ALIGNED, computing_time, length, length_unit, lengths
+from .run_folder import segment_file, trajectory_file
+from .statistics import RunStatistics
+
+
+def in_frame(trajectory: Trajectory, rig: Rig, frame: Frame, unit_m: float | None = 1.0) -> Trajectory:
+    """world_from_FRAME of world_from_OTHER, in the trajectory's own unit of `unit_m` metres.
+
+    The lever arm is metric: where the unit is unknown (None) only the orientation is turned, and positions stay those
+    of the camera that the trajectory is of.
+    """
+    own_from_frame = rig.rig_from(trajectory.frame).inverse() @ rig.rig_from(frame)
+    return trajectory.moved(right=own_from_frame.scaled(1 / unit_m if unit_m else 0.0), frame=frame)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a run found, as far as it came."""
+
+    sequence: str
+    """Its name."""
+    notes: Sequence[str]
+    rig: Rig
+    truth: Trajectory | None
+    """world_from_rig."""
+    end_ns: int
+    """The last exposure's time."""
+    trajectories: Mapping[str, Trajectory]
+    """By method, each in its own world and frame; and those of the methods that they ask."""
+
+
+def metrics_text(results: Results, methods: Iterable[str], statistics: RunStatistics) -> str:
+    """metrics.json. Without truth: only what can be said without it."""
+    truth = results.truth
+    report: dict[str, Any] = {"sequence": results.sequence, "notes": list(results.notes)}
+    report |= {"skipped": statistics.skipped, "methods": {}}
+    if truth is not None:
+        report["path_length_m"] = truth.select(truth.times_ns <= results.end_ns).length
+    for method in methods:
+        trajectory = results.trajectories[method]
+        entry = {"poses": len(trajectory), **statistics.entry(method)}
+        if truth is not None:
+            entry |= metrics.errors(trajectory, truth, results.rig, metric=registered(method).unit == "metric")
+        segments = list(_segments(trajectory, statistics.segments_ns(method)))
+        if len(segments) > 1:
+            entry["segments"] = [_segment(s, results, metric=registered(method).unit == "metric") for s in segments]
+        stereo = registered(method).asks.get("stereo")
+        if truth is not None and stereo is not None and stereo in results.trajectories:
+            entry |= metrics.between_stereo(trajectory, results.trajectories[stereo], truth)
+        report["methods"][method] = entry
+    return json.dumps(_finite(report), indent=2, allow_nan=False) + "\n"
+
+
+def trajectory_files(method: str, trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[tuple[str, str]]:
+    """Names and contents: all poses, and where segments begin, the poses of each by itself."""
+    yield trajectory_file(method), tum_text(trajectory)
+    segments = list(_segments(trajectory, starts_ns))
+    for number, segment in enumerate(segments if len(segments) > 1 else (), 1):
+        yield segment_file(method, number), tum_text(segment)
+
+
+def _segments(trajectory: Trajectory, starts_ns: Sequence[int]) -> Iterator[Trajectory]:
+    """The parts that no observation joins to each other: those between the starts that have poses."""
+    for begin, end in pairwise([*starts_ns, np.iinfo(np.int64).max]):
+        part = trajectory.select((trajectory.times_ns >= begin) & (trajectory.times_ns < end))
+        if len(part):
+            yield part
+
+
+def _segment(part: Trajectory, results: Results, metric: bool) -> dict[str, Any]:
+    """A stretch that no observation joins to the others, measured by itself."""
+    found: dict[str, Any] = {"from_ns": int(part.times_ns[0]), "until_ns": int(part.times_ns[-1]), "poses": len(part)}
+    if results.truth is not None:
+        found |= metrics.errors(part, results.truth, results.rig, metric)
+    return found
+
+
+def summary(report: Mapping[str, Any]) -> str:
+    """The metrics as a few lines for the terminal."""
+    lines = [f"skipped: {fault}" for fault in report["skipped"]]
+    width = max(map(len, report["methods"]), default=0)
+    unit = length_unit(entry.get("ate_m") for entry in report["methods"].values())
+    for method, entry in report["methods"].items():
+        parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
+        if not entry["located"]:
+            parts = [f"never located: its {entry['poses']} poses are held ones"]
+        if "segments" in entry:
+            parts.append(f"{len(entry['segments'])} segments that nothing joins")
+        if entry.get("ate_m") is not None:
+            parts.append(f"ATE {length(entry['ate_m'], unit)} ({ALIGNED[entry['aligned']]})")
+        if entry.get("t_err_percent") is not None:
+            parts.append(f"drift {entry['t_err_percent']:.2f} %")
+        if entry.get("between_stereo_rmse_m") is not None:
+            between, spline = lengths([entry["between_stereo_rmse_m"], entry["spline_between_stereo_rmse_m"]])
+            parts.append(f"between stereo {between} (spline {spline})")
+        if entry.get("step_scale_end_over_start") is not None:
+            parts.append(f"step scale at the end {entry['step_scale_end_over_start']:.2f} of that at the start")
+        if entry["ms_per_exposure"]["median"] is not None:
+            parts.append(f"median {computing_time(entry['ms_per_exposure']['median'] / 1000)} per exposure")
+        lines.append(f"{method:<{width}} {', '.join(parts)}")
+    return "\n".join(lines)
+
+
+def _finite(value: Any) -> Any:
+    """Null for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,169 @@
+"""The folder of a run: complete, or it says that it is not. One that holds anything else is never written to."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack, suppress
+from itertools import count
+from pathlib import Path
+from typing import Self
+
+from ispom.errors import InputError
+from ispom.io.files import exists
+from ispom.io.whole import PART, part_of, replace_whole
+from ispom.methods import names
+
+from ..outputs import is_signed, mark_text, signature
+from .lock import LOCK, locked
+
+MARKER = "INCOMPLETE"
+"""The file that says that a run is not complete, and in its first line why."""
+RUN, RIG, TRUTH, METRICS = "run.yaml", "rig.yaml", "truth.tum", "metrics.json"
+CORRECTED_RIG = "rig_corrected.yaml"
+"""The rig as the methods corrected it; only where they did."""
+NOTES = "notes.yaml"
+"""A note, and bookmarks, of a person who looked at the run."""
+THUMBNAIL = "thumbnail.jpg"
+LANDMARKS, STEPS, DECISIONS, RECORDING = "landmarks.npz", "steps.csv", "decisions.csv", "run.rrd"
+EVENTS = "events.csv"
+
+
+def trajectory_file(method: str) -> str:
+    return f"{method}.tum"
+
+
+def segment_file(method: str, number: int | str) -> str:
+    """Of the poses of one segment, from 1; only where a trajectory has several."""
+    return f"{method}_segment_{number}.tum"
+
+
+class RunFolder:
+    """Where one run is written to, by one process. Every file appears whole or not at all; the marker goes last."""
+
+    def __init__(self, path: Path, fresh: bool = True) -> None:
+        """Claims a new or empty folder, or that of an incomplete run, whose files are removed.
+
+        InputError, before anything is touched, where the folder holds a complete run or anything that is not of a
+        run, where another process writes to it, or where it cannot be made.
+        """
+        self.path = path
+        self._unwritten: dict[str, str] = {}
+        self._claim = ExitStack()
+        try:
+            if fresh:
+                path.mkdir(parents=True, exist_ok=True)
+                _require_free(path)
+            self._claim.enter_context(locked(path))
+            if fresh:
+                for entry in _require_free(path):
+                    entry.unlink()
+                self._mark("The run has not ended, or was killed.")
+        except (OSError, ValueError) as error:
+            self._claim.close()
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise InputError(f"{path} cannot be created ({reason}): give another --out") from None
+        except InputError:
+            self._claim.close()
+            raise
+
+    @staticmethod
+    def new(path: Path) -> RunFolder:
+        """One of this name that did not exist before, or else with a number at its end; InputError as above."""
+        exists(path.parent)  # or a link to nothing, in which nothing can be made
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for number in count(1):
+                candidate = path if number == 1 else path.with_name(f"{path.name}-{number}")
+                with suppress(FileExistsError):
+                    candidate.mkdir()
+                    return RunFolder(candidate)
+        except OSError as error:
+            raise InputError(f"{path} cannot be created ({error.strerror}): give another --out") from None
+        raise AssertionError("there are always more numbers")
+
+    @staticmethod
+    def reopened(path: Path) -> RunFolder:
+        """That of an incomplete run, as it is. InputError where another process writes to it."""
+        return RunFolder(path, fresh=False)
+
+    @property
+    def reason(self) -> str:
+        """Why the run is not complete. OSError where that cannot be read."""
+        return next(iter(mark_text(self.path / MARKER).splitlines()), "")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Lets others write here."""
+        self._claim.close()
+
+    def write(self, name: str, content: str | bytes) -> None:
+        """Where the disk does not take it, `problem` says so."""
+        try:
+            replace_whole(self.path / name, content)
+        except OSError as error:
+            self.missed(name, error)
+
+    def missed(self, name: str, error: OSError) -> None:
+        """Remembers that a file could not be written, or not to its end."""
+        self._unwritten[name] = error.strerror or str(error)
+
+    @property
+    def problem(self) -> str | None:
+        """Which files could not be written, in one sentence; None where all were."""
+        if not self._unwritten:
+            return None
+        names, reasons = ", ".join(self._unwritten), ", ".join(dict.fromkeys(self._unwritten.values()))
+        return f"{self.path / names} cannot be written ({reasons}): make room, or give another --out"
+
+    def part(self, name: str) -> Path:
+        """Where a file is while it grows; `keep` gives it its name."""
+        return part_of(self.path / name)
+
+    def keep(self, name: str) -> None:
+        """Gives a grown file its name, if there is one."""
+        if self.part(name).exists():
+            os.replace(self.part(name), self.path / name)
+
+    def failed(self, reason: str) -> None:
+        """Says why the run is not complete; where even that cannot be written, the marker stays as it was."""
+        with suppress(OSError):
+            self._mark(reason)
+
+    def complete(self) -> None:
+        (self.path / MARKER).unlink()
+
+    def _mark(self, reason: str) -> None:
+        signed = f"{signature('run')}, which removes this file when the run is complete."
+        replace_whole(self.path / MARKER, f"{reason}\n{signed}\n")
+
+
+def is_incomplete(path: Path) -> bool:
+    """Whether `ispom run` wrote to this folder and did not come to its end. OSError where that cannot be read."""
+    return is_signed(path / MARKER, "run")
+
+
+def _require_free(path: Path) -> list[Path]:
+    """What an earlier, incomplete run left, the lock aside; InputError where there is anything else."""
+    present = [entry for entry in sorted(path.iterdir()) if entry.name != LOCK]
+    if not present:
+        return []
+    if not is_incomplete(path):
+        if (path / RUN).exists():
+            raise InputError(f"{path} holds a complete run: give another --out, or remove it first")
+        raise InputError(f"{path} is not empty (it holds {present[0].name}): give a new or empty folder as --out")
+    own = {MARKER, RUN, RIG, CORRECTED_RIG, TRUTH, METRICS, LANDMARKS, STEPS, DECISIONS, EVENTS, RECORDING, THUMBNAIL}
+    own |= set(map(trajectory_file, names()))
+    segments = [segment_file(method, "*") for method in names()]
+    foreign = [
+        entry
+        for entry in present
+        if not entry.is_file()
+        or not (entry.name in own or entry.name.startswith(PART) or any(map(entry.match, segments)))
+    ]
+    if foreign:
+        raise InputError(
+            f"{path} holds more than an incomplete run ({foreign[0].name}): give a new or empty folder as --out"
+        )
+    return present

@@ -1,0 +1,1 @@
+"""Marks and notes at frames of a source."""

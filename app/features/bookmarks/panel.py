@@ -1,0 +1,57 @@
+"""Bookmarks: exposures that somebody marked, with notes; go there, or remove them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import viser
+
+from ...engine.events import Bookmark
+from ...session import commands as do
+from ...session.state import State
+from .notes import NOTE_LENGTH
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+GO, REMOVE = "Go to", "Remove"
+NONE: tuple[str, ...] = ("no bookmarks",)
+HINT = "Marks the exposure shown; the note is kept with the run. Key: m, which also removes one without a note."
+
+
+class BookmarksPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._bookmarks = session, ()
+        with gui.add_folder("Bookmarks"):
+            self._note = gui.add_text("note", "", hint=f"Up to {NOTE_LENGTH} characters.")
+            self._put = gui.add_button("Bookmark this exposure", icon=viser.Icon.BOOKMARK, hint=HINT)
+            self._put.on_click(lambda _: session.post(do.PutBookmark(self._note.value or None)))
+            self._choice = gui.add_dropdown("bookmark", NONE, hint="The bookmark that the buttons below are about.")
+            self._buttons = gui.add_button_group(
+                "", (GO, REMOVE), hint="Go to: shows its exposure. Remove: forgets it."
+            )
+            self._buttons.on_click(self._clicked)
+
+    @property
+    def _chosen(self) -> Bookmark | None:
+        return next((b for b in self._bookmarks if _label(b) == self._choice.value), None)
+
+    def _clicked(self, _: object) -> None:
+        if (bookmark := self._chosen) is not None:
+            at = bookmark.exposure
+            self._session.post(do.Seek(at) if self._buttons.value == GO else do.RemoveBookmark(at))
+
+    def show(self, state: State) -> None:
+        if state.bookmarks == self._bookmarks:
+            return
+        before, self._bookmarks = self._bookmarks, state.bookmarks
+        new = [b for b in state.bookmarks if b not in before]
+        kept = [b for b in state.bookmarks if _label(b) == self._choice.value]
+        self._choice.options = tuple(map(_label, state.bookmarks)) or NONE
+        self._choice.value = _label((new or kept or list(state.bookmarks))[-1]) if state.bookmarks else NONE[0]
+        if new:
+            self._note.value = ""
+
+
+def _label(bookmark: Bookmark) -> str:
+    return f"{bookmark.exposure}: {bookmark.note}" if bookmark.note else str(bookmark.exposure)

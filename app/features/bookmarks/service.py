@@ -1,0 +1,68 @@
+"""The bookmarks of the run on the screen. Used in the worker's thread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ispom.errors import InputError
+from ispom.types import Sequence
+
+from ...engine.events import Bookmark
+from ...session.current_run import CurrentRun
+from ...session.store import Store
+from .notes import MOST, change_bookmark, notes_path, read_notes, tidy
+
+
+class BookmarkDesk:
+    """They belong to the exposures: all branches have the same."""
+
+    def __init__(self, store: Store, recordings: Path) -> None:
+        self._store, self._recordings = store, recordings
+        self._path: Path | None = None
+        """Where they are kept; None for a live source, whose exposures never come again."""
+        self._sequence: Sequence | None = None
+
+    def begin(self, run: CurrentRun, source: str) -> None:
+        """Another run: its bookmarks are those that were kept. InputError where they cannot be read."""
+        stored = run.stored.path if run.stored is not None else None
+        self._path = None if run.live else notes_path(stored, self._recordings, source)
+        self._sequence = run.playback.sequence
+        self._store.set(bookmarks=())
+        if self._path is not None:
+            self._store.set(bookmarks=read_notes(self._path, run.playback.sequence))
+
+    def put(self, note: str | None) -> None:
+        """At the exposure that is shown; None keeps the note that is there. InputError where there is no exposure."""
+        displayed, marks = self._store.state.displayed, {b.exposure: b for b in self._store.state.bookmarks}
+        if displayed is None:
+            raise InputError("no exposure is shown yet: open a source first")
+        before = marks.get(displayed.index)
+        if before is None and len(marks) >= MOST:
+            raise InputError(f"there are {MOST} bookmarks: remove one first")
+        kept = before.note if before is not None else ""
+        marks[displayed.index] = Bookmark(displayed.index, displayed.time_ns, kept if note is None else tidy(note))
+        self._keep(marks, displayed.index)
+
+    def toggle(self) -> None:
+        """Removes the mark of the exposure that is shown, where it has no note; otherwise as `put`."""
+        index = self._store.state.index
+        if any(b.exposure == index and not b.note for b in self._store.state.bookmarks):
+            self.remove(index)
+        else:
+            self.put(None)
+
+    def remove(self, exposure: int) -> None:
+        """InputError where there is none."""
+        marks = {b.exposure: b for b in self._store.state.bookmarks}
+        if marks.pop(exposure, None) is None:
+            raise InputError(f"there is no bookmark at exposure {exposure}: choose one of the list")
+        self._keep(marks, exposure)
+
+    def _keep(self, marks: dict[int, Bookmark], exposure: int) -> None:
+        """Of these marks that of the exposure has changed; another app may have changed others in the file."""
+        bookmarks = tuple(marks[i] for i in sorted(marks))
+        try:
+            if self._path is not None and self._sequence is not None:
+                bookmarks = change_bookmark(self._path, self._sequence, exposure, marks.get(exposure))
+        finally:
+            self._store.set(bookmarks=bookmarks)

@@ -1,0 +1,102 @@
+"""The branches of a run: what each differs in from the one that it was forked from, and how they compare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+from ispom.evaluation.trajectory_error import TrajectoryError
+from ispom.geometry import Similarity
+from ispom.methods import Config, with_asked
+
+from ...engine.history.held import Held
+from ...engine.model.run_model import RunModel
+from ...engine.model.tally import Tally
+from ...presentation.colours import Rgb
+
+FIRST = "first run"
+"""Name of the one that was started from the first exposure."""
+STORED = "stored run"
+"""Of one that was read from its folder."""
+COLOURS = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
+"""Of the branches, in turn."""
+MOST = 12
+"""Branches kept beside each other; each holds memory and files."""
+NAME_LENGTH = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """How accurate and how fast a branch was when this was measured last: see `app/session/accuracy.py`."""
+
+    errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
+    """By method: of the trajectory as it is known now; none without ground truth, or with too few poses."""
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    """By method: median computing time of an exposure [s]."""
+
+
+NOTHING = Measured()
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A run as the page lists it."""
+
+    number: int
+    """Its identity; 0 is the run that was started from the first exposure."""
+    name: str
+    parent: int | None = None
+    at: int = 0
+    """The first exposure that it computed itself."""
+    changes: tuple[str, ...] = ()
+    """What differs from its parent: "stereo.max-tracks 500 -> 300", "monocular off"."""
+    computed: int = 0
+    """Exposures, those of its parent included."""
+    tally: Tally = Tally()
+    measured: Measured = NOTHING
+    held: Held = Held()
+    hidden: bool = False
+    """Whether it is not drawn while another is shown."""
+    reproducible: bool = False
+    """Whether nothing is lost with it: a lesson makes it again, or its run is in a folder."""
+
+    @property
+    def colour(self) -> Rgb:
+        return COLOURS[self.number % len(COLOURS)]
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What is known of a branch at the exposure at which another is shown."""
+
+    model: RunModel
+    placements: Mapping[str, Similarity]
+    """By method, as Stepped.placements."""
+    colour: Rgb
+
+
+def changes(before: tuple[tuple[str, ...], Config], after: tuple[tuple[str, ...], Config]) -> tuple[str, ...]:
+    """What differs between (methods, settings) of a run and of its fork, a phrase each."""
+    (old_methods, old), (new_methods, new) = before, after
+    switched = [f"{m} off" for m in old_methods if m not in new_methods]
+    switched += [f"{m} on" for m in new_methods if m not in old_methods]
+    for name in with_asked(new_methods):
+        switched += differences(name, old.of(name), new.of(name))
+    return tuple(switched)
+
+
+def differences(where: str, old: Any, new: Any) -> tuple[str, ...]:
+    """What differs between two settings of a method, or of a part of it, a phrase each: `FLAG OLD → NEW`."""
+    found: list[str] = []
+    for setting in fields(new):
+        a, b, flag = getattr(old, setting.name), getattr(new, setting.name), f"{where}.{setting.name.replace('_', '-')}"
+        if is_dataclass(b):
+            found += differences(flag, a, b)
+        elif a != b:
+            found.append(f"{flag} {_text(a)} → {_text(b)}")
+    return tuple(found)
+
+
+def _text(value: Any) -> str:
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)

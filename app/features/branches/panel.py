@@ -1,0 +1,190 @@
+"""Branches: the run and its forks beside each other, what differs, and how they compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import viser
+
+from ispom.evaluation.trajectory_error import TrajectoryError
+from ispom.methods import in_order
+
+from ...engine.external_trajectories.placed import Beside
+from ...presentation import colours
+from ...presentation.texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
+from ...session import commands as do
+from ...session.accuracy import over_common_frames
+from ...session.state import State
+from ...views.viser.markup import renderer
+from .branches import NAME_LENGTH, Branch, Measured
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+render = renderer(__package__)
+
+NO_BRANCH: tuple[str, ...] = ("-",)
+SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
+COMMANDS = {SHOW: do.ShowBranch, COMPARE: do.CompareBranch, DELETE: do.DeleteBranch}
+HINT = (
+    "Show: this branch in all views. Compare: the first differences between the branch that is shown and this one. "
+    "Delete: forgets it."
+)
+
+
+class BranchesPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._branches, self._shown = session, (), -1
+        self._common = _Common()
+        self._text = gui.add_html(_text(session.state, self._common, self._has_truth))
+        self._choice = gui.add_dropdown("branch", NO_BRANCH, hint="The branch that the controls below are about.")
+        self._choice.on_update(lambda _: self._fill())
+        self._buttons = gui.add_button_group("", tuple(COMMANDS), hint=HINT)
+        self._buttons.on_click(self._clicked)
+        self._drawn = gui.add_checkbox("drawn", True, hint="Draw its trajectories while another branch is shown.")
+        self._drawn.on_update(self._drawn_changed)
+        self._name = gui.add_text("name", "", hint=f"Up to {NAME_LENGTH} characters.")
+        self._rename = gui.add_button("Rename", icon=viser.Icon.PENCIL, hint="Gives the branch the name above.")
+        self._rename.on_click(lambda _: self._post(lambda branch: do.RenameBranch(branch.number, self._name.value)))
+
+    @property
+    def _chosen(self) -> Branch | None:
+        return next((b for b in self._branches if _label(b) == self._choice.value), None)
+
+    def _post(self, command: Any) -> None:
+        if (branch := self._chosen) is not None:
+            self._session.post(command(branch))
+
+    def _clicked(self, _: object) -> None:
+        command = COMMANDS[self._buttons.value]
+        self._post(lambda branch: command(branch.number))
+
+    def _drawn_changed(self, _: object) -> None:
+        branch = self._chosen
+        if branch is not None and branch.hidden == self._drawn.value:
+            self._session.post(do.HideBranch(branch.number, not self._drawn.value))
+
+    def _fill(self) -> None:
+        """The controls, with what the chosen branch has."""
+        if (branch := self._chosen) is not None:
+            self._name.value, self._drawn.value = branch.name, not branch.hidden
+
+    def show(self, state: State) -> None:
+        if (text := _text(state, self._common, self._has_truth)) != self._text.content:
+            self._text.content = text
+        labels, chosen, moved = _labels(state), self._chosen, state.branch != self._shown
+        self._branches, self._shown = state.branches, state.branch
+        if moved or labels != tuple(self._choice.options):
+            kept = next((b for b in state.branches if chosen is not None and b.number == chosen.number), None)
+            if moved or kept is None:
+                kept = _counterpart(state)
+            self._choice.options = labels
+            self._choice.value = _label(kept) if kept is not None else "-"
+            self._fill()
+        for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
+            control.visible = len(state.branches) > 1
+
+    def _has_truth(self, branch: Branch) -> bool:
+        run = self._session.branch(branch.number)
+        return run is not None and run.opened.truth is not None
+
+
+class _Common:
+    """The errors over the common frames of the branches that are drawn, computed once for the same errors."""
+
+    def __init__(self) -> None:
+        self._of: tuple[tuple[int, Measured], ...] = ()
+        self._found: Mapping[tuple[int, str], TrajectoryError] = {}
+
+    def of(self, state: State) -> Mapping[tuple[int, str], TrajectoryError]:
+        """By number and method; none where a branch has nothing to be compared with."""
+        drawn = [b for b in state.branches if b.number == state.branch or not b.hidden]
+        of = tuple((b.number, b.measured) for b in drawn)
+        if of != self._of:
+            self._of, self._found = of, over_common_frames(drawn)
+        return self._found
+
+
+def _counterpart(state: State) -> Branch | None:
+    """What the branch that is shown is most likely to be compared with: its parent, or else the newest other one."""
+    shown = next((b for b in state.branches if b.number == state.branch), None)
+    others = [b for b in state.branches if b is not shown]
+    parent = [b for b in others if shown is not None and b.number == shown.parent]
+    return next(iter(parent or others[::-1]), shown)
+
+
+def _labels(state: State) -> tuple[str, ...]:
+    return tuple(map(_label, state.branches)) or NO_BRANCH
+
+
+def _label(branch: Branch) -> str:
+    return f"{branch.number}: {branch.name}"
+
+
+def _text(state: State, common: _Common, has_truth: Callable[[Branch], bool]) -> str:
+    """The branches and how each method does in them, as HTML. All lengths of the tables share one unit."""
+    over_common = common.of(state)
+    errors = [error for b in state.branches for error in b.measured.errors.values()]
+    unit = length_unit(e.ate_m for e in (*errors, *over_common.values(), *state.beside_errors.values()))
+    branches = [_entry(branch, state, over_common, unit, has_truth(branch)) for branch in state.branches]
+    others = [_other(beside, state, unit) for beside in state.beside]
+    return render("branches.html", branches=branches, others=others, common=bool(over_common))
+
+
+def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
+    """The trajectory of another program, over the exposures that the branch shown has computed."""
+    placed = beside.of_truth
+    known = {"name": beside.name, "colour": beside.colour, "file": beside.given.file.path.name}
+    if placed is None:
+        return known | {"ate": "no truth", "missing": "", "alignment": "aligned to the first method's poses"}
+    error = state.beside_errors.get(beside.name)
+    ate = "" if error is None else _ate(error, unit)
+    return known | {"ate": ate, "missing": placed.missing(state.computed), "alignment": placed.alignment}
+
+
+def _entry(
+    branch: Branch,
+    state: State,
+    over_common: Mapping[tuple[int, str], TrajectoryError],
+    unit: Unit,
+    has_truth: bool,
+) -> dict[str, Any]:
+    names = {b.number: b.name for b in state.branches}
+    origin = f"{branch.computed} of {state.total} exposures"
+    if branch.parent is not None:
+        changes = "; ".join(branch.changes) or "nothing changed"
+        origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
+    rows = []
+    for name in in_order(branch.tally.methods):
+        common = over_common.get((branch.number, name))
+        cells = _row(name, branch, unit, has_truth)
+        if common is not None:
+            poses = len(common.estimate)
+            cells |= {"common": length(common.ate_m, unit), "common_hint": f"over the {poses} common frames"}
+        rows.append(cells)
+    known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
+    return known | {"shown": branch.number == state.branch, "origin": origin, "methods": rows}
+
+
+def _row(method: str, branch: Branch, unit: Unit, has_truth: bool) -> dict[str, Any]:
+    tally, error = branch.tally.methods[method], branch.measured.errors.get(method)
+    seconds = branch.measured.seconds.get(method)
+    ate, hint = "" if has_truth else "no truth", ""
+    if error is not None:
+        ate, hint = _ate(error, unit), f"over {len(error.estimate)} poses, aligned by {ALIGNMENTS[error.alignment]}"
+    elif has_truth and tally.provisional:
+        ate, hint = PROVISIONAL, "the method has no fit yet: its poses wait for the first one"
+    return {
+        "label": colours.label(method),
+        "ate": ate,
+        "ate_hint": hint,
+        "common": "",
+        "common_hint": "",
+        "lost": tally.lost,
+        "ms": "" if seconds is None else MILLISECOND.of(seconds),
+    }
+
+
+def _ate(error: TrajectoryError, unit: Unit) -> str:
+    return f"{length(error.ate_m, unit)} {ALIGNED[error.alignment]}"

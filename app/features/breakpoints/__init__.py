@@ -1,0 +1,1 @@
+"""Conditions that pause a run, and moves to the frames where they hold."""

@@ -1,0 +1,107 @@
+"""The calibration page: images in, what was seen in them, and how good the calibration is."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+from aiohttp import web
+
+from ispom.errors import InputError
+from ispom.types import Image
+
+from ...views.web.files import SECURITY, STATIC, send_file, send_one_of
+from .job import Asked, Job
+from .kept import files_of, kept_in
+from .shown import image_of, seen_in, shown
+
+PAGE = STATIC / "calibration.html"
+NOT_KEPT = {"Cache-Control": "no-store"}
+
+
+class CalibrationPage:
+    """Its addresses. `may_drive` says whether who asks may start something."""
+
+    def __init__(self, job: Job, may_drive: Callable[[web.Request], bool]) -> None:
+        self._job, self._may_drive = job, may_drive
+
+    def routes(self, base: str) -> list[web.RouteDef]:
+        return [
+            web.get(f"{base}calibration", self._page),
+            web.get(f"{base}calibration/state", self._state),
+            web.post(f"{base}calibration/start", self._start),
+            web.get(f"{base}calibration/image", self._image),
+            web.get(f"{base}calibration/seen", self._seen),
+            web.get(f"{base}calibration/kept/{{name:.+}}", self._kept),
+        ]
+
+    async def _page(self, request: web.Request) -> web.StreamResponse:
+        return await send_file(request, PAGE, SECURITY)
+
+    async def _state(self, request: web.Request) -> web.StreamResponse:
+        """`known=NUMBER:DOING` is what the page has: where nothing is new, nothing is sent again."""
+        progress = self._job.progress
+        if request.query.get("known", "") == _mark(progress.number, progress.doing):
+            return web.Response(status=204, headers=SECURITY | NOT_KEPT)
+        value = await asyncio.to_thread(shown, progress)
+        stored = await asyncio.to_thread(lambda: [vars(each) for each in kept_in(self._folder)])
+        return _json(value | {"stored": stored, "known": _mark(progress.number, progress.doing)})
+
+    @property
+    def _folder(self) -> Path:
+        assert self._job.folder is not None
+        return self._job.folder
+
+    async def _kept(self, request: web.Request) -> web.StreamResponse:
+        names = await asyncio.to_thread(lambda: list(files_of(self._folder)))
+        return await send_one_of(request, self._folder, names, SECURITY)
+
+    async def _start(self, request: web.Request) -> web.StreamResponse:
+        if not self._may_drive(request):
+            raise web.HTTPForbidden(text="Onlookers change nothing.")
+        # In the address: a body is taken from nobody.
+        given = {name: request.query.get(name, "") for name in ("what", "images", "target")}
+        images = tuple(path.strip() for path in given["images"].splitlines())
+        asked = Asked(given["what"], tuple(filter(None, images)), given["target"])
+        try:
+            self._job.start(asked)
+        except InputError as fault:
+            raise web.HTTPConflict(text=str(fault)) from fault
+        return _json({"number": self._job.progress.number})
+
+    async def _image(self, request: web.Request) -> web.StreamResponse:
+        camera, view = _which(request)
+        image = await self._found(lambda: _jpeg(image_of(self._job.progress, camera, view)))
+        return web.Response(body=image, content_type="image/jpeg", headers=SECURITY | NOT_KEPT)
+
+    async def _seen(self, request: web.Request) -> web.StreamResponse:
+        camera, view = _which(request)
+        return _json(await self._found(lambda: seen_in(self._job.progress, camera, view)))
+
+    async def _found(self, look: Callable[[], Any]) -> Any:
+        try:
+            return await asyncio.to_thread(look)
+        except InputError as fault:
+            raise web.HTTPNotFound(text=str(fault)) from fault
+
+
+def _which(request: web.Request) -> tuple[str, int]:
+    view = request.query.get("view", "")
+    if not (view.isascii() and view.isdigit() and len(view) < 7):
+        raise web.HTTPBadRequest(text="view is the number of an image.")
+    return request.query.get("camera", "")[:10], int(view)
+
+
+def _jpeg(image: Image) -> bytes:
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+
+
+def _mark(number: int, doing: str) -> str:
+    return f"{number}:{doing}"
+
+
+def _json(value: object) -> web.Response:
+    return web.json_response(value, headers=SECURITY | NOT_KEPT)

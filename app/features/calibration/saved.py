@@ -1,0 +1,84 @@
+"""`--out`: the calibration in the format that is asked."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from ispom.calibration.result import Clock
+from ispom.errors import InputError, printable
+from ispom.io.calibrations.files import placed_of, rig_files
+from ispom.io.camera import LINE_DELAY
+from ispom.io.rig import SIGMAS, rig_text
+from ispom.io.whole import require_no_links
+from ispom.types import Rig
+
+from ...engine.outputs import require_own, write_file
+from .options import Format
+from .words import clock_words
+
+SIGNATURE = "Written by `ispom calibrate`"
+
+
+def require_writable(path: Path, form: Format) -> None:
+    """InputError where something else is there."""
+    if form in ("euroc", "ros") and path.suffix == "":
+        return
+    require_own(path, SIGNATURE)
+
+
+def save(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:
+    """Writes the file, or the files of a folder where the format has one for each camera; says on standard error what
+    the format cannot hold."""
+    _write(rig, clock, about, path, form)
+    for lost in left_out(rig, form):
+        sys.stderr.write(printable(lost) + "\n")
+
+
+def left_out(rig: Rig, form: Format) -> Iterator[str]:
+    """A sentence each about what only our own formats say: rolling shutters, and how sure the calibration is."""
+    rolling = [each.name for each in placed_of(rig) if each.camera.line_delay_s]
+    if rolling and form not in ("rig", "camera"):
+        which = f"{LINE_DELAY} of {' and '.join(rolling)}"
+        yield f"--format {form} has no place for a rolling shutter: {which} is left out; rig.yaml keeps it"
+    unplaced = poses_lost(rig, form)
+    if unplaced:
+        yield f"--format {form} has no poses of {' and '.join(unplaced)}: left out; rig.yaml keeps them"
+    sigmas = [name for name in SIGMAS if getattr(rig, name) is not None]
+    if sigmas and form != "rig":
+        what = "how sure the calibration is"
+        yield f"--format {form} has no place for {what}: left out: {' and '.join(sigmas)}; rig.yaml keeps it"
+
+
+def poses_lost(rig: Rig, form: Format) -> list[str]:
+    """Cameras whose places in the rig a format cannot hold: COLMAP's has none, and ROS's those of a pair only."""
+    cameras = [each.name for each in placed_of(rig)]
+    if len(cameras) < 2 or form not in ("colmap", "ros"):
+        return []
+    return [name for name in cameras if form == "colmap" or not rig.has_stereo or name == "video"]
+
+
+def _write(rig: Rig, clock: Clock | None, about: str, path: Path, form: Format) -> None:
+    comment = f"# {SIGNATURE}: {printable(about)}"
+    if clock is not None:
+        comment += f"\n# {clock_words(clock)}"
+    if form == "rig":
+        text = f"{comment}\n# poses are rig_from_CAMERA, x_rig = R x_camera + t [m]; see the README\n"
+        write_file(path, text + rig_text(rig), SIGNATURE)
+        return
+    files = rig_files(rig, form)
+    if len(files) == 1 and path.suffix:
+        write_file(path, _commented(next(iter(files.values())), comment), SIGNATURE)
+        return
+    if path.suffix:
+        raise InputError(f"--format {form} makes {len(files)} files: give --out the name of a folder")
+    for name, text in files.items():
+        require_no_links(path, path / name)
+        write_file(path / name, _commented(text, comment), SIGNATURE)
+
+
+def _commented(text: str, comment: str) -> str:
+    """OpenCV's files begin with their directive."""
+    first, _, rest = text.partition("\n")
+    return f"{first}\n{comment}\n{rest}" if first.startswith("%YAML") else f"{comment}\n{text}"

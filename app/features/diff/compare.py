@@ -1,0 +1,148 @@
+"""Two sequences of rows side by side: where they part, in what, and by how much. Runs and branches alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import attrgetter
+
+import numpy as np
+
+from ...engine.history.quantities import Value
+
+Compared = Value | tuple[float, ...]
+"""A position (3,) or a quaternion (4,) x, y, z, w is compared as a whole."""
+POSITION, ORIENTATION = "position", "orientation_xyzw"
+DIGEST = "_digest"
+"""How the names of digests end: they are equal or not, and nothing in between."""
+STEP = "step"
+"""The name of a step that only one side has."""
+
+
+@dataclass(frozen=True)
+class MethodRow:
+    """What one method said at one exposure."""
+
+    exposure: int
+    time_ns: int
+    method: str
+    values: Mapping[str, Compared]
+    """In the order in which one follows from the other: tracks, checks, pose, landmarks. Without wall times."""
+
+
+Rows = Mapping[str, MethodRow]
+"""By method, of one exposure."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One quantity that is not the same."""
+
+    name: str
+    """METHOD.KEY."""
+    a: Compared
+    b: Compared
+    by: float | None
+    """How far apart: numbers and positions in their unit, orientations [deg]; None where that cannot be told."""
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """An exposure at which the sides differ."""
+
+    exposure: int | None
+    """None: in the end, in what the whole run gave."""
+    time_ns: int
+    differences: tuple[Difference, ...]
+    """In the order of the methods, then as MethodRow.values; never empty."""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What differs."""
+        return frozenset(difference.name for difference in self.differences)
+
+    def without(self, names: frozenset[str]) -> Divergence | None:
+        """What differs besides these; None where that is nothing."""
+        left = tuple(difference for difference in self.differences if difference.name not in names)
+        return replace(self, differences=left) if left else None
+
+
+def divergences(
+    a: Iterable[MethodRow], b: Iterable[MethodRow], methods: tuple[str, ...], tolerance: float = 0.0
+) -> Iterator[Divergence]:
+    """Every exposure at which one of these methods differs by more than the tolerance; reads both sides once, side by
+    side.
+
+    Rows come in the order of exposures. The tolerance of numbers is relative above 1, absolute below. With one, digests
+    are not compared: they cannot tell by how much.
+    """
+    for left, right in _side_by_side(_by_exposure(a), _by_exposure(b)):
+        pairs = [(left.get(method), right.get(method)) for method in methods]
+        found = [difference for pair in pairs for difference in _differences(*pair, tolerance)]
+        if found:
+            row = next(row for pair in pairs for row in pair if row is not None)
+            yield Divergence(row.exposure, row.time_ns, tuple(found))
+
+
+def distance(name: str, a: Compared, b: Compared) -> float | None:
+    """How far apart two values are; None where one is missing, or they are no numbers."""
+    if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
+        if name.endswith(ORIENTATION):
+            return _angle_deg(np.array(a), np.array(b))
+        return math.dist(a, b)
+    if isinstance(a, bool) or isinstance(b, bool) or not (isinstance(a, int | float) and isinstance(b, int | float)):
+        return None
+    return abs(a - b)
+
+
+def further(difference: Difference, tolerance: float) -> bool:
+    """Whether two unequal values are further apart than is tolerated."""
+    by, size = difference.by, max(1.0, _size(difference.a), _size(difference.b))
+    return by is None or by > tolerance * size
+
+
+def _by_exposure(rows: Iterable[MethodRow]) -> Iterator[tuple[int, Rows]]:
+    for exposure, group in groupby(rows, attrgetter("exposure")):
+        yield exposure, {row.method: row for row in group}
+
+
+def _side_by_side(a: Iterator[tuple[int, Rows]], b: Iterator[tuple[int, Rows]]) -> Iterator[tuple[Rows, Rows]]:
+    """What both sides said of each exposure; nothing where a side lacks it."""
+    x, y = next(a, None), next(b, None)
+    while x is not None or y is not None:
+        first = min(said[0] for said in (x, y) if said is not None)
+        left, right = ({} if said is None or said[0] > first else said[1] for said in (x, y))
+        yield left, right
+        x, y = (next(a, None) if left else x), (next(b, None) if right else y)
+
+
+def _differences(left: MethodRow | None, right: MethodRow | None, tolerance: float) -> Iterator[Difference]:
+    if left is None or right is None:
+        if row := left or right:
+            sides = ("present" if left else None), ("present" if right else None)
+            yield Difference(f"{row.method}.{STEP}", *sides, None)
+        return
+    if left.time_ns != right.time_ns:
+        times = left.time_ns / 1e9, right.time_ns / 1e9
+        yield Difference(f"{left.method}.time_s", *times, abs(left.time_ns - right.time_ns) / 1e9)
+    for key in dict.fromkeys((*left.values, *right.values)):
+        x, y = left.values.get(key), right.values.get(key)
+        if x == y or (tolerance > 0 and key.endswith(DIGEST)):
+            continue
+        difference = Difference(f"{left.method}.{key}", x, y, distance(key, x, y))
+        if further(difference, tolerance):
+            yield difference
+
+
+def _size(value: Compared) -> float:
+    if isinstance(value, tuple):
+        return math.hypot(*value)
+    return abs(value) if isinstance(value, int | float) else 0.0
+
+
+def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    """Between two unit quaternions: exact also where it is small."""
+    half_chord = min(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b))) / 2
+    return math.degrees(4 * math.asin(min(half_chord, 1.0)))

@@ -1,0 +1,103 @@
+"""An evaluation as a table on the terminal, as JSON and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from ispom.errors import printable
+from ispom.evaluation.comparison import local_scale
+from ispom.io.trajectories import TrajectoryFile
+
+from ...presentation.texts import length_unit
+from .evaluated import Evaluated
+from .protocol import frame_of
+
+JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
+"""How the files begin: by this they are known as ours."""
+LENGTH = "length"
+"""A row of lengths, in a unit that it shares with the others of the same error."""
+ROWS = {
+    "poses_given": ("poses compared", "d"),
+    "poses_asked": ("  of asked", "d"),
+    "longest_gap_s": ("longest gap [s]", ".2f"),
+    "alignment_scale": ("scale of the alignment", ".4f"),
+    "ate_rmse_m": ("ATE, RMS", LENGTH),
+    "ate_median_m": ("  median", LENGTH),
+    "ate_max_m": ("  largest", LENGTH),
+    "ate_rmse_deg": ("  rotation, RMS [deg]", ".4f"),
+    "rpe_rmse_m": ("RPE, RMS", LENGTH),
+    "rpe_rmse_deg": ("  rotation, RMS [deg]", ".4f"),
+    "kitti_t_percent": ("KITTI t_err [%]", ".3f"),
+    "kitti_r_deg_per_100m": ("KITTI r_err [deg/100 m]", ".3f"),
+    "kitti_shortest_m": ("  over lengths from [m]", "d"),
+    "kitti_longest_m": ("  to [m]", "d"),
+    "scale_start": ("local scale at the start", ".4f"),
+    "scale_end": ("  at the end", ".4f"),
+    "scale_end_over_start": ("  end / start", ".4f"),
+}
+
+
+def print_table(protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> None:
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    for name, text in protocol.items():
+        console.print(_plain(f"{name}: {text}"))
+    table = Table("", *(_plain(item.name) for item in items), pad_edge=False)
+    for column in table.columns[1:]:
+        column.justify, column.overflow = "right", "fold"
+    columns = [item.measures for item in items]
+    for key, (title, form) in ROWS.items():
+        values = [column[key] for column in columns]
+        if form == LENGTH:
+            error = key.partition("_")[0]
+            unit = length_unit(c[k] for c in columns for k in ROWS if k.startswith(error) and ROWS[k][1] == LENGTH)
+            table.add_row(f"{title} [{unit.name}]", *("-" if v is None else unit.of(v) for v in values))
+        else:
+            table.add_row(title, *("-" if value is None else format(value, form) for value in values))
+    console.print(table)
+    for note in notes:
+        console.print(_plain(note))
+
+
+def _plain(text: str) -> str:
+    """Without control characters, however long."""
+    return "".join(map(printable, text))
+
+
+def json_text(reference: TrajectoryFile, protocol: dict[str, str], items: list[Evaluated], notes: list[str]) -> str:
+    report = {
+        "protocol": protocol,
+        "notes": notes,
+        "reference": _about(reference),
+        "estimates": [
+            {"name": item.name, **_about(item.file), **item.measures, "local_scale": local_scale(item.found)}
+            for item in items
+        ],
+    }
+    return json.dumps(report, indent=2, allow_nan=False) + "\n"
+
+
+def _about(file: TrajectoryFile) -> dict[str, Any]:
+    return {
+        "path": str(file.path),
+        "format": file.format,
+        "poses": len(file.trajectory),
+        "frame": frame_of(file),
+        "timed": file.timed,
+    }
+
+
+def csv_text(protocol: dict[str, str], items: list[Evaluated]) -> str:
+    """One line per estimate; the protocol is the same in all of them."""
+    out = io.StringIO()
+    stated = {key: protocol[key] for key in ("reference", "frames", "association", "alignment", "RPE")}
+    rows = [{"estimate": item.name, **item.measures, **stated} for item in items]
+    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return out.getvalue()

@@ -1,0 +1,87 @@
+"""Plots of an evaluation: the trajectories in three planes, errors over time, local scale over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ispom.evaluation.comparison import local_scale
+from ispom.geometry import Array
+
+from ...engine.outputs import write_file
+from ...presentation.colours import TRUTH, css
+from .evaluated import Evaluated
+from .line_styles import LineStyle, line_styles
+
+AUTHOR = "ISPOM evaluate"
+"""By this in its head a plot is known as ours."""
+PLANES = ((0, 1), (0, 2), (1, 2))
+Styled = Sequence[tuple[Evaluated, LineStyle]]
+
+
+def write_plots(
+    folder: Path, form: Literal["png", "svg"], items: Sequence[Evaluated], alignment: str, timed: bool
+) -> None:
+    """trajectory, errors and scale, as .png or .svg; InputError where the folder cannot be written to."""
+    styled = list(zip(items, line_styles([item.file.path for item in items]), strict=True))
+    for name, figure in {
+        "trajectory": _trajectory(styled),
+        "errors": _errors(styled, timed),
+        "scale": _scale(styled, timed),
+    }.items():
+        figure.suptitle(alignment if name != "scale" else "local scale, before alignment")
+        content = BytesIO()
+        metadata = {"Software": AUTHOR} if form == "png" else {"Creator": AUTHOR, "Date": None}
+        figure.savefig(content, format=form, metadata=metadata)
+        write_file(folder / f"{name}.{form}", content.getvalue(), AUTHOR)
+
+
+def _trajectory(items: Styled) -> Figure:
+    figure = Figure(figsize=(15, 5), layout="constrained")
+    for axes, (i, j) in zip(figure.subplots(1, 3), PLANES, strict=True):
+        for k, (item, style) in enumerate(items):
+            true, own = item.found.reference.translations, item.found.estimate.translations
+            axes.plot(true[:, i], true[:, j], color=css(TRUTH), label="reference" if k == 0 else None)
+            axes.plot(own[:, i], own[:, j], **style.keywords, linewidth=1, label=item.name)
+        axes.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal", adjustable="datalim")
+    figure.axes[0].legend()
+    return figure
+
+
+def _errors(items: Styled, timed: bool) -> Figure:
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    position, rotation = figure.subplots(2, 1, sharex=True)
+    for item, style in items:
+        times = _since(item, item.found.reference.times_ns)
+        position.plot(times, item.found.position_errors, **style.keywords, linewidth=1, label=item.name)
+        rotation.plot(times, item.found.rotation_errors_deg, **style.keywords, linewidth=1)
+    position.set(ylabel="position error [m]")
+    rotation.set(ylabel="rotation error [deg]", xlabel=_abscissa(timed))
+    position.legend()
+    return figure
+
+
+def _scale(items: Styled, timed: bool) -> Figure:
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    axes = figure.subplots()
+    for item, style in items:
+        local = local_scale(item.found)
+        times = _since(item, np.array(local["times_ns"], np.int64))
+        axes.plot(times, local["scale"], **style.keywords, marker="o", label=item.name)
+    axes.set(ylabel="estimate / reference", xlabel=_abscissa(timed))
+    axes.legend()
+    return figure
+
+
+def _since(item: Evaluated, times_ns: np.ndarray) -> Array:
+    """Seconds (or rows) since the estimate's first compared pose."""
+    return (times_ns - item.found.reference.times_ns[0]) * 1e-9
+
+
+def _abscissa(timed: bool) -> str:
+    return "time since the first compared pose [s]" if timed else "row"

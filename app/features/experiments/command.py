@@ -1,0 +1,109 @@
+"""The command: reads the plan, runs what is not done yet, writes what came out."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Generator, Sequence
+from contextlib import closing
+from dataclasses import asdict
+from importlib.util import find_spec
+
+import yaml
+
+from ispom.ensemble import build
+from ispom.errors import InputError, printable
+from ispom.io.whole import write_whole
+
+from ...engine import warmup
+from ...engine.outputs import claim_folder
+from ...engine.playback import Builder
+from ...engine.signals import terminable
+from ..headless.console import wait_for_compiler
+from . import cluster, serial
+from .execute import finished_before
+from .options import Experiment
+from .output import PAGE, write_output
+from .plan import Plan, Run, config_of
+from .plan_file import read_plan
+from .progress import Terminal, Watcher
+from .results import by_plan
+from .row import Row
+from .statistics import Outcome
+
+COMMAND, PLAN = "experiment", "plan.yaml"
+
+
+def experiment(options: Experiment, builder: Builder = build) -> int:
+    """Runs what is missing, writes tables, figures and the page, and prints what became of the statements.
+
+    The exit code is 0, also where runs failed: those are rows that say why. InputError as `completed`.
+    """
+    plan = read_plan(options)
+    rows, outcomes = completed(options, plan, builder, Terminal())
+    failed = [row for row in rows if row.failure is not None]
+    lines = [f"failed: {row.run}: {row.failure}" for row in by_plan(plan, failed)]
+    lines += [
+        f"{'holds' if o.holds else 'does not hold'}: {o.statement.text} ({o.holding} of {o.runs})" for o in outcomes
+    ]
+    if find_spec("matplotlib") is None:
+        lines.append("no figures: they are drawn with Matplotlib, run 'pip install matplotlib', and this command again")
+    lines.append(f"{len(rows) - len(failed)} runs, {len(failed)} failed: {options.out / PAGE}")
+    sys.stdout.write("\n".join(map(printable, lines)) + "\n")
+    return 0
+
+
+def completed(
+    options: Experiment, plan: Plan, builder: Builder, watcher: Watcher
+) -> tuple[Sequence[Row], Sequence[Outcome]]:
+    """Every run of the plan, and what became of its statements; all is written.
+
+    InputError for what is wrong with the plan, the folder or the cluster. A signal ends it with what was computed so
+    far written.
+    """
+    workers = _workers(options)
+    claim_folder(options.out, COMMAND)
+    runs = list(plan.runs())
+    before = {run: row for run in runs if (row := finished_before(plan, run, options.out)) is not None}
+    write_whole(options.out / PLAN, yaml.safe_dump(_plain(asdict(plan)), sort_keys=False, allow_unicode=True))
+    left, rows = [run for run in runs if run not in before], list(before.values())
+    outcomes: Sequence[Outcome] = ()
+    with terminable() as signals:
+        for line in {run.line for run in left}:
+            warmup.start([line.method], config_of(line))
+            wait_for_compiler()  # once, not in each worker
+        try:
+            with closing(_scheduled(plan, left, options, workers, builder, watcher)) as done:
+                for row in watcher.rows(done, len(runs), len(before)):
+                    rows.append(row)
+                    signals.check()
+        finally:
+            signals.hold()
+            outcomes = write_output(options.out, plan, by_plan(plan, rows))
+    return rows, outcomes
+
+
+def _workers(options: Experiment) -> int:
+    """0: in this process."""
+    if options.workers is not None and not 0 <= options.workers <= 1024:
+        raise InputError(f"--workers is {options.workers}, give a value from 0 to 1024")
+    if not 0.5 <= options.memory_gb <= 4096:
+        raise InputError(f"--memory-gb is {options.memory_gb:g}, give a value from 0.5 to 4096")
+    if options.workers is not None:
+        return options.workers
+    return (os.cpu_count() or 1) if cluster.installed() else 0
+
+
+def _scheduled(
+    plan: Plan, runs: Sequence[Run], options: Experiment, workers: int, builder: Builder, watcher: Watcher
+) -> Generator[Row, None, None]:
+    if not runs or (options.scheduler is None and workers == 0):
+        return serial.rows(plan, runs, options.out, options.recordings, builder, watcher.of_run)
+    return cluster.rows(plan, runs, options.out, options.recordings, workers, options.memory_gb, options.scheduler)
+
+
+def _plain(value: object) -> object:
+    """Lists where YAML knows no tuples."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

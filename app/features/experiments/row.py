@@ -1,0 +1,85 @@
+"""What one run of an experiment gave: its numbers, or why it failed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ispom.evaluation.ate import alignment
+from ispom.evaluation.step_scale import step_scale
+from ispom.io.files import exists
+from ispom.methods import method as registered
+
+from ...engine.run_folder.run_file import RunFile, read_run_file
+from ...engine.run_folder.run_folder import METRICS, RUN, is_incomplete
+from .associated import compared
+from .plan import Run
+
+
+@dataclass(frozen=True)
+class Row:
+    """Nothing in it is a measured time: the same plan gives the same rows, wherever its runs are computed."""
+
+    run: Run
+    failure: str | None = None
+    """One sentence; None where the run came to its end."""
+    values: Mapping[str, float | None] | None = None
+    """The numbers of metrics.json, and derived ones; None where it failed."""
+    images_sha256: str | None = None
+    """Of all images that the run saw."""
+
+
+def row_of(run: Run, folder: Path) -> Row | None:
+    """Of a run that is complete; None where there is none. InputError where its files are not as written."""
+    if not exists(folder / RUN) or is_incomplete(folder):
+        return None
+    written = read_run_file(folder)
+    report = json.loads((folder / METRICS).read_text(encoding="utf-8"))
+    values = _values(report, run.line.method, written) | _scales(run, folder)
+    return Row(run, None, values, written.images_sha256)
+
+
+def _values(report: Mapping[str, Any], method: str, written: RunFile) -> dict[str, float | None]:
+    entry, length_m = report["methods"][method], report.get("path_length_m")
+    plain = {key: entry[key] for key in entry if isinstance(entry[key], int | float | None)}
+    per_m = 100 / length_m if length_m else None
+    exposures = sum(written.exposures.get(kind, 0) for kind in registered(method).needs)
+    return {
+        **plain,
+        "path_length_m": length_m,
+        "ate_percent": per_m and entry.get("ate_m") and per_m * entry["ate_m"],
+        "rate_hz": entry["poses"] / written.duration_s if written.duration_s else None,
+        "located_percent": 100 * entry["located"] / exposures if exposures else None,
+        "segments": float(len(entry.get("segments", [0]))),
+        "between_over_spline": _ratio(entry.get("between_stereo_rmse_m"), entry.get("spline_between_stereo_rmse_m")),
+    }
+
+
+def _ratio(one: float | None, other: float | None) -> float | None:
+    return one / other if one is not None and other else None
+
+
+def _scales(run: Run, folder: Path) -> dict[str, float | None]:
+    """Of every method, metric or not: how its unit changes, and what it is."""
+    found = compared(run, folder)
+    if found is None:
+        return {}
+    scale = step_scale(*found)
+    return {
+        "step_scale_end_over_start": scale and scale.end_over_start,
+        "m_per_unit": alignment(*found, "sim3").scale,
+    }
+
+
+def milliseconds(run: Run, folder: Path) -> tuple[float | None, float | None]:
+    """Median and 95th percentile of the time per exposure, as measured in that run."""
+    try:
+        found = json.loads((folder / METRICS).read_text(encoding="utf-8"))["methods"][run.line.method][
+            "ms_per_exposure"
+        ]
+    except (OSError, ValueError, KeyError):
+        return None, None
+    return found["median"], found["p95"]

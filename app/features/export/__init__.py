@@ -1,0 +1,1 @@
+"""Trajectories, maps and numbers of a run in other programs' formats."""

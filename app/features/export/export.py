@@ -1,0 +1,127 @@
+"""`ispom export`: what a run found, in the formats of other tools."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+from ispom.errors import InputError, printable
+from ispom.io.colmap import colmap_model
+from ispom.io.euroc import euroc_text
+from ispom.io.files import exists
+from ispom.io.kitti import poses_text
+from ispom.io.maps import read_maps
+from ispom.io.ply import ply_bytes
+from ispom.io.rig import read_rig
+from ispom.io.tables import landmarks_csv, trajectory_csv
+from ispom.io.tum import read_tum, seconds_text, tum_text
+from ispom.io.whole import require_no_links, write_whole
+from ispom.methods import method as registered
+from ispom.methods import names
+from ispom.types import Frame, Trajectory
+
+from ...engine.outputs import claim_folder
+from ...engine.run_folder.run_file import read_run_file
+from ...engine.run_folder.run_folder import MARKER
+from ...presentation import colours
+from .options import Export
+
+Files = dict[str, str | bytes]
+MIN_SHARE = 0.8
+"""A COLMAP model of less of the observations is not what the run saw."""
+
+
+def export(options: Export) -> int:
+    """Writes one method after the other; InputError where the folder is no run, or, when all others are written, of the
+    first method that lacks what the format needs."""
+    run = options.run
+    frame = read_run_file(run).frame
+    methods = _methods(options)
+    if not 0 < options.max_error_px < math.inf:
+        raise InputError(f"--max-error-px is {options.max_error_px}: give a positive number of pixels")
+    folder = options.out or run / "export" / options.format
+    if exists(run / MARKER):
+        _print(f"{run} is not complete: the part that was computed is exported")
+    failures: list[InputError] = []
+    for method in methods:
+        try:
+            files, summary = _files(options, method, frame)
+        except InputError as error:
+            failures.append(error)
+            continue
+        if options.out is None:
+            require_no_links(run, folder / "any")
+        claim_folder(folder, f"export {options.format}")
+        for name, content in files.items():
+            require_no_links(run if options.out is None else folder, folder / name)
+            write_whole(folder / name, content)
+        _print(f"{method}: {summary}: {', '.join(files)}")
+    if len(failures) < len(methods):
+        _print(f"in {folder}")
+    if failures:
+        raise failures[0]
+    return 0
+
+
+def _print(line: str) -> None:
+    sys.stdout.write(f"{printable(line)}\n")
+
+
+def _methods(options: Export) -> list[str]:
+    present = [m for m in names() if exists(options.run / f"{m}.tum")]
+    missing = [m for m in options.methods if m not in present]
+    if missing or not present:
+        raise InputError(f"{options.run} has no trajectory of {missing[0] if missing else 'any method'}: run it first")
+    return [m for m in present if not options.methods or m in options.methods]
+
+
+def _files(options: Export, method: str, frame: Frame) -> tuple[Files, str]:
+    """The files of one method by name, and what they hold."""
+    if options.format == "colmap":
+        return _colmap(options, method)
+    trajectory = read_tum(options.run / f"{method}.tum", frame)
+    unit = "a unit of its own" if registered(method).unit == "own" else "metres"
+    summary = f"{len(trajectory)} poses world_from_{frame} in {unit}"
+    match options.format:
+        case "tum":
+            return {f"{method}.tum": tum_text(trajectory)}, summary
+        case "kitti":
+            return {f"{method}.txt": poses_text(trajectory), f"{method}_times.txt": _times(trajectory)}, summary
+        case "euroc":
+            return {f"{method}.csv": euroc_text(trajectory)}, summary
+    scene = read_maps(options.run / "landmarks.npz").get(method)
+    if scene is None:
+        raise InputError(f"{options.run / 'landmarks.npz'} has no points of {method}: run again")
+    summary = f"{summary}, {len(scene.landmarks)} points"
+    if options.format == "ply":
+        return {f"{method}.ply": ply_bytes(scene.landmarks, trajectory, colours.of(method))}, summary
+    tables: Files = {f"{method}.csv": trajectory_csv(trajectory)}
+    return tables | {f"{method}_landmarks.csv": landmarks_csv(scene.landmarks)}, summary
+
+
+def _colmap(options: Export, method: str) -> tuple[Files, str]:
+    """The model; InputError where the run's own poses do not agree with what its key frames saw."""
+    run = options.run
+    scene, rig = read_maps(run / "landmarks.npz").get(method), read_rig(run / "rig.yaml")
+    if scene is None or getattr(rig, scene.key_frames.frame) is None:
+        raise InputError(f"{run} has no points of {method}, or not their camera: run again")
+    model = colmap_model(scene, rig.camera(scene.key_frames.frame), options.max_error_px)
+    if not model.observations:
+        raise InputError(f"{run}: no two key frames of {method} saw the same point: give a run with motion")
+    fitting = f"{model.kept} of {model.observations} observations ({100 * model.kept / model.observations:.0f} %)"
+    within = f"within {options.max_error_px:g} px of reprojection error"
+    if model.kept < MIN_SHARE * model.observations:
+        raise InputError(
+            f"{run}: the poses of {method} do not agree with what it saw, only {fitting} are {within}: "
+            "give other --methods, or a larger --max-error-px"
+        )
+    files: Files = {"cameras.txt": model.cameras, "images.txt": model.images, "points3D.txt": model.points}
+    mean = f"{within}, mean {model.mean_error_px:.2f} px"
+    return (
+        {f"{method}/{name}": content for name, content in files.items()},
+        f"{len(scene.key_frames)} images, {model.point_count} points, {fitting} {mean}",
+    )
+
+
+def _times(trajectory: Trajectory) -> str:
+    return "".join(f"{seconds_text(t)}\n" for t in trajectory.times_ns.tolist())

@@ -1,0 +1,28 @@
+"""Options of `ispom export`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from ...engine.options import Name, Programs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(Programs):
+    """Converts a run for other tools: trajectories, point clouds, COLMAP models."""
+
+    run: tyro.conf.Positional[Path]
+    """Folder that `ispom run` wrote."""
+    format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
+    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: key frames, points and observations, as a
+    text model; csv: poses and points with a header."""
+    methods: tuple[Name, ...] = ()
+    """Methods to export; none given means all of the run."""
+    out: Path | None = None
+    """Folder to write to; without it, export/FORMAT in the run's."""
+    max_error_px: float = 3.0
+    """COLMAP: largest reprojection error of an observation that a model keeps [px]."""

@@ -1,0 +1,1 @@
+"""Two methods or branches, one drawn at a time."""

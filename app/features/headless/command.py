@@ -1,0 +1,135 @@
+"""The command: what is asked for is checked, run, written and printed."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from datetime import datetime
+from pathlib import Path
+
+from ispom.ensemble import build
+from ispom.errors import InputError, printable
+from ispom.frontends.pair_look import MIXED_UP
+from ispom.methods import default_methods, in_order, require_cameras, with_asked
+from ispom.sequences.address import without_secrets
+from ispom.types import Sequence
+
+from ...engine import warmup
+from ...engine.conditions.until import Until, require_run, until
+from ...engine.events import Finished
+from ...engine.memory import give_back, know_libraries
+from ...engine.playback import Builder, Playback, Stage
+from ...engine.run_events.table import event_lines
+from ...engine.run_folder.results import summary
+from ...engine.run_folder.run_folder import EVENTS, METRICS, RunFolder
+from ...engine.signals import Signals, terminable
+from .console import Progress, progress
+from .job import Job, Origin
+from .options import Run
+from .output import describe, write_inputs
+from .play import play
+
+
+def run(options: Run, builder: Builder = build, origin: Origin | None = None) -> int:
+    """Runs, writes and prints, with estimators from `builder`; from `origin` on, where there is one.
+
+    The exit code is 0, or InputError is raised after what was computed has been written.
+    """
+    _print(completed(options, builder, origin))
+    return 0
+
+
+def completed(
+    options: Run, builder: Builder = build, origin: Origin | None = None, progress: Progress = progress
+) -> Job:
+    """The same without printing; `progress` is told of each exposure. The folder of the job that it gives is
+    complete."""
+    condition = until(options.until)
+    if options.methods:
+        require_run(condition, with_asked(in_order(options.methods)))
+    know_libraries()
+    give_back()
+    sequence = options.open(options.source)
+    try:
+        methods = _asked(options, sequence)
+        require_run(condition, with_asked(methods))
+        # An integration is measured between the stereo poses that it asks for; those are computed anyway.
+        earlier = origin.stages if origin is not None else ()
+        _require_inside(earlier, sequence)
+        playback = Playback(sequence, with_asked(methods), options.config, builder, earlier)
+        warmup.start(methods, options.config)
+        with terminable() as signals, _folder(options.out, sequence.name) as folder:
+            job = Job(options, methods, origin, playback, Until(condition), folder, progress)
+            _run(job, signals)
+    finally:
+        if sequence.stop is not None:
+            sequence.stop()
+    return job
+
+
+def _asked(options: Run, sequence: Sequence) -> tuple[str, ...]:
+    """The methods to run; InputError where the rig lacks the camera of the asked frame."""
+    methods = in_order(options.methods) or default_methods(sequence.rig, options.variant or "modern")
+    require_cameras(methods, sequence.rig)
+    if options.frame != "rig" and getattr(sequence.rig, options.frame) is None:
+        raise InputError(f"--frame is {options.frame}, but {options.source} has no such camera: give another frame")
+    return methods
+
+
+def _folder(out: Path | None, name: str) -> RunFolder:
+    if out is not None:
+        return RunFolder(out)
+    plain = re.sub(r"[^\w]+", "-", name).strip("-")
+    return RunFolder.new(Path("recordings") / f"{plain}-{datetime.now():%Y%m%d-%H%M%S}")
+
+
+def _run(job: Job, signals: Signals) -> None:
+    """Whatever ends it, the folder is complete or says why it is not."""
+    folder, playback = job.folder, job.playback
+    describe(job)
+    write_inputs(job)
+    try:
+        played = play(job, signals)
+        if job.watch.stop is None:
+            _require_poses(job, played.finished)
+        describe(job, played.images_sha256)
+        if problems := "; ".join(filter(None, (played.failure, folder.problem))):
+            raise InputError(problems)
+    except BaseException as error:
+        describe(job)
+        problem = "" if isinstance(error, InputError) or folder.problem is None else f" {folder.problem}."
+        folder.failed(f"{_reason(error, playback)}{problem}")
+        raise
+    folder.complete()
+
+
+def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
+    if earlier and sequence.grow is None and earlier[-1].until >= len(sequence):
+        at, last = earlier[-1].until, len(sequence) - 1
+        raise InputError(f"--at is {at}, but the last exposure of the source is {last}: give a value from 0 to {last}")
+
+
+def _require_poses(job: Job, finished: Finished) -> None:
+    if all(len(finished.trajectories[method]) < 2 for method in job.methods):
+        source = without_secrets(job.options.source)
+        mixed_up = [f"{note[0].lower()}{note[1:-1]}" for note in job.playback.sequence.notes if note in MIXED_UP]
+        cure = mixed_up[0] if mixed_up else "give images with texture in focus, and overlap"
+        raise InputError(f"{source}: no method found any motion: {cure}")
+
+
+def _reason(error: BaseException, playback: Playback) -> str:
+    after = f"after {playback.position} of {len(playback.sequence)} exposures"
+    if isinstance(error, InputError):
+        return f"Stopped {after}: {error}"
+    if isinstance(error, KeyboardInterrupt | SystemExit):
+        return f"Stopped by a signal {after}."
+    return f"Failed {after}: {error!r}"
+
+
+def _print(job: Job) -> None:
+    ended, path = str(job.watch), job.folder.path
+    notes = map(printable, (*job.playback.sequence.notes, *([ended] if ended else [])))
+    happened = map(printable, event_lines(job.events.log.events, EVENTS))
+    lines = [*notes, summary(json.loads((path / METRICS).read_text())), *happened, printable(f"in {path}")]
+    sys.stdout.write("\n".join(lines) + "\n")

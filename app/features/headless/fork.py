@@ -1,0 +1,45 @@
+"""`ispom fork`: a run again from its own settings up to an exposure, and with others from there on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import tyro
+
+from ispom.ensemble import build
+from ispom.errors import InputError
+from ispom.methods import with_asked
+
+from ...engine.options import config_of, settings_of
+from ...engine.playback import Builder, Stage
+from ...engine.run_folder.run_file import read_run_file
+from ...session.review.origin import source_of, source_options
+from .command import run as run_headless
+from .job import Origin
+from .options import Fork, Run
+
+
+def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> int:
+    """Runs the fork; `arguments` are those of the command, read again with the settings of the run as defaults.
+
+    Raises InputError where the run cannot be repeated, or as `ispom run`.
+    """
+    run = read_run_file(options.run)
+    config = run.configs()
+    options = tyro.cli(Fork, prog="ispom fork", args=arguments, default=replace(options, settings=settings_of(config)))
+    if options.at < 0:
+        raise InputError(f"--at is {options.at}: give an exposure of the run, counted from 0")
+    stages = tuple(stage for stage in run.earlier if stage.until < options.at)
+    here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_asked(run.methods), config))
+    stages = (*stages, replace(here, until=options.at))
+    again = Run(
+        source=source_of(run, options.source),
+        methods=options.methods or run.methods,
+        settings=settings_of(config_of(options.settings)),
+        out=options.out,
+        recording=options.recording,
+        frame=run.frame,
+        **vars(source_options(run)),
+    )
+    return run_headless(again, builder, Origin(run, options.run, stages))

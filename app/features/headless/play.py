@@ -1,0 +1,90 @@
+"""A run from its first exposure to its files: whatever ends it, what was computed is written."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from ispom.stop import LOOK_S
+
+from ...engine.events import Finished
+from ...engine.memory import give_back, give_back_after, know_libraries
+from ...engine.model.corrections import CorrectionMemory
+from ...engine.model.map_memory import MapCollectors
+from ...engine.run_folder.journal import PoseJournal
+from ...engine.run_folder.run_folder import trajectory_file
+from ...engine.run_folder.statistics import RunStatistics
+from ...engine.run_folder.step_log import StepLog
+from ...engine.signals import Signals
+from .console import wait_for_compiler
+from .job import Job
+from .output import write_results
+from .recording import NoRecording, Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """A run that came to its end, or to the exposure that --until stopped it at."""
+
+    finished: Finished
+    images_sha256: str
+    """Of all images that the estimators saw."""
+    failure: str | None
+    """Why the recording ended early, one sentence; None where it did not."""
+
+
+class Steps:
+    """The exposures of a run, one at a time, and what is kept of each."""
+
+    def __init__(self, job: Job, signals: Signals, until_end: ExitStack) -> None:
+        """Files stay open until `until_end` is closed."""
+        self._playback, self.maps, self.statistics = job.playback, MapCollectors(), RunStatistics()
+        self.events = job.events
+        self.corrections = CorrectionMemory()
+        recording = Recording(job, signals) if job.options.recording else NoRecording()
+        self.record, log = until_end.enter_context(recording), until_end.enter_context(StepLog(job.folder))
+        self.journal = PoseJournal(job.folder, job.playback.unit_m)
+        self._consumers = (self.statistics, self.events, log, self.journal, self.record, job.placements, job.watch)
+
+    def step(self) -> None:
+        event = self._playback.step()
+        self.maps.add(event.steps)
+        self.corrections.add(event.steps)
+        for consumer in self._consumers:
+            consumer.add(event)
+        give_back_after(self._playback.position)
+
+
+def play(job: Job, signals: Signals) -> Played:
+    """Steps through the sequence. Raises what ends that early, after what was computed has been written."""
+    playback, folder = job.playback, job.folder
+    give_back()  # comparing the images of a pair took 40 MB
+    with ExitStack() as stack:
+        steps = Steps(job, signals, stack)
+        know_libraries()  # a recording brings Arrow and Rerun
+        give_back()
+        if playback.sequence.prepare:
+            playback.sequence.prepare(0)
+        total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures
+        try:
+            wait_for_compiler()
+            with signals.first_ends(playback.sequence.stop), job.progress(total) as advance:
+                while not playback.done:
+                    signals.check()
+                    if not playback.more(LOOK_S):
+                        continue
+                    steps.step()
+                    advance()
+                    if job.watch.stop is not None:
+                        playback.end()
+                signals.check()
+        finally:
+            signals.hold()
+            finished = playback.finish()
+            steps.record.add(finished)
+            give_back()  # the peak of a run is at its end
+            write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
+            steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
+            give_back()  # the recording's index is next
+    signals.check()
+    return Played(finished, steps.statistics.images.hexdigest(), steps.record.failure)

@@ -1,0 +1,102 @@
+"""The integration, step by step (Fig. 7): previous and next step, the numbers beside; the scene shows the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import viser
+
+from ispom.geometry import Array
+from ispom.methods import method as registered
+from ispom.types import Step
+
+from ...presentation import colours
+from ...session import commands as do
+from ...session.current_run import CurrentRun
+from ...session.state import State
+from ...views.viser.markup import renderer
+from .drawing import drawing, extent
+from .integration import Integration, latest_fit
+from .numbers import table
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+render = renderer(__package__)
+
+OFF: tuple[str, ...] = ("off",)
+PREVIOUS, NEXT, LOOK = "◀ Previous step", "Next step ▶", "Look at it"
+STEP_HINT = (
+    "The step before or after, in the 3-D view at the right of this pane; Look at it turns that view to the fit."
+)
+VIEWED_FROM = np.array([-0.5, -0.9, -1.0])
+"""The camera's place, relative to what it looks at, in sizes of that."""
+
+
+class IntegrationPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session, look: Callable[[Array, Array], None]) -> None:
+        """`look(position, target)` moves the viewers' cameras."""
+        self._session, self._look, self._state = session, look, session.state
+        self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
+        with gui.add_folder("Integration, step by step", expand_by_default=False):
+            hint = "How the latest fit up to the exposure shown came about, in the 3-D view beside."
+            self._method = gui.add_dropdown("integration", OFF, hint=hint)
+            self._method.on_update(self._chosen)
+            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT, LOOK), visible=False, hint=STEP_HINT)
+            self._buttons.on_click(self._clicked)
+            self._text = gui.add_html("", visible=False)
+
+    def _chosen(self, _: object) -> None:
+        wanted = next((m for m in _methods(self._state) if colours.label(m) == self._method.value), "")
+        shown = self._state.integration
+        if wanted != (shown.method if shown is not None else ""):
+            self._session.post(do.ShowIntegration(wanted))
+
+    def _clicked(self, _: object) -> None:
+        if self._buttons.value != LOOK:
+            self._session.post(do.StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
+            return
+        fit, shown = self.fit, self._state.integration
+        if fit is not None and shown is not None:
+            centre, size = extent(drawing(fit, shown.stage))
+            self._look(centre + size * VIEWED_FROM, centre)
+
+    @property
+    def fit(self) -> Step | None:
+        """What is looked at, where there is something."""
+        return self._found[1][1] if self._found[1] is not None else None
+
+    def show(self, state: State) -> None:
+        self._state = state
+        shown = state.integration
+        options = (*OFF, *map(colours.label, _methods(state)))
+        if tuple(self._method.options) != options:
+            self._method.options = options
+        value = colours.label(shown.method) if shown is not None else OFF[0]
+        if self._method.value != value and value in options:
+            self._method.value = value
+        self._look_up(shown, state)
+        self._buttons.visible = self._text.visible = shown is not None
+        text = _text(self._found[1], shown.stage) if shown is not None else ""
+        if text != self._text.content:
+            self._text.content = text
+
+    def _look_up(self, shown: Integration | None, state: State) -> None:
+        run: CurrentRun | None = self._session.run
+        asked = (run, shown.method if shown is not None else "", state.index)
+        if asked != self._found[0]:
+            found = latest_fit(run, shown.method, state.index) if run is not None and shown is not None else None
+            self._found = asked, found
+
+
+def _methods(state: State) -> tuple[str, ...]:
+    """Those that build on others: what they integrate."""
+    return tuple(m for m in state.methods if registered(m).asks)
+
+
+def _text(found: tuple[int, Step] | None, stage: int) -> str:
+    if found is None:
+        return render("integration.html", index=None, found={})
+    return render("integration.html", index=found[0], found=table(found[1], stage))

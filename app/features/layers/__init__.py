@@ -1,0 +1,1 @@
+"""Which parts of the stage are drawn, and what the colours mean."""

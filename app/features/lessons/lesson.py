@@ -1,0 +1,116 @@
+"""A lesson as a value: what its file says, read and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ispom.methods import Config
+
+from ...engine.conditions.parser import Expression
+
+OWN = "this"
+"""What a step calls its own run."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A run that a step needs."""
+
+    source: str
+    methods: tuple[str, ...]
+    config: Config
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number, or a curve, that a named function of `facts` finds in runs."""
+
+    function: str
+    run: str
+    arguments: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Option:
+    """One of several answers."""
+
+    text: str
+    holds: Expression
+    """Over the step's values: of all options, the one whose condition holds is right."""
+
+
+@dataclass(frozen=True)
+class Choose:
+    options: tuple[Option, ...]
+
+
+@dataclass(frozen=True)
+class Number:
+    value: str
+    """Of the step's values, the one that is asked for."""
+    unit: str = ""
+    within: float = 0.0
+    """An answer this near is right."""
+    within_percent: float = 0.0
+    """Likewise, as a share of what is right."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A track in the picture of a camera."""
+
+    camera: str
+    right: Expression
+    """Over `track.*`: which tracks are right."""
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A curve, from left to right."""
+
+    curve: Fact
+    x: str
+    y: str
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+    within: float
+    """A drawn curve is right where it is this near on average."""
+
+
+Ask = Choose | Number | Point | Draw
+
+
+@dataclass(frozen=True)
+class Step:
+    title: str
+    before: str
+    """Markdown: what there is to see, and the question."""
+    after: str
+    """Markdown: what the run showed, `{value:.2f}` in the place of a value."""
+    own: Asked
+    ask: Ask
+    at: int = 0
+    """The exposure up to which its run has come, and which is shown, when it asks."""
+    to: int | None = None
+    """The exposure up to which all its runs go when it reveals; None for the last one."""
+    hidden: frozenset[str] = frozenset()
+    """Layers and methods that are not drawn until then."""
+    tools: bool = False
+    """Whether the panels can be used while it asks: only where the answer is to be found in them."""
+    runs: Mapping[str, Asked] = field(default_factory=dict)
+    """By name, further runs: branches beside its own when it reveals."""
+    values: Mapping[str, Fact | Expression] = field(default_factory=dict)
+    """By name, each from facts, or from the quantities and values before it."""
+    claims: tuple[Expression, ...] = ()
+    """What the text after it says, as conditions over the values."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    name: str
+    title: str
+    minutes: int
+    about: str
+    """Markdown, before the first step."""
+    steps: tuple[Step, ...]

@@ -1,0 +1,83 @@
+"""What the runs of a step show: its values, and which answer is right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.geometry import Array
+from ispom.types import Tracks
+
+from ...engine.conditions.evaluate import holds, number
+from ...engine.conditions.parser import Expression
+from ...engine.history.history import Records
+from ...engine.history.quantities import NO_ROW, Row
+from ...engine.inspection.sightings import seen_before
+from . import facts
+from .lesson import OWN, Choose, Draw, Fact, Number, Point, Step
+from .ran import Ran
+from .track_facts import right_tracks
+
+
+@dataclass(frozen=True, eq=False)
+class Revealed:
+    """Everything in it comes from the runs."""
+
+    values: Mapping[str, float]
+    right: frozenset[int] = frozenset()
+    """Of a choice the places of the options that hold, of a picture the ids of the right tracks."""
+    curve: tuple[Array, Array] | None = None
+    """x and y (N,)."""
+    broken: tuple[str, ...] = ()
+    """The claims of the text that do not hold in these runs."""
+
+
+def revealed(step: Step, runs: Mapping[str, Ran]) -> Revealed:
+    """Of the step's runs by name. InputError where they do not have what it computes."""
+    own = runs[OWN]
+    row = dict(own.series.row(own.count - 1, own.series.quantities.values()))
+    values: dict[str, float] = {}
+    for name, rule in step.values.items():
+        values[name] = _value(name, rule, runs, row)
+        row[""] = {**row.get("", {}), **values}
+    broken = tuple(claim.text for claim in step.claims if not holds(claim, row, NO_ROW))
+    match step.ask:
+        case Choose(options):
+            right = frozenset(i for i, option in enumerate(options) if holds(option.holds, row, NO_ROW))
+            return Revealed(values, right, None, broken)
+        case Number():
+            return Revealed(values, broken=broken)
+        case Point(camera, condition):
+            tracks = pictured(own.records, step.at, camera)[1]
+            right = tracks.ids[right_tracks(tracks, own.sequence.rig, condition)]
+            return Revealed(values, frozenset(right.tolist()), None, broken)
+        case Draw(curve):
+            return Revealed(values, curve=facts.curve(runs[curve.run], curve.function, curve.arguments), broken=broken)
+
+
+def pictured(records: Records, at: int, camera: str) -> tuple[int, Tracks]:
+    """The exposure of a camera's latest picture up to `at`, and the tracks in it. InputError where there is none."""
+    found = next(seen_before(records, at, "", camera), None)
+    if found is None:
+        raise InputError(f"up to exposure {at} no method follows a track in the {camera} camera: ask later in the run")
+    return found.index, found.tracks
+
+
+def _value(name: str, rule: Fact | Expression, runs: Mapping[str, Ran], row: Row) -> float:
+    if isinstance(rule, Fact):
+        found = facts.number(runs[rule.run], rule.function, rule.arguments)
+    else:
+        found = number(rule, row, NO_ROW)
+    if found is None or not math.isfinite(found):
+        raise InputError(f"{name} has no value in this run, so that nothing can be revealed: end the lesson here")
+    return found
+
+
+def sampled(curve: tuple[Array, Array], x: Array) -> NDArray[np.float64]:
+    """The curve at x (M,), ascending: straight between its points, beyond its ends as there."""
+    return np.interp(x, *curve)

@@ -1,0 +1,1 @@
+"""The methods that run, and their settings."""

@@ -1,0 +1,102 @@
+"""Methods: which of them run, any beside each other, and their settings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import viser
+
+from ispom.methods import Config, method, names, possible_methods
+
+from ...presentation import colours
+from ...session import commands as do
+from ...session.state import State
+from ...views.viser.controls import ConfigForm
+from ..branches.branches import differences
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+APPLIED = "Apply restarts the run from the first exposure; Fork runs on from the one after that shown."
+PENDING = f"**Changed, not applied yet.** {APPLIED}"
+FORK = "Fork"
+APPLY_HINT = "Starts the run again from the first exposure with these methods and settings, without its branches."
+RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
+
+
+class MethodsPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._state, self._run = session, session.state, -1
+        config, running = self._state.config, self._state.methods
+        self._on = {m: gui.add_checkbox(colours.label(m), m in running, hint=method(m).source) for m in names()}
+        for box in self._on.values():
+            box.on_update(lambda _: self._hint())
+        self._folders: dict[str, viser.GuiFolderHandle] = {}
+        self._forms: dict[str, ConfigForm] = {}
+        self._text = gui.add_markdown(APPLIED)
+        self._apply = gui.add_button("Apply and restart", icon=viser.Icon.REFRESH, hint=APPLY_HINT)
+        self._apply.on_click(lambda _: session.post(do.Restart(self._chosen, self._config)))
+        hint = "Keeps this run, and runs on from the exposure shown with these methods and settings, as a branch."
+        self._fork = gui.add_button(FORK, icon=viser.Icon.GIT_FORK, hint=hint, disabled=True)
+        self._fork.on_click(lambda _: session.post(do.Fork(self._chosen, self._config)))
+        restore = gui.add_button("Restore defaults", icon=viser.Icon.RESTORE, color="gray", hint=RESTORE_HINT)
+        restore.on_click(self._defaults)
+        for name in names():
+            self._folders[name] = gui.add_folder(f"{colours.label(name)} settings", expand_by_default=False)
+            with self._folders[name]:
+                self._forms[name] = ConfigForm(gui, config.of(name), lambda _: self._hint())
+        self._arrange()
+
+    @property
+    def _config(self) -> Config:
+        """What the inputs say."""
+        return Config({name: form.value for name, form in self._forms.items()})
+
+    @property
+    def _possible(self) -> tuple[str, ...]:
+        opened = self._session.opened
+        return possible_methods(opened.sequence.rig) if opened else ()
+
+    @property
+    def _chosen(self) -> tuple[str, ...]:
+        return tuple(m for m in self._possible if self._on[m].value)
+
+    def _defaults(self, _: object) -> None:
+        self._show(Config())
+        self._hint()
+
+    def _show(self, config: Config) -> None:
+        for name, form in self._forms.items():
+            form.show(config.of(name))
+
+    def _arrange(self) -> None:
+        """Offers what the source has the cameras for; the settings of what is switched on."""
+        possible = self._possible
+        for name, box in self._on.items():
+            box.disabled = name not in possible
+        self._hint()
+
+    def _hint(self) -> None:
+        state = self._state
+        for name, folder in self._folders.items():
+            folder.visible = bool(self._on[name].value)
+            other = differences(name, Config().of(name), self._forms[name].value)
+            label = f"{colours.label(name)} settings{f' · {len(other)} not default' if other else ''}"
+            if folder.label != label:
+                folder.label = label
+        applied = all(state.config.of(name) == form.value for name, form in self._forms.items())
+        self._text.content = APPLIED if applied and self._chosen == state.methods else PENDING
+
+    def show(self, state: State) -> None:
+        self._state = state
+        label = FORK if state.index < 0 else f"{FORK} at exposure {state.index + 1}"
+        if self._fork.label != label:
+            self._fork.label = label
+            self._fork.disabled = not 0 <= state.index < state.total - 1
+        if state.run == self._run:
+            return
+        self._run = state.run
+        for name, box in self._on.items():
+            box.value = name in state.methods
+        self._show(state.config)
+        self._arrange()

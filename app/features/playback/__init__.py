@@ -1,0 +1,1 @@
+"""Play, pause, step, seek and loop."""

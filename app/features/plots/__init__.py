@@ -1,0 +1,1 @@
+"""The quantities that the time dock plots."""

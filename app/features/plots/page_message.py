@@ -1,0 +1,180 @@
+"""The quantities that the page plots over the frames of a run. Each value is sent to a page once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.methods import in_order
+
+from ...engine.history.quantities import STEP_QUANTITIES, Quantity
+from ...engine.history.series import Series
+from ...presentation import colours
+from ...presentation.texts import ALIGNED
+from ...session.current_run import CurrentRun
+from ...session.state import State
+from ..branches.branches import Measured
+from .plotting import ERROR
+
+SLICE = 4000
+"""Most values of one curve in one message."""
+DIGITS = 5
+"""Significant digits of a value: a plot shows three."""
+MOST_POINTS = 600
+"""Of a curve of errors; of more poses each point is the largest error of several."""
+_TITLES = {"error_m": "Live error"}
+_STEP_KEYS = {quantity.key for quantity in STEP_QUANTITIES}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a plot."""
+
+    id: str
+    """The name of the quantity, METHOD.KEY."""
+    label: str
+    colour: str
+    """As CSS writes it."""
+    threshold: bool = False
+    """Whether it is the threshold of the plot's check, drawn as a dashed line."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A row of the time dock: one quantity of one method, or the same key of every method."""
+
+    name: str
+    """KEY, or METHOD.KEY."""
+    title: str
+    help: str
+    unit: str
+    curves: tuple[Curve, ...]
+
+
+class PlotNews:
+    """What one page has of the plots so far."""
+
+    def __init__(self) -> None:
+        self._run: CurrentRun | None = None
+        self._plots: tuple[Plot, ...] | None = None
+        self._sent: dict[str, int] = {}
+        """By curve: the number of frames whose values the page has."""
+        self._measured: Measured | None = None
+        """What the curves of errors that the page has are from."""
+        self.behind = False
+        """Whether more values are known than the last message could hold."""
+
+    def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
+        """What is new to the page; None if nothing is.
+
+        `plots` lists the rows whenever they change, `choices` what else can be plotted whenever the run changes.
+        `values` holds [curve, frames, values] for each curve that has grown; null stands for a missing value. `errors`
+        holds the same for curves of aligned errors, which are replaced as a whole: each alignment changes all of them.
+        """
+        if run is None:
+            return None
+        news: dict[str, Any] = {}
+        if run is not self._run:
+            self._run, self._plots, self._sent, self._measured = run, None, {}, None
+            news["choices"] = [[name, title] for name, title in choices(run.series.quantities)]
+        measured = next((b.measured for b in state.branches if b.number == state.branch), None)
+        found = (
+            error_plot(measured) if name == ERROR else plot_of(name, run.series.quantities) for name in state.plots
+        )
+        plots = tuple(plot for plot in found if plot is not None)
+        if plots != self._plots:
+            self._plots = plots
+            news["plots"] = [asdict(plot) for plot in plots]
+        if measured is not self._measured or "plots" in news:
+            self._measured = measured
+            if measured is not None and any(plot.name == ERROR for plot in plots):
+                news["errors"] = list(_errors(measured, run.playback.sequence.times_ns))
+        grows = {curve.id for plot in plots if plot.name != ERROR for curve in plot.curves}
+        values = list(self._values(run.series, grows))
+        return news | ({"values": values} if values else {}) or None
+
+    def _values(self, series: Series, wanted: set[str]) -> Iterator[tuple[str, list[int], list[float | None]]]:
+        computed, self.behind = len(series), False
+        self._sent = {curve: count for curve, count in self._sent.items() if curve in wanted}
+        for curve in sorted(wanted):
+            first = self._sent.get(curve, 0)
+            last = min(computed, first + SLICE)
+            if last == first:
+                continue
+            self._sent[curve] = last
+            self.behind |= last < computed
+            frames, values = series.said(curve, last, first)
+            yield curve, frames.tolist(), [_rounded(value) for value in values.tolist()]
+
+
+def plot_of(name: str, quantities: Mapping[str, Quantity]) -> Plot | None:
+    """The plot of KEY (a curve for each method that has it) or METHOD.KEY; None if the run has no such numbers."""
+    quantity = quantities.get(name)
+    if quantity is not None and quantity.kind != "text" and quantity.method:
+        label, threshold = colours.label(quantity.method), f"{name}.threshold"
+        curves = [Curve(name, label, colours.css(colours.of(quantity.method)))]
+        if threshold in quantities:
+            curves.append(Curve(threshold, "threshold", "", threshold=True))
+        return Plot(name, f"{label}: {title(quantity)}", quantity.help, quantity.unit, tuple(curves))
+    shared = [found for found in quantities.values() if found.key == name and found.method and found.kind != "text"]
+    if name not in _STEP_KEYS or not shared:
+        return None
+    methods = in_order(found.method for found in shared)
+    curves = [Curve(f"{m}.{name}", colours.label(m), colours.css(colours.of(m))) for m in methods]
+    return Plot(name, title(shared[0]), shared[0].help, shared[0].unit, tuple(curves))
+
+
+def error_plot(measured: Measured | None) -> Plot | None:
+    """The position errors of a branch's methods after alignment; None without ground truth."""
+    if measured is None or not measured.errors:
+        return None
+    curves = [
+        Curve(
+            f"{m}.{ERROR}", f"{colours.label(m)} ({ALIGNED[measured.errors[m].alignment]})", colours.css(colours.of(m))
+        )
+        for m in in_order(measured.errors)
+    ]
+    alignments = dict.fromkeys(ALIGNED[measured.errors[m].alignment] for m in in_order(measured.errors))
+    help = f"distance from the ground truth, aligned by {' or '.join(alignments)}; its root mean square is the ATE"
+    return Plot(ERROR, "Position error", help, "m", tuple(curves))
+
+
+def _errors(measured: Measured, times_ns: NDArray[np.int64]) -> Iterator[tuple[str, list[int], list[float | None]]]:
+    """Of each method: frames, and the largest error of the poses at each of them."""
+    for method, error in measured.errors.items():
+        frames = np.searchsorted(times_ns, error.estimate.times_ns)
+        each = -(-len(frames) // MOST_POINTS)
+        starts = np.arange(0, len(frames), each)
+        values = np.fmax.reduceat(error.position_errors_m, starts)
+        yield f"{method}.{ERROR}", frames[starts].tolist(), [_rounded(value) for value in values.tolist()]
+
+
+def choices(quantities: Mapping[str, Quantity]) -> Iterator[tuple[str, str]]:
+    """Name and title of all that can be plotted: keys that methods share first, then each method's own."""
+    numbers = [q for q in quantities.values() if q.method and q.kind != "text"]
+    numbers = [q for q in numbers if not q.key.endswith((".threshold", ".passed"))]
+    yield ERROR, "Position error, aligned (all methods)"
+    yield from _once((q.key, f"{title(q)} (all methods)") for q in numbers if q.key in _STEP_KEYS)
+    yield from ((q.name, f"{colours.label(q.method)}: {title(q)}") for q in numbers)
+
+
+def title(quantity: Quantity) -> str:
+    """The key in words: `residual_median_px` is "Residual median"."""
+    if quantity.key in _TITLES:
+        return _TITLES[quantity.key]
+    words = quantity.key.removesuffix("_px").removesuffix("_deg").removesuffix("_m").replace(".", " ")
+    words = words.replace("_", " ").replace("-", " ")
+    return words[:1].upper() + words[1:]
+
+
+def _once(pairs: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+    yield from dict(pairs).items()
+
+
+def _rounded(value: float) -> float | None:
+    return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None

@@ -1,0 +1,117 @@
+"""The table of results: a group of columns per kind of method, the runs beside each other in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ...presentation.texts import Unit, length_unit
+from .blocks import Block, Compared, Group, MethodName, Paragraph, Table
+from .folder import Run
+
+Best = Literal["most", "least", "nearest to 1", ""]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A row."""
+
+    path: tuple[str, ...]
+    """Where the value is in a method's part of metrics.json."""
+    title: str
+    best: Best = ""
+    metres: bool = False
+    """Whether it is a length, whose unit is that of the row."""
+
+
+SCORES = (
+    Score(("poses",), "poses", "most"),
+    Score(("lost",), "exposures lost", "least"),
+    Score(("aligned",), "aligned by"),
+    Score(("ate_m",), "ATE (RMS)", "least", metres=True),
+    Score(("rpe_m",), "RPE, pose to pose", "least", metres=True),
+    Score(("rpe_deg",), "RPE, pose to pose [deg]", "least"),
+    Score(("t_err_percent",), "KITTI drift [%]", "least"),
+    Score(("r_err_deg_per_100m",), "KITTI drift [deg / 100 m]", "least"),
+    Score(("between_stereo_rmse_m",), "between stereo poses, RMS", "least", metres=True),
+    Score(("spline_between_stereo_rmse_m",), "– of a spline through them", metres=True),
+    Score(("step_scale_end_over_start",), "step scale, end / start [1]", "nearest to 1"),
+    Score(("ms_per_exposure", "median"), "time per exposure, median [ms]", "least"),
+    Score(("ms_per_exposure", "p95"), "time per exposure, 95th percentile [ms]", "least"),
+)
+
+
+def results(runs: list[Run]) -> list[Block]:
+    """A column per run and method. With several runs, differences to the first of a kind, and the best of it marked."""
+    columns = list(_columns(runs))
+    rows: list[list[Any]] = []
+    for score in SCORES:
+        values = [_value(run.metrics[method], score.path) for _, run, method in columns]
+        if any(value is not None for value in values):
+            unit = length_unit(values) if score.metres else None
+            values = [v if unit is None or v is None else v / unit.size for v in values]
+            rows.append([_title(score, len(runs), unit), *_compared(score, values, [kind for kind, _, _ in columns])])
+    if len(runs) == 1:
+        return [Table(["", *(MethodName(method) for _, _, method in columns)], rows)]
+    kinds = dict.fromkeys(kind for kind, _, _ in columns)
+    groups = [Group("", 1), *(Group(_head(columns, kind), sum(c[0] == kind for c in columns)) for kind in kinds)]
+    head = ["", *(run.label if _alone(columns, kind) else f"{run.label}: {m}" for kind, run, m in columns)]
+    legend = (
+        "Small figures: difference to the first column of the same kind of method. ★: the best value of that kind of "
+        "method, where the values differ; what counts as best stands behind the row's name. Times compare only between "
+        "runs on the same machine, errors only between runs over the same images."
+    )
+    return [Table(head, rows, groups=groups), Paragraph(legend, "quiet")]
+
+
+def _columns(runs: list[Run]) -> Iterator[tuple[str, Run, str]]:
+    """Kind of method (stereo of stereo.paper), run and method, so that columns of one kind stand together."""
+    found = [(method.partition(".")[0], run, method) for run in runs for method in run.metrics]
+    for kind in dict.fromkeys(kind for kind, _, _ in found):
+        yield from (column for column in found if column[0] == kind)
+
+
+def _alone(columns: list[tuple[str, Run, str]], kind: str) -> bool:
+    """Whether the columns of the kind are all of one method."""
+    return len({method for other, _, method in columns if other == kind}) == 1
+
+
+def _head(columns: list[tuple[str, Run, str]], kind: str) -> Any:
+    return MethodName(next(m for k, _, m in columns if k == kind)) if _alone(columns, kind) else kind
+
+
+def _value(entry: Mapping[str, Any], path: tuple[str, ...]) -> Any:
+    found: Any = entry
+    for name in path:
+        found = found.get(name) if isinstance(found, Mapping) else None
+    return found if isinstance(found, int | float | str) else None
+
+
+def _title(score: Score, runs: int, unit: Unit | None) -> str:
+    title = score.title if unit is None else f"{score.title} [{unit.name}]"
+    return f"{title} – best: {score.best}" if score.best and runs > 1 else title
+
+
+def _compared(score: Score, values: list[Any], kinds: list[str]) -> Iterator[Any]:
+    for i, (value, kind) in enumerate(zip(values, kinds, strict=True)):
+        others = [v for v, k in zip(values, kinds, strict=True) if k == kind and _number(v)]
+        if not score.best or not _number(value) or len(others) < 2:
+            yield value
+            continue
+        first = values[kinds.index(kind)]
+        difference = value - first if i != kinds.index(kind) and _number(first) else None
+        badness = {other: _badness(score.best, other) for other in others}
+        best = badness[value] == min(badness.values()) < max(badness.values())
+        yield Compared(value, difference, best)
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _badness(best: Best, value: float) -> float:
+    if best == "nearest to 1":
+        return abs(math.log(value)) if value > 0 else math.inf
+    return -value if best == "most" else value

@@ -1,0 +1,162 @@
+"""Sweep: one setting of a method with a few values, run beside each other, and how they compare."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import viser
+
+from ispom.methods import possible_methods
+
+from ...presentation import colours
+from ...presentation.texts import Unit, digits, duration, length, length_unit
+from ...session.state import State
+from ...views.viser.controls import hint_of, label_of
+from ...views.viser.markup import renderer
+from .commands import CancelSweep, RunSweep, ShowSwept
+from .plot import SweepPlot
+from .sweep import Outcome, Sweep
+from .values import FEWEST, MOST, offered, proposed, shown
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+render = renderer(__package__)
+
+TITLE, RUN, CANCEL, SHOW = "Sweep", "Run the values", "Cancel", "Show as a branch"
+NONE: tuple[str, ...] = ("-",)
+RUN_HINT = (
+    "Runs the source of the run that is shown once with each value, with its other settings, in a process of its own: "
+    "the page goes on meanwhile."
+)
+VALUES_HINT = f"{FEWEST} to {MOST} of them, with commas between; proposed from the range of the setting."
+SHOW_HINT = "The run of the value above as a branch: in the views, the error curves, Differences and Flicker."
+
+
+class SweepPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._run, self._sweep = session, -1, session.state.sweep
+        with gui.add_folder(TITLE, expand_by_default=False):
+            self._method = gui.add_dropdown("method", NONE, hint="What is run: a method that the source allows.")
+            self._method.on_update(lambda _: self._offer_settings())
+            self._setting = gui.add_dropdown("setting", NONE, hint="What takes the values; all others stay.")
+            self._setting.on_update(lambda _: self._propose())
+            self._about = gui.add_html("")
+            self._values = gui.add_text("values", "", hint=VALUES_HINT)
+            self._start = gui.add_button(RUN, icon=viser.Icon.PLAYER_PLAY, hint=RUN_HINT, disabled=True)
+            self._start.on_click(lambda _: self._begin())
+            hint = "Ends it; what was computed by then stays."
+            self._cancel = gui.add_button(CANCEL, icon=viser.Icon.X, color="gray", hint=hint, visible=False)
+            self._cancel.on_click(lambda _: session.post(CancelSweep()))
+            self._bar = gui.add_progress_bar(0.0, visible=False)
+            self._text = gui.add_html(_text(None))
+            self._plot = SweepPlot(gui)
+            self._choice = gui.add_dropdown("value", NONE, hint="One of the values that were run.", visible=False)
+            self._show = gui.add_button(SHOW, icon=viser.Icon.GIT_BRANCH, hint=SHOW_HINT, visible=False)
+            self._show.on_click(lambda _: self._show_chosen())
+
+    @property
+    def _named(self) -> tuple[str, str]:
+        """The method, and the setting as a field of its config."""
+        labels = {colours.label(name): name for name in self._possible}
+        method = labels.get(self._method.value, "")
+        found = {label_of(s.name): s.name for s in offered(method)} if method else {}
+        return method, found.get(self._setting.value, "")
+
+    @property
+    def _possible(self) -> tuple[str, ...]:
+        opened = self._session.opened
+        return tuple(name for name in possible_methods(opened.sequence.rig) if offered(name)) if opened else ()
+
+    def _begin(self) -> None:
+        method, setting = self._named
+        if setting:
+            self._session.post(RunSweep(method, setting, self._values.value))
+
+    def _show_chosen(self) -> None:
+        if self._sweep is not None:
+            ended = _ended(self._sweep)
+            if self._choice.value in ended:
+                self._session.post(ShowSwept(ended[self._choice.value]))
+
+    def _offer_methods(self, state: State) -> None:
+        labels = tuple(colours.label(name) for name in self._possible) or NONE
+        if labels != tuple(self._method.options):
+            first = next((colours.label(name) for name in state.methods if colours.label(name) in labels), labels[0])
+            kept = self._method.value if self._method.value in labels else first
+            self._method.options = labels
+            self._method.value = kept
+        self._start.disabled = labels == NONE
+        self._offer_settings()
+
+    def _offer_settings(self) -> None:
+        method, _ = self._named
+        labels = tuple(label_of(s.name) for s in offered(method)) if method else NONE
+        if labels != tuple(self._setting.options):
+            self._setting.options = labels
+            self._setting.value = labels[0]
+        self._propose()
+
+    def _propose(self) -> None:
+        method, setting = self._named
+        found = next((s for s in offered(method) if s.name == setting), None) if method else None
+        if found is not None:
+            values = proposed(method, setting, self._session.state.config)
+            self._values.value = ", ".join(map(shown, values))
+            self._about.content = render("note.html", text=hint_of(found))
+
+    def show(self, state: State) -> None:
+        if state.run != self._run:
+            self._run = state.run
+            self._offer_methods(state)
+        sweep = state.sweep
+        if sweep is self._sweep:
+            return
+        self._sweep = sweep
+        self._text.content = _text(sweep)
+        self._plot.show(sweep)
+        under_way = sweep is not None and not sweep.ended
+        self._start.visible, self._cancel.visible, self._bar.visible = not under_way, under_way, under_way
+        self._bar.value = 100 * sweep.share if sweep is not None else 0.0
+        values = tuple(_ended(sweep)) if sweep is not None else ()
+        self._choice.visible = self._show.visible = bool(values)
+        if values and values != tuple(self._choice.options):
+            kept = self._choice.value
+            self._choice.options = values
+            self._choice.value = kept if kept in values else values[0]
+
+
+def _ended(sweep: Sweep) -> dict[str, int]:
+    """Values whose runs came to their end, with their places."""
+    return {shown(o.value): place for place, o in sorted(sweep.outcomes.items()) if o.failure is None}
+
+
+def _text(sweep: Sweep | None) -> str:
+    """How far it is, and what came of each value, as HTML."""
+    if sweep is None:
+        return render("sweep.html", sweep=None)
+    places = range(len(sweep.swept.values))
+    unit = length_unit((outcome.values or {}).get("ate_m") for outcome in sweep.outcomes.values())
+    known = [_row(sweep.swept.values[p], sweep.outcomes.get(p), sweep.under_way.get(p), unit) for p in places]
+    progress = f"{len(sweep.outcomes)} of {len(places)} runs"
+    if not sweep.ended:
+        progress += f", {duration(sweep.left_s)} left" if sweep.left_s is not None else ""
+    elif sweep.problem:
+        progress += f": {sweep.problem}"
+    return render("sweep.html", sweep=sweep, label=colours.label(sweep.swept.method), progress=progress, rows=known)
+
+
+def _row(value: Any, outcome: Outcome | None, under_way: float | None, unit: Unit) -> dict[str, str]:
+    row = {"value": shown(value), "ate": "", "relative": "", "located": "", "ms": "", "said": ""}
+    if outcome is None:
+        return row | {"said": "waits" if under_way is None else f"{100 * under_way:.0f} % of the exposures"}
+    if outcome.failure is not None:
+        return row | {"said": f"failed: {outcome.failure}"}
+    found = outcome.values or {}
+    ate, relative, located = (found.get(name) for name in ("ate_m", "t_err_percent", "located_percent"))
+    return row | {
+        "ate": "n/a" if ate is None else length(ate, unit),
+        "relative": "n/a" if relative is None else f"{relative:.2f} %",
+        "located": "n/a" if located is None else f"{located:.0f} %",
+        "ms": "" if outcome.ms is None else digits(outcome.ms),
+    }

@@ -1,0 +1,115 @@
+"""The Look tab: a picture with its tracks, and below it one panel.
+
+Drawn only while somebody has the tab open, and at most once a second while the run plays.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, get_args
+
+import viser
+
+from ...engine.inspection.colouring import COLOURINGS
+from ...engine.inspection.looked import Looked
+from ...engine.inspection.selection import parsed
+from ...session import commands as do
+from ...session.state import Look, State
+from ...views.viser.markup import renderer
+from .geometry import geometry_report
+from .key_frames import key_frames_report
+from .residuals import residuals_report
+from .track import TrackChips, track_report
+from .track_picture import track_picture
+from .tracks import lifetimes_chart, tracks_table
+
+if TYPE_CHECKING:
+    from ...session.session import Session
+
+render = renderer(__package__)
+
+NAME = "Look"
+PANEL_HINT = (
+    "What stands below: the selected track, a table of all, their lifetimes, key frames by shared tracks, residuals "
+    "[px], or the geometry of the latest triple and pair."
+)
+PLAYING_S = 1.0
+"""Between two pictures while the run goes on."""
+CAMERAS = {"video": "video", "left": "left image"}
+EMPTY = '<div style="padding:4px 14px;font-size:12px">Nothing is computed yet. Press Play, or step forward (→).</div>'
+
+
+class LookTab:
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._chips, self._showing = session, TrackChips(), False
+        self._camera = gui.add_button_group("image", tuple(CAMERAS.values()), hint="Whose picture is shown.")
+        self._camera.on_click(lambda _: session.post(do.LookAt(camera=_key(CAMERAS, self._camera.value))))
+        hint = "What the colours of tracks mean, here and in the images at the right."
+        self._colour_by = gui.add_dropdown("colour by", COLOURINGS, initial_value="state", hint=hint)
+        self._colour_by.on_update(lambda _: self._post(do.ColourBy(self._colour_by.value)))
+        self._picture = gui.add_html(EMPTY)
+        self._panel = gui.add_dropdown("show", get_args(Look), initial_value="track", hint=PANEL_HINT)
+        self._panel.on_update(lambda _: self._post(do.LookAt(panel=self._panel.value)))
+        self._text = gui.add_html("")
+        self._drawn: tuple[Any, ...] = ()
+        self._due_s = 0.0
+
+    def _post(self, command: do.OfLook) -> None:
+        if not self._showing:
+            self._session.post(command)
+
+    def show(self, state: State) -> None:
+        """The controls alone: see `refresh` for what takes longer."""
+        self._showing = True
+        try:
+            if self._colour_by.value != state.colour_by:
+                self._colour_by.value = state.colour_by
+            if self._panel.value != state.look:
+                self._panel.value = state.look
+        finally:
+            self._showing = False
+
+    def refresh(self, state: State) -> None:
+        """Draws what the state shows, where that has changed and it is time."""
+        values = (state.run, state.displayed, state.selected, state.camera, state.colour_by, state.look)
+        if values == self._drawn or (state.playing and time.monotonic() < self._due_s):
+            return
+        self._drawn = values
+        looked = looked_at(self._session, state)
+        recorded = self._session.run.recorded if self._session.run is not None else None
+        texts = (EMPTY, "") if looked is None else (track_picture(looked, recorded), self._report(state.look, looked))
+        for handle, text in zip((self._picture, self._text), texts, strict=True):
+            if handle.content != text:
+                handle.content = text
+        self._due_s = time.monotonic() + PLAYING_S
+
+    def _report(self, look: Look, looked: Looked) -> str:
+        if looked.missing:
+            return render("note.html", text=looked.missing)
+        if look == "track":
+            return track_report(looked, self._chips)
+        drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "key frames": key_frames_report}
+        drawn |= {"residuals": residuals_report, "geometry": geometry_report}
+        return drawn[look](looked)
+
+
+def looked_at(session: Session, state: State) -> Looked | None:
+    """What the closer look is drawn from; None before the first exposure."""
+    run = session.run
+    if run is None or state.displayed is None or state.displayed.index >= len(run.history):
+        return None
+    return Looked(
+        run.opened.sequence,
+        run.history,
+        run.series,
+        run.known_at,
+        state.displayed,
+        parsed(state.selected),
+        state.camera,
+        state.colour_by,
+        run.stored.unavailable if run.stored is not None else "",
+    )
+
+
+def _key(names: dict[str, str], value: str) -> str:
+    return next(key for key, name in names.items() if name == value)

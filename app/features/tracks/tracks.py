@@ -1,0 +1,90 @@
+"""Tracks: a table of those in the picture, and a chart of how long they lived."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ispom.types import TrackStatus
+
+from ...engine.inspection.lifetimes import Lifetimes, endings, lifetimes
+from ...engine.inspection.looked import EXPOSURES, Looked
+from ...presentation import colours
+from ...presentation.texts import length
+from ...views.viser.markup import renderer
+
+render = renderer(__package__)
+
+MOST_ROWS, MOST_LINES = 40, 240
+WIDTH, LINE = 330.0, 2.0
+"""Of the chart, and the height of one line in it."""
+NO_TRACKS = "No tracks in this picture."
+
+
+def tracks_table(looked: Looked) -> str:
+    """The tracks with the largest residuals first, as HTML."""
+    if looked.seen is None:
+        return render("tracks.html", note=NO_TRACKS)
+    tracks, method = looked.seen.tracks, looked.seen.step.method
+    order = np.argsort(np.where(np.isfinite(tracks.residual_px), -tracks.residual_px, np.inf), kind="stable")
+    known, unit_m = looked.knowledge, looked.unit_m(method)
+    at = {int(number): i for i, number in enumerate(known.ids)}
+    rows = []
+    for row in order[:MOST_ROWS].tolist():
+        number, status = int(tracks.ids[row]), TrackStatus(int(tracks.status[row]))
+        depth, residual = float(known.depths[at[number]]), float(tracks.residual_px[row])
+        text = "" if np.isnan(depth) else f"{depth:.3g} units" if unit_m is None else length(unit_m * depth)
+        rows.append(
+            {
+                "what": f"track:{method}:{number}",
+                "number": number,
+                "colour": colours.css(colours.TRACK[status]),
+                "state": status.reason,
+                "age": int(known.ages[at[number]]),
+                "residual": "" if np.isnan(residual) else f"{residual:.2f}",
+                "depth": text,
+            }
+        )
+    selected = str(looked.selection or "")
+    return render("tracks.html", note="", rows=rows, count=len(tracks), selected=selected, label=colours.label(method))
+
+
+def lifetimes_chart(looked: Looked) -> str:
+    """A line for each track, from its first to its last exposure, coloured by why it ended, as HTML."""
+    found = lifetimes(looked.recent[-EXPOSURES:])
+    if looked.seen is None or not len(found.ids):
+        return render("lifetimes.html", note=NO_TRACKS)
+    lines = list(_lines(found, looked))
+    legend = [(colours.css(colours.TRACK[s]), f"{n} {s.reason}") for s, n in endings(found).items()]
+    alive = int((found.status < TrackStatus.LOST).sum())
+    living = (colours.css(colours.TRACK[TrackStatus.ALIVE]), f"{alive} go on")
+    height, shown = LINE * len(lines), f", {len(lines)} of them drawn" if len(lines) < len(found.ids) else ""
+    title = (
+        f"{len(found.ids)} tracks over {len(found.indices)} exposures{shown}: {colours.label(looked.seen.step.method)}"
+    )
+    ends = int(found.indices[0]), int(found.indices[-1])
+    known = {"lines": lines, "legend": [living, *legend], "width": WIDTH, "height": height, "ends": ends}
+    return render("lifetimes.html", note="", title=title, **known)
+
+
+def _lines(found: Lifetimes, looked: Looked) -> Iterator[dict[str, Any]]:
+    assert looked.seen is not None
+    method, selected = looked.seen.step.method, looked.selection
+    chosen = np.unique(np.linspace(0, len(found.ids) - 1, min(MOST_LINES, len(found.ids))).astype(int))
+    if selected is not None and selected.kind == "track":
+        chosen = np.unique(np.concatenate([chosen, np.flatnonzero(found.ids == selected.number)]))
+    step = WIDTH / max(len(found.indices), 1)
+    for place, i in enumerate(chosen.tolist()):
+        status, number = TrackStatus(int(found.status[i])), int(found.ids[i])
+        goes_on = TrackStatus.ALIVE if not status.dropped else status
+        yield {
+            "what": f"track:{method}:{number}",
+            "hint": f"track {number}: {status.reason if status.dropped else 'goes on'}",
+            "colour": colours.css(colours.TRACK[goes_on]),
+            "x": round(float(found.first[i] * step), 1),
+            "y": (place + 0.5) * LINE,
+            "length": round(float((found.last[i] - found.first[i] + 1) * step), 1),
+            "selected": selected is not None and selected.kind == "track" and selected.number == number,
+        }

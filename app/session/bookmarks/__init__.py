@@ -1,1 +1,0 @@
-"""Places in a run that somebody marked, with notes."""

@@ -1,1 +1,0 @@
-"""Branches of a run, and how they compare."""

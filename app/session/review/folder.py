@@ -1,0 +1,122 @@
+"""A run's folder, opened for review; where its source is still there, the run can go on from any exposure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from ispom.calibration.tracked.opened import refined
+from ispom.errors import InputError, UnreadableImage
+from ispom.io.files import exists
+from ispom.io.rig import read_rig
+from ispom.io.tum import read_tum
+from ispom.methods import Config, method, with_asked
+from ispom.types import Frame, Rig, Sequence, Trajectory
+
+from ...engine.options import SourceOptions
+from ...engine.playback import Builder, Playback
+from ...engine.run_folder.placements import Placed, placed
+from ...engine.run_folder.results import in_frame
+from ...engine.run_folder.run_file import RunFile, read_run_file
+from ...engine.run_folder.run_folder import RECORDING, RIG, TRUTH, trajectory_file
+from .origin import source_of, source_options
+from .recording import identity
+from .records import Exposures, exposures, records
+from .stored import Stored, nobody
+
+Opener = Callable[[str, SourceOptions], Sequence]
+
+
+def read_stored(folder: Path, opener: Opener, builder: Builder) -> Stored:
+    """The run of a folder. `opener` opens its source. InputError where the folder holds no run, or not as written."""
+    run, rig = read_run_file(folder), read_rig(folder / RIG)
+    config, methods = run.configs(), with_asked(run.methods)
+    if not methods:
+        raise InputError(f"{folder}: the methods of the run are not installed here: install them, or run again")
+    found = exposures(folder, rig)
+    if not len(found.kinds):
+        raise InputError(f"{folder} holds no exposure: run again")
+    recording, identity = _recording(folder)
+    sequence, unavailable = _sequence(folder, run, rig, found, opener)
+    playback = _playback(sequence, methods, config, run, builder, unavailable)
+    if not unavailable:
+        found = replace(found, times_ns=sequence.times_ns, kinds=sequence.kinds[: len(found.kinds)])
+    where = placed(run.placements)
+    start = playback.snapshot.placements
+    return Stored(
+        folder,
+        playback,
+        lambda: records(folder, found, methods, where, start),
+        _final(folder, run, rig, found, where),
+        methods,
+        recording,
+        identity,
+        unavailable,
+    )
+
+
+def _recording(folder: Path) -> tuple[Path | None, str]:
+    """That of the run, and its id, where it can be shown: a run is reviewed without it as well."""
+    path = folder / RECORDING
+    try:
+        return (path, identity(path)) if exists(path) else (None, "")
+    except InputError:
+        return None, ""
+
+
+def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Opener) -> tuple[Sequence, str]:
+    """That of the source, or else one without images, and why."""
+    try:
+        sequence = refined(opener(source_of(run), source_options(run)))
+        if _same(found, sequence):
+            return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
+        unavailable = f"{run.source} is not the source that the run had: its exposures have other times"
+    except InputError as mistake:
+        unavailable = str(mistake)
+    unavailable = f"{unavailable.removesuffix('.')}; nothing can be computed anew"
+
+    def load(i: int) -> NoReturn:
+        raise UnreadableImage(unavailable)
+
+    notes = (*map(str, run.notes), f"stored run {folder.name}: {unavailable}")
+    return Sequence(run.sequence, rig, found.times_ns, found.kinds, load, _truth(folder, rig, run.frame), notes), (
+        unavailable
+    )
+
+
+def _same(found: Exposures, sequence: Sequence) -> bool:
+    """Whether the run may have been on these exposures."""
+    count = len(found.kinds)
+    return len(sequence) >= count and np.array_equal(sequence.times_ns[:count][found.used], found.times_ns[found.used])
+
+
+def _playback(
+    sequence: Sequence, methods: tuple[str, ...], config: Config, run: RunFile, builder: Builder, unavailable: str
+) -> Playback:
+    if unavailable:
+        return Playback(sequence, methods, config, nobody)
+    return Playback(sequence, methods, config, builder, run.earlier)
+
+
+def _truth(folder: Path, rig: Rig, frame: Frame) -> Trajectory | None:
+    """world_from_rig."""
+    if not exists(folder / TRUTH):
+        return None
+    found = read_tum(folder / TRUTH, frame)
+    return in_frame(found, rig, "rig") if len(found) else None
+
+
+def _final(folder: Path, run: RunFile, rig: Rig, of: Exposures, where: list[Placed]) -> dict[str, Trajectory]:
+    """By method, of the frame that its steps are of."""
+    found = {}
+    units = {method: placement.scale for at, method, placement in where if at > 0}
+    for name in run.methods:
+        if exists(folder / trajectory_file(name)) and name in of.frames:
+            unit_m = units.get(name, None if method(name).unit == "own" else 1.0)
+            written = read_tum(folder / trajectory_file(name), run.frame)
+            found[name] = in_frame(written, rig, of.frames[name], unit_m)
+    return found

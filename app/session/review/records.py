@@ -1,0 +1,160 @@
+"""The exposures of a run's folder, as the history keeps exposures."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import groupby, pairwise
+from operator import attrgetter
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ispom.errors import InputError
+from ispom.geometry import Pose, Similarity
+from ispom.methods import method as registered
+from ispom.methods import names
+from ispom.types import Frame, Kind, Rig, Status, Step
+
+from ...engine.history.quantities import POSE
+from ...engine.history.record import ExposureRecord, MethodStatus
+from ...engine.run_folder.placements import Placed
+from ...engine.run_folder.run_folder import STEPS
+from ...engine.run_folder.step_reader import StoredStep, stored_steps
+
+MOST = 1_000_000
+"""Exposures of a run: half a day of video."""
+
+
+@dataclass(frozen=True, eq=False)
+class Exposures:
+    """When a run's exposures were, and of which kind."""
+
+    times_ns: NDArray[np.int64]
+    """(N,)."""
+    kinds: tuple[Kind, ...]
+    """(N,)."""
+    used: NDArray[np.bool_]
+    """(N,) whether the folder tells; the others, which no method used, are put between their neighbours."""
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    """By method: whose poses its steps have."""
+
+
+def exposures(folder: Path, rig: Rig) -> Exposures:
+    """Up to the last one that a method used. InputError where the folder has no steps, or not as written."""
+    latest_ns = 0
+    times: dict[int, int] = {}
+    kinds: dict[int, Kind] = {}
+    frames: dict[str, Frame] = {}
+    with stored_steps(folder) as steps:
+        for step in steps:
+            if step.exposure >= MOST or (times and step.time_ns < latest_ns):
+                place = f"{folder / STEPS}: exposure {step.exposure}"
+                raise InputError(f"{place} is not as `ispom run` writes it: run again")
+            latest_ns = times[step.exposure] = step.time_ns
+            frames[step.method] = step.frame
+            needs = registered(step.method).needs if step.method in names() else frozenset()
+            if len(needs) == 1:
+                kinds.setdefault(step.exposure, *needs)  # methods that run inside others come after them
+    indices = np.arange(max(times, default=-1) + 1)
+    known = np.array(sorted(times), np.int64)
+    found = [times[i] for i in known.tolist()]
+    first: Kind = "video" if rig.video is not None else "stereo"
+    other: Kind = "stereo" if set(kinds.values()) == {"video"} and rig.has_stereo else first
+    return Exposures(
+        _between(indices, known, found),
+        tuple(kinds.get(i, first if i in times else other) for i in indices.tolist()),
+        np.isin(indices, known),
+        frames,
+    )
+
+
+def _between(indices: NDArray[np.int64], known: NDArray[np.int64], times_ns: list[int]) -> NDArray[np.int64]:
+    """Times of all indices, in integers: a float has too few digits for nanoseconds since 1970."""
+    found = np.zeros(len(indices), np.int64)
+    found[: known[0] + 1 if len(known) else 0] = times_ns[0] if times_ns else 0
+    for (a, at), (b, bt) in pairwise(zip(known.tolist(), times_ns, strict=True)):
+        found[a : b + 1] = [at + (bt - at) * (i - a) // (b - a) for i in range(a, b + 1)]
+    return found
+
+
+def records(
+    folder: Path, of: Exposures, methods: Collection[str], placed: Iterable[Placed], start: Mapping[str, Similarity]
+) -> Iterator[ExposureRecord]:
+    """Every exposure in its order, with the steps of these methods; InputError as `exposures`.
+
+    `start` has the placements before the first exposure. What is written of other methods, which ran inside these, is
+    among the values.
+    """
+    before: ExposureRecord | None = None
+    with stored_steps(folder) as steps:
+        groups = dict.fromkeys(range(len(of.kinds)), ())
+        written = groupby(steps, attrgetter("exposure"))
+        index, group = next(written, (len(groups), iter(())))
+        for i in groups:
+            said: tuple[StoredStep, ...] = ()
+            if index == i:
+                said = tuple(group)
+                index, group = next(written, (len(groups), iter(())))
+            before = _record(i, of, said, methods, _placements(start, placed, i), before)
+            yield before
+
+
+def _record(
+    index: int,
+    of: Exposures,
+    said: tuple[StoredStep, ...],
+    methods: Collection[str],
+    placements: Mapping[str, Similarity],
+    before: ExposureRecord | None,
+) -> ExposureRecord:
+    errors_m = {s.method: float(s.said["error_m"]) for s in said if s.said["error_m"] is not None}  # type: ignore[arg-type]
+    own = [s for s in said if s.method in methods and of.kinds[index] in registered(s.method).needs]
+    steps = tuple(map(_step, own))
+    statuses = dict(before.statuses) if before is not None else {}
+    statuses |= {step.method: MethodStatus(step.status, errors_m.get(step.method), step.provisional) for step in steps}
+    return ExposureRecord(
+        index,
+        int(of.times_ns[index]),
+        of.kinds[index],
+        steps,
+        placements,
+        {s.method: errors_m[s.method] for s in own if s.method in errors_m},
+        statuses,
+        stored={s.method: s.said for s in said},
+    )
+
+
+def _step(stored: StoredStep) -> Step:
+    said = stored.said
+    return Step(
+        stored.time_ns,
+        Status(str(said["status"])),
+        stored.frame,
+        _pose(said),
+        key_frame=said["key_frame"] is True,
+        scale=_number(said["scale"]),
+        seconds=stored.seconds,
+        decisions=stored.decisions,
+        scale_sigma=_number(said["scale_sigma"]),
+        method=stored.method,
+        restarted=said["restarted"] is True,
+        provisional=said["provisional"] is True,
+    )
+
+
+def _pose(said: Mapping[str, object]) -> Pose | None:
+    """world_from_frame; None where the row has none."""
+    numbers = [said.get(name) for name in POSE]
+    if any(number is None for number in numbers):
+        return None
+    return Pose.from_xyzw(np.array(numbers[3:], float), np.array(numbers[:3], float))
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _placements(start: Mapping[str, Similarity], placed: Iterable[Placed], index: int) -> Mapping[str, Similarity]:
+    return {**start, **{method: found for at, method, found in placed if at <= index and method in start}}

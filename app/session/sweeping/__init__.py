@@ -1,1 +1,0 @@
-"""The sweep that was begun in the page."""

@@ -1,0 +1,69 @@
+"""Tracks on images, coloured by age, residual or depth: an entity for each, of which the layout shows one at most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+
+from ispom.types import Camera, Rig, Tracks, TrackStatus
+
+from ...engine.inspection.colouring import SCALES, Colouring, palette
+from ...engine.inspection.knowledge import Knowledge
+from ...engine.inspection.sightings import Seen
+from . import entities
+from .batch import Entry
+
+LEGEND_ROW = 0.1
+"""Distance of a legend's rows, in heights of the image."""
+
+
+def path_of(camera: str, by: Colouring) -> str:
+    return f"{camera}/coloured/{by}"
+
+
+class ColouredTracks:
+    """Of one run: what is known of the tracks that live, by camera."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._known: dict[str, Knowledge] = {}
+
+    def opening(self) -> Iterator[Entry]:
+        """What the colours mean; static."""
+        for name, camera in (("video", self._rig.video), ("left", self._rig.left)):
+            for by in SCALES if camera is not None else ():
+                assert camera is not None
+                yield Entry(path_of(name, by), _classes(by), static=True)
+                yield Entry(f"{path_of(name, by)}/legend", _legend(by, camera), static=True)
+
+    def learn(self, seen: Seen) -> None:
+        """Each exposure of a camera once, drawn or not."""
+        self._known[seen.camera] = self._known.get(seen.camera, Knowledge()).after(seen, self._rig)
+
+    def entries(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
+        """Those of the exposure's tracks that are drawn and live."""
+        camera, living = self._rig.camera(seen.camera), shown.status < TrackStatus.LOST
+        uv = entities.shown_uv(shown.uv[living], camera)
+        for by in SCALES:
+            bins = self._known[seen.camera].bins(shown, by)[living].astype(np.uint16)
+            yield Entry(path_of(seen.camera, by), rr.Points2D(uv, class_ids=bins, radii=[-2.0], show_labels=False))
+
+
+def _classes(by: Colouring) -> rr.AnnotationContext:
+    """What the class ids mean: shown on hovering."""
+    labels = zip(SCALES[by].labels(), palette(), strict=True)
+    return rr.AnnotationContext([(i, f"{by}: {text}", colour) for i, (text, colour) in enumerate(labels)])
+
+
+def _legend(by: Colouring, camera: Camera) -> rr.Points2D:
+    """Beside or below the image, as that of the states."""
+    labels = SCALES[by].labels()
+    return rr.Points2D(
+        entities.legend_places(len(labels), camera, LEGEND_ROW),
+        class_ids=list(range(len(labels))),
+        labels=labels,
+        radii=-4.0,
+        show_labels=True,
+    )

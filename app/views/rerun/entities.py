@@ -1,0 +1,252 @@
+"""What the recorder draws: pure functions from the library's values to Rerun's. Conversions to Rerun live here.
+
+Rerun's pixel coordinates count from the corner of the top-left pixel, ours from its centre: half a pixel apart.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from ispom.geometry import Array, Pose, Similarity
+from ispom.types import Camera, Image, Step, Tracks, TrackStatus
+
+from ...presentation import colours
+from ...presentation.decisions import answers, mark, measured, named
+from ...presentation.uncertainty import Ellipsoid, describe
+
+JPEG_QUALITY = 80
+SHOWN_PX = 640 * 480
+"""Larger images are shown, and kept, at about this many pixels."""
+MOST_MARKERS = 600
+"""Of an image's tracks, so many are drawn at most, spread evenly: more hide the image. The counts are of all."""
+CELLS = (16, 12)
+"""Over the image, by which they are spread."""
+LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
+"""Of a legend below its image."""
+LEGEND_WIDTH = 0.45
+"""Of one beside it, in widths of the image."""
+TRAIL_LENGTH = 5
+"""Earlier positions of a track that its trail shows."""
+
+
+def shown_scale(width: int, height: int) -> float:
+    """The factor (<= 1) by which an image is shrunk for display."""
+    return min(1.0, (SHOWN_PX / (width * height)) ** 0.5)
+
+
+def transform(pose: Pose) -> rr.Transform3D:
+    """parent_from_entity."""
+    return rr.Transform3D(translation=pose.translation, mat3x3=pose.rotation)
+
+
+def placement(parent_from_entity: Similarity) -> rr.Transform3D:
+    """parent_from_entity, with its change of unit."""
+    pose = parent_from_entity.pose
+    return rr.Transform3D(translation=pose.translation, mat3x3=parent_from_entity.scale * pose.rotation)
+
+
+def jpeg(image: Image) -> rr.EncodedImage:
+    """The image, at `shown_scale`."""
+    scale = shown_scale(image.shape[1], image.shape[0])
+    if scale < 1:
+        size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg")
+
+
+def shown_uv(uv: NDArray, camera: Camera) -> NDArray[np.float32]:
+    """Rerun's coordinates (..., 2) on the shown image of our pixels (..., 2)."""
+    return ((np.asarray(uv) + 0.5) * shown_scale(camera.width, camera.height)).astype(np.float32)
+
+
+def strips(places: NDArray[np.float32]) -> pa.Array:
+    """Polylines (N, K, 2 or 3) as Rerun stores them; given as numbers, Rerun goes through them one by one."""
+    count, length, dimension = places.shape
+    kind = _STRIPS[dimension]
+    flat = pa.array(np.ascontiguousarray(places, np.float32).reshape(-1))
+    inner = pa.FixedSizeListArray.from_arrays(flat, type=kind.value_type)
+    return pa.ListArray.from_arrays(pa.array(np.arange(count + 1, dtype=np.int32) * length), inner, type=kind)
+
+
+def lines(places: list[Array] | Array, colour: colours.Rgb, width_px: float) -> rr.LineStrips3D:
+    """Polylines (N, K, 3), or some of different lengths. Negative radii are screen units in Rerun."""
+    alike = len({len(some) for some in places}) <= 1
+    drawn = strips(np.asarray(places, np.float32)) if alike else [np.asarray(some, np.float32) for some in places]
+    return rr.LineStrips3D(drawn, colors=colours.packed(colour), radii=[-width_px])
+
+
+MOVING = len(TrackStatus)
+"""Class id of what moves by itself."""
+
+
+def statuses() -> rr.AnnotationContext:
+    """What the class ids of `points` and `moving` mean: shown on hovering."""
+    known = [(int(s), s.reason, colours.TRACK[s]) for s in TrackStatus]
+    return rr.AnnotationContext([*known, (MOVING, "moves by itself, with others as one rigid thing", colours.MOVING)])
+
+
+def thinned(tracks: Tracks, camera: Camera) -> Tracks:
+    """At most MOST_MARKERS of them, the same number in every part of the image where there are so many; of those in one
+    part the longest known, so that they stay from one exposure to the next."""
+    if len(tracks) <= MOST_MARKERS:
+        return tracks
+    places = np.nan_to_num(tracks.uv) / [camera.width, camera.height]
+    cell = np.clip(places * CELLS, 0, np.array(CELLS) - 1).astype(int)
+    parts = cell[:, 0] * CELLS[1] + cell[:, 1]
+    order = np.lexsort([tracks.ids, parts])
+    first = np.r_[True, np.diff(parts[order]) > 0]
+    rank = np.arange(len(order)) - np.flatnonzero(first)[np.cumsum(first) - 1]
+    kept = np.sort(order[np.argsort(rank, kind="stable")[:MOST_MARKERS]])
+    return Tracks(*(getattr(tracks, field.name)[kept] for field in fields(Tracks)))
+
+
+def points(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """These tracks where they are, or were last seen; their class is their status."""
+    radii = np.where(tracks.status >= TrackStatus.LOST, np.float32(-2.0), np.float32(-1.5))
+    return rr.Points2D(
+        shown_uv(tracks.uv, camera), class_ids=tracks.status.astype(np.uint16), radii=radii, show_labels=False
+    )
+
+
+def moving(tracks: Tracks, camera: Camera) -> rr.Points2D:
+    """What one other rigid motion explains, a little larger than `points`."""
+    classes = np.full(len(tracks), MOVING, np.uint16)
+    return rr.Points2D(shown_uv(tracks.uv, camera), class_ids=classes, radii=[-2.5], show_labels=False)
+
+
+def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
+    """The last places of the tracks that live, `recent` being this camera's Tracks, oldest first, now last."""
+    now = recent[-1]
+    kept = (now.status < TrackStatus.LOST) & ~np.isnan(now.uv_prev[:, 0])
+    places = [now.uv[kept]]
+    for earlier in reversed(recent[:-1]):
+        order = np.argsort(earlier.ids)
+        at = np.minimum(np.searchsorted(earlier.ids, now.ids[kept], sorter=order), max(len(earlier) - 1, 0))
+        rows = order[at] if len(order) else at[:0]
+        if not len(rows):
+            break
+        found = earlier.ids[rows] == now.ids[kept]
+        places.append(np.where(found[:, None], earlier.uv[rows], places[-1]))
+    if len(places) == 1:
+        places.append(now.uv_prev[kept])
+    drawn = strips(shown_uv(np.stack(places, 1), camera))
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.TRAIL), radii=[-0.75])
+
+
+def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
+    """From each point to where the right image has it: longer is nearer."""
+    known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
+    right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
+    drawn = strips(shown_uv(np.stack([tracks.uv[known], right], 1), camera))
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
+
+
+def legend(tracks: Tracks, moved: Tracks | None, camera: Camera) -> rr.Points2D:
+    """Beside or below the image: how many tracks have which status, in its colour; and how many move by themselves."""
+    counts = np.bincount(tracks.status, minlength=len(TrackStatus))
+    items = [(int(s), f"{counts[s]} {_SHORT.get(s, s.name.lower())}") for s in TrackStatus if counts[s]]
+    if moved is not None:
+        items.append((MOVING, f"{len(moved)} move alone"))
+    return rr.Points2D(
+        legend_places(len(items), camera),
+        class_ids=[number for number, _ in items],
+        labels=[text for _, text in items],
+        radii=-4.0,
+        show_labels=True,
+    )
+
+
+def legend_places(count: int, camera: Camera, row_height: float = 0.13) -> Array:
+    """(count, 2) in Rerun's coordinates: rows of LEGEND_COLUMNS below a wide image, or else a column beside it, whose
+    rows are so far apart, in heights of the image."""
+    size, places = np.array([camera.width, camera.height]), np.arange(count)
+    if _legend_below(camera):
+        row, column = np.divmod(places, LEGEND_COLUMNS)
+        at = np.stack([(column + 0.5) / LEGEND_COLUMNS, 1 + 0.085 * camera.width / camera.height * (row + 0.3)], 1)
+    else:
+        at = np.stack([np.full(count, 1 + LEGEND_WIDTH / 2), 0.03 + row_height * places], 1)
+    return at * size * shown_scale(camera.width, camera.height)
+
+
+def shown_size(camera: Camera) -> Array:
+    """Width and height (2,), in Rerun's coordinates, of the shown image with its legend."""
+    width, height = camera.width, camera.height
+    size = (
+        [width, height + LEGEND_ROWS * 0.085 * width] if _legend_below(camera) else [(1 + LEGEND_WIDTH) * width, height]
+    )
+    return np.array(size) * shown_scale(width, height)
+
+
+def _legend_below(camera: Camera) -> bool:
+    """Labels keep their size on the screen, so a legend takes what room the image's shape leaves."""
+    return camera.width > 1.7 * camera.height
+
+
+_STRIPS = {
+    2: rr.components.LineStrip2DBatch(np.zeros((1, 2, 2), np.float32)).as_arrow_array().type,
+    3: rr.components.LineStrip3DBatch(np.zeros((1, 2, 3), np.float32)).as_arrow_array().type,
+}
+_SHORT = {
+    TrackStatus.LOST: "not found",
+    TrackStatus.FORWARD_BACKWARD: "fwd-bwd",
+    TrackStatus.OUT_OF_IMAGE: "left image",
+    TrackStatus.NO_DISPARITY: "no disparity",
+}
+
+
+def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
+    """One polyline (10, 3), in the frame, around what the camera sees up to a depth."""
+    w, h = camera.width - 0.5, camera.height - 0.5
+    rays = camera.normalise(np.array([[-0.5, -0.5], [w, -0.5], [w, h], [-0.5, h]]))
+    top_left, top_right, bottom_right, bottom_left = np.column_stack([rays, np.ones(4)]) * depth
+    centre = np.zeros(3)
+    strip = [top_right, top_left, centre, top_right, bottom_right, centre, bottom_left, bottom_right, bottom_left]
+    return frame_from_camera.apply(np.stack([*strip, top_left]))
+
+
+def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
+    """In the world of the pose, as a few lines."""
+    return rr.Ellipsoids3D(
+        half_sizes=[found.half_sizes],
+        centers=[found.centre],
+        quaternions=[found.pose.xyzw],
+        colors=colours.packed(colour),
+        line_radii=[-0.75],
+    )
+
+
+def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float | None]) -> str:
+    """Markdown: what each method decided in its latest step, and why. `units_m`: the methods' units [m], None where
+    nobody knows."""
+    return "\n".join(part for step in steps.values() for part in _story(step, first_ns, units_m))
+
+
+def _story(step: Step, first_ns: int, units_m: Mapping[str, float | None]) -> Iterator[str]:
+    facts = [f"**{colours.label(step.method)}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
+    facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
+    if len(step.residuals_px):
+        facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
+    facts += [text] if (text := describe(step, units_m.get(step.method, 1.0))) else []
+    yield from (" · ".join(facts), "")
+    for answer in answers(step.decisions):
+        if answer.question:
+            yield from (_plain(f"{answer.question} {answer.text}"), "")
+        for d in answer.checks:
+            consequence = f" → {d.consequence}" if d.consequence else ""
+            yield f"- {mark(d)} {_plain(f'{named(d)}: {measured(d)}{consequence}')}"
+        yield ""
+
+
+def _plain(text: str) -> str:
+    """As it is, in Markdown."""
+    return re.sub(r"([\\`*_{}\[\]<>#|])", r"\\\1", text)

@@ -1,0 +1,198 @@
+"""The run as browsers see it. Nothing listens here: the page's server reads the tape and passes it on.
+
+live = LiveStream()
+live.open(opened, history)               # for each run: a new tape
+for event in events:                     # Stepped ..., and Finished at the end
+    live.write(event)                    # never waits
+live.tape.read(first, most_bytes)        # any number of readers, each at its own pace; `live.grown` tells of more
+live.close()
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import rerun as rr
+
+from ispom.types import Kind
+
+from ...engine.events import Event, Finished, Opened, Pictured, Stepped
+from ...engine.history.feed import Feed
+from ...engine.history.history import History
+from ...engine.subscribers import Subscribers
+from . import blueprint
+from .batch import Batch, Columns, Entry
+from .parts import columns_of, is_part
+from .recorder import Recorder
+from .rrd import messages
+from .stored_tape import AnyTape, StoredTape
+from .streams import APPLICATION, release_streams, send
+from .tape import Tape
+
+log = logging.getLogger(__name__)
+SHARED_S = 0.5
+"""Time whose curves and texts go to the tape together: each piece costs the viewers time, however small."""
+SETTLE_S = 0.3
+"""Before what is known already is drawn again: the page's own panels come first, and a branch that is shown but for a
+moment costs nothing."""
+FLUSH_S = 5.0
+"""Longest wait for Rerun's own threads."""
+
+
+class LiveStream:
+    """Its own thread turns events into `.rrd` bytes on a tape; `write` only hands over."""
+
+    def __init__(self) -> None:
+        self.tape: AnyTape | None = None
+        """Of the run that is shown; None before the first."""
+        self.grown = Subscribers()
+        """Told whenever there is more on the tape, or another tape."""
+        self._feed: Feed | None = None
+        self._failure: str | None = None
+
+    @property
+    def dropped(self) -> int:
+        """Exposures of this run whose images the viewers miss, because this thread lagged."""
+        return self._feed.dropped if self._feed is not None else 0
+
+    def open(self, opened: Opened, history: History) -> None:
+        """Begins another run, in place of the one before. What its `history` holds already comes without images.
+
+        OSError where the user's cache cannot be written.
+        """
+        self.close()
+        self._failure = None
+        feed = self._feed = Feed(opened, history, rereads=False)
+        tape = self.tape = Tape(
+            recording_id=opened.recording_id,
+            kinds=lambda: opened.sequence.kinds,
+            expected=lambda: len(history),
+            request=feed.request,
+        )
+        arguments = (Recorder(opened), feed, tape)
+        threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
+        self.grown.notify()
+
+    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
+        """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
+        tape = StoredTape(*recordings, kinds=kinds)
+        self.close()
+        self._failure = None
+        self.tape = tape
+        self.grown.notify()
+
+    def write(self, event: Event) -> None:
+        """Tells of an exposure that is in the history, or of the end. Returns at once; does nothing before `open`.
+
+        RuntimeError, with the reason, where the thread has failed.
+        """
+        self.check()
+        if self._feed is None:
+            return
+        if isinstance(event, Finished):
+            self._feed.finish(event)
+        elif isinstance(event, Stepped):
+            self._feed.offer(event)
+
+    def look_at(self, index: int) -> None:
+        """An exposure is shown: where it was drawn without its images, they come now. Does nothing before `open`."""
+        if self._feed is not None:
+            self._feed.look_at(index)
+
+    def check(self) -> None:
+        """RuntimeError, with the reason, where the thread has failed."""
+        if self._failure:
+            raise RuntimeError(self._failure)
+
+    def close(self) -> None:
+        """Ends the run for its readers; what is still on its way is lost."""
+        feed, tape = self._feed, self.tape
+        self._feed = self.tape = None
+        if feed is not None:
+            feed.close()
+        if tape is not None:
+            tape.close()
+            self.grown.notify()
+
+    def _run(self, recorder: Recorder, feed: Feed, tape: Tape) -> None:
+        try:
+            with _Encoder(recorder) as encoder:
+                blueprint.send(encoder.lasting, recorder.opened)
+                encoder.send(recorder.opening())
+                self._append(tape, encoder)
+                if len(feed.history):
+                    feed.pause(SETTLE_S)
+                due_s = time.monotonic() + SHARED_S
+                while True:
+                    if encoder.unread and not feed.waits(max(0.0, due_s - time.monotonic())):
+                        self._append(tape, encoder)
+                    if (event := feed.take()) is None:
+                        break
+                    if not encoder.unread:
+                        due_s = time.monotonic() + SHARED_S
+                    self._draw(tape, encoder, event)
+                    if time.monotonic() > due_s or isinstance(event, Finished):
+                        self._append(tape, encoder)
+        except Exception as fault:
+            if self.tape is tape:  # else the run is over, and its files are closed
+                log.exception("the live stream failed")
+                self._failure = f"{type(fault).__name__}: {fault}"
+
+        finally:
+            release_streams()
+
+    def _draw(self, tape: Tape, encoder: _Encoder, event: Event) -> None:
+        batch = encoder.recorder.batch(event)
+        encoder.send(batch)
+        for entry in batch.entries:
+            if isinstance(entry, Entry) and not _is_lasting(entry):
+                tape.put(batch.index, entry.path, columns_of(entry.path, entry.value))
+        if isinstance(event, Stepped | Pictured):
+            tape.came(event.index, bare=isinstance(event, Stepped) and not event.skipped and not _has_image(batch))
+        self.grown.notify()
+
+    def _append(self, tape: Tape, encoder: _Encoder) -> None:
+        tape.append(encoder.read())
+        self.grown.notify()
+
+
+class _Encoder:
+    """What a viewer gets all of -> `.rrd` bytes."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.recorder = recorder
+        self.lasting = rr.RecordingStream(APPLICATION, recording_id=recorder.recording_id)
+        self._stream = rr.binary_stream(self.lasting)
+        self.unread = False
+        """Whether anything was sent since the last time."""
+
+    def __enter__(self) -> _Encoder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.read(flush_timeout_sec=FLUSH_S)  # Rerun warns, on the terminal, of what nobody read
+        self.lasting.disconnect()
+        del self.lasting, self._stream
+
+    def send(self, batch: Batch) -> None:
+        lasting = tuple(entry for entry in batch.entries if _is_lasting(entry))
+        send(self.lasting, replace(batch, entries=lasting))
+        self.unread = self.unread or bool(lasting)
+
+    def read(self) -> bytes:
+        """What was sent since the last time."""
+        self.unread = False
+        return messages(self._stream.read(flush_timeout_sec=FLUSH_S))
+
+
+def _is_lasting(entry: Entry | Columns) -> bool:
+    return isinstance(entry, Columns) or entry.static or not is_part(entry.path)
+
+
+def _has_image(batch: Batch) -> bool:
+    return any(isinstance(entry, Entry) and isinstance(entry.value, rr.EncodedImage) for entry in batch.entries)

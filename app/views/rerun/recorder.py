@@ -1,0 +1,150 @@
+"""Events of a run -> what Rerun shall show. No stream is touched here: see streams.py.
+
+Entities, below the shared world (the rig at the first stereo exposure: x right, y down, z forward):
+
+    /world/truth/{path,rig}                  the whole true path (static); the true pose now. Of a single camera
+                                             /world/truth brings them to its path, by Sim(3)
+    /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
+    /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it
+                                             changed (key frames and clouds: every MAP_EVERY exposures)
+    /world/METHOD/camera                     the pose now
+    /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
+    /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
+    /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
+    /video, /left                            image, tracks, moving, trails, legend; left also disparity
+    /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
+    /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
+    /plots/error/METHOD, .../sim3, .../aligned  live error; of a single camera's newest pose, the poses so far aligned
+                                             by Sim(3); at the end, the whole aligned curve whose RMS is the ATE
+    /decisions, /log, /log/bookmarks         text
+    /start                                   the first exposure's time [ns] (static)
+
+Timelines: `exposure` (its index) and `time` (since the first exposure).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import rerun as rr
+
+from ispom.geometry import Similarity
+from ispom.types import Exposure, Frame, Image, Step, StereoPair, Tracks
+
+from ...engine.events import Bookmark, Event, Finished, Opened, Pictured, Stepped
+from ...engine.history.record import with_parts
+from ...engine.inspection.sightings import Seen
+from ...engine.model.drawn_size import unit_in_metres
+from . import entities
+from .batch import Batch, Entry
+from .coloured import ColouredTracks
+from .plots import Plots
+from .world import World
+
+START, START_NS = "start", "time_ns"
+"""Where a recording has the time of the first exposure."""
+
+
+class Recorder:
+    """Turns the events of one run into batches. It holds the model of the run, and no images."""
+
+    def __init__(self, opened: Opened) -> None:
+        self.opened = opened
+        self.recording_id = opened.recording_id
+        self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
+        self._world, self._plots = World(opened, self.first_ns), Plots(opened)
+        self._coloured = ColouredTracks(opened.sequence.rig)
+        self._recent: dict[str, list[Tracks]] = {}
+        self._moving = set[str]()
+        """Cameras in which anything moved by itself so far."""
+        self._last: dict[str, Step] = {}
+        self._now = (0, 0)
+
+    def opening(self) -> Batch:
+        """What holds for the whole run (all static)."""
+        images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left")]
+        images += self._coloured.opening()
+        start = Entry(START, rr.AnyValues(time_ns=self.first_ns), static=True)
+        return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
+
+    def batch(self, event: Event | Bookmark) -> Batch:
+        """What this event adds. Each event once, in their order; bookmarks after those that they mark."""
+        if isinstance(event, Bookmark):
+            text = rr.TextLog(f"bookmark: {event.note}" if event.note else "bookmark")
+            return Batch(event.exposure, event.time_ns - self.first_ns, (Entry("log/bookmarks", text),))
+        if isinstance(event, Pictured):
+            time_ns = event.exposure.time_ns - self.first_ns
+            return Batch(event.index, time_ns, tuple(self._pictured(event)))
+        if isinstance(event, Finished):
+            found = self._world.finished(event)
+            return Batch(*self._now, (*found, *self._plots.finished(event, self._world.model, self.first_ns)))
+        self._now = (event.index, event.exposure.time_ns - self.first_ns)
+        return Batch(*self._now, tuple(self._stepped(event)))
+
+    def _stepped(self, event: Stepped) -> Iterator[Entry]:
+        yield from self._world.stepped(event)
+        yield from self._images(event)
+        yield from self._plots.stepped(event, self._world.model, self._world.placements)
+        for step in event.steps:
+            yield from self._log(step)
+            self._last[step.method] = step
+        yield Entry("decisions", rr.TextDocument(self._summary(), media_type="text/markdown"))
+
+    def _images(self, event: Stepped) -> Iterator[Entry]:
+        """Of an exposure without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
+        name, image = _image(event.exposure)
+        if image.size:
+            yield Entry(f"{name}/image", entities.jpeg(image))
+        seen = _seen(event, name)
+        if seen is None:
+            return
+        self._coloured.learn(seen)
+        camera = self.opened.sequence.rig.camera(name)
+        recent = self._recent[name] = [*self._recent.get(name, []), seen.tracks][-entities.TRAIL_LENGTH - 1 :]
+        shown = entities.thinned(seen.tracks, camera)
+        yield from self._coloured.entries(seen, shown)
+        yield Entry(f"{name}/trails", entities.trails([*recent[:-1], shown], camera))
+        yield from self._tracks(seen, shown)
+
+    def _pictured(self, event: Pictured) -> Iterator[Entry]:
+        name, image = _image(event.exposure)
+        if image.size:  # else it cannot be read any more
+            yield Entry(f"{name}/image", entities.jpeg(image))
+
+    def _tracks(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
+        camera = self.opened.sequence.rig.camera(seen.camera)
+        yield Entry(f"{seen.camera}/tracks", entities.points(shown, camera))
+        moved = seen.moved
+        yield Entry(f"{seen.camera}/legend", entities.legend(seen.tracks, moved, camera))
+        if moved is not None:
+            self._moving.add(seen.camera)
+        if seen.camera in self._moving:
+            drawn = rr.Clear(recursive=False) if moved is None else entities.moving(moved, camera)
+            yield Entry(f"{seen.camera}/moving", drawn)
+        if seen.camera == "left":
+            yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
+
+    def _log(self, step: Step) -> Iterator[Entry]:
+        before = self._last.get(step.method)
+        if before is None or before.status != step.status:
+            level = "WARN" if step.status == "lost" else "INFO"
+            yield Entry("log", rr.TextLog(f"{step.method}: {step.status}", level=level))
+        if step.key_frame:
+            yield Entry("log", rr.TextLog(f"{step.method}: key frame", level="DEBUG"))
+
+    def _summary(self) -> str:
+        steps = {m: self._last[m] for m in self.opened.methods if m in self._last}
+        placed = self._world.placements
+        units_m = {m: unit_in_metres(m, placed.get(m, Similarity()).scale) for m in steps}
+        return entities.summary(steps, self.first_ns, units_m)
+
+
+def _image(exposure: Exposure) -> tuple[Frame, Image]:
+    """The camera whose image is drawn, and that."""
+    return ("left", exposure.left) if isinstance(exposure, StereoPair) else ("video", exposure.image)
+
+
+def _seen(event: Stepped | Pictured, camera: Frame) -> Seen | None:
+    """The tracks that a method, or one inside it, has in this camera."""
+    step = next((s for s in with_parts(event.steps) if camera in s.tracks), None)
+    return None if step is None else Seen(event.index, step, camera, step.tracks[camera])

@@ -1,0 +1,225 @@
+"""The 3-D part of a recording: poses, paths, key frames, clouds and how well poses are known, below /world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import rerun as rr
+
+from ispom.geometry import Array, Similarity
+from ispom.methods import method as registered
+from ispom.types import Frame, Step, Trajectory
+
+from ...engine.events import Finished, Opened, Stepped
+from ...engine.model.drawn_size import DrawnSize, drawn_size, drawn_truth, true_size
+from ...engine.model.placing import same_place
+from ...engine.model.points import PointMap
+from ...engine.model.poses import PoseHistory
+from ...engine.model.run_model import RunModel
+from ...engine.model.true_path import TruePath
+from ...presentation import colours, uncertainty
+from . import entities
+from .batch import Columns, Entry
+from .beside import BesideLog
+
+MAP_EVERY = 10
+"""Exposures between two drawings of a method's key frames and points: they are most of what a viewer has to hold."""
+TINT = 0.3
+"""How much of a cloud's colour is its method's, the rest being what the camera saw."""
+
+
+class World:
+    """Follows one run; only blocks of paths, key frames and clouds that changed are drawn again."""
+
+    def __init__(self, opened: Opened, first_ns: int) -> None:
+        self._opened, self._first_ns = opened, first_ns
+        self._truth = drawn_truth(opened.truth, opened.methods)
+        self._true_path, self._truth_placed = TruePath(opened), None
+        self.model = RunModel.start(opened.methods)
+        self.placements: dict[str, Similarity] = {}
+        self._sizes: dict[str, DrawnSize] = {}
+        self._drawn_frames: dict[str, Frame] = {}
+        """Of the cameras that are drawn now."""
+        self._drawn_points = {m: PointMap() for m in opened.methods}
+        self._drawn_keys: dict[str, PoseHistory] = {}
+        """Poses that the key frames were drawn from."""
+        self._map_drawn: dict[str, int] = {}
+        """Exposure at which key frames and points were drawn last."""
+        self._provisional: set[str] = set()
+        """Methods whose pose now is drawn as one that waits for a first fit."""
+        self._ellipsoids: set[str] = set()
+        """Methods whose ellipsoid is drawn now."""
+        self._frustum_lines: dict[tuple[Frame, float, bool], Array] = {}
+        """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
+        self._beside = BesideLog(opened)
+
+    def opening(self) -> Iterator[Entry]:
+        """What holds for the whole run (all static)."""
+        yield Entry("world", rr.ViewCoordinates.RDF, static=True)
+        truth = self._truth
+        if truth is not None:
+            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
+            yield Entry("world/truth/rig", self._true_frusta(truth), static=True)
+        yield from self._beside.opening()
+
+    def stepped(self, event: Stepped) -> Iterator[Entry]:
+        """Each event once, in their order."""
+        before = self.model
+        yield from self._place(event.placements)
+        yield from self._truth_now(event.exposure.time_ns)
+        self.model = before.after(event.index, event.exposure.time_ns, event.steps)
+        for step in event.steps:
+            resized = step.key_frame and self._resized(step.method)
+            poses = self.model.methods[step.method].poses
+            changed = poses.drawn_blocks() if resized else self._changed(step.method, before)
+            yield from self._path_blocks(step.method, changed)
+            yield from self._pose(step, resized)
+            yield from self._uncertainty(step)
+            due = event.index - self._map_drawn.get(step.method, -MAP_EVERY) >= MAP_EVERY
+            if (step.key_frame and due) or resized:
+                self._map_drawn[step.method] = event.index
+                yield from self._map(step.method, resized)
+        outlines = self._outlines("rig", true_size(self._truth) or 1.0, main_camera=True)
+        yield from self._beside.stepped(event, self.model, self.placements, outlines)
+        if not self._true_path.fixed:
+            yield from self._place_truth(event.exposure.time_ns)
+
+    def finished(self, event: Finished) -> Iterator[Entry | Columns]:
+        yield from self._place(event.placements)
+        before, found = self.model, {m: t for m, t in event.trajectories.items() if len(t)}
+        self.model = before.with_final(found)
+        times = self.model.times
+        for method, trajectory in found.items():
+            yield from self._path_blocks(method, self._changed(method, before))
+            yield from self._map(method)
+            starts = times.times_ns(np.array(self.model.methods[method].poses.starts, np.int64))
+            parts = np.split(trajectory.translations, np.searchsorted(trajectory.times_ns, np.sort(starts)))
+            line = entities.lines([part for part in parts if len(part)], colours.of(method), 2.0)
+            yield Entry(f"world/{method}/path/final", line)
+            indices = times.indices(times.rows(trajectory.times_ns))
+            yield Columns(f"world/{method}/final", trajectory, indices, self._first_ns)
+        if not self._true_path.fixed:
+            yield from self._place_truth(None)
+
+    def _changed(self, method: str, before: RunModel) -> set[int]:
+        return self.model.methods[method].poses.changed_blocks(before.methods[method].poses)
+
+    def _place(self, placements: Mapping[str, Similarity]) -> Iterator[Entry]:
+        for method, new in placements.items():
+            if method in self.model.methods and not same_place(self.placements.get(method), new):
+                self.placements[method] = new
+                self._resized(method, anew=True)
+                yield Entry(f"world/{method}", entities.placement(new))
+                if method in self._drawn_frames:
+                    yield self._camera(method)
+                yield from self._path_blocks(method, self.model.methods[method].poses.drawn_blocks())
+                yield from self._map(method, anew=True)
+
+    def _true_frusta(self, truth: Trajectory) -> rr.LineStrips3D:
+        return self._frusta("rig", true_size(truth) or 1.0, colours.TRUTH, main_camera=True)
+
+    def _place_truth(self, time_ns: int | None) -> Iterator[Entry]:
+        """The true path beside a single camera's own, aligned by Sim(3) to its poses so far; at the end (None) to all
+        of them."""
+        truth, before = self._opened.truth, self._truth_placed
+        found = self._true_path.at(self.model, self.placements, ended=time_ns is None)
+        if truth is None or found is None:
+            return
+        if before is None:
+            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0))
+            yield Entry("world/truth/rig", self._true_frusta(truth))
+        if found is not before:
+            self._truth_placed = found
+            yield Entry("world/truth", entities.placement(found))
+        pose = truth.at(time_ns) if time_ns is not None else None
+        if pose is not None:
+            yield Entry("world/truth/rig", entities.transform(pose))
+
+    def _truth_now(self, time_ns: int) -> Iterator[Entry]:
+        pose = self._truth.at(time_ns) if self._truth is not None else None
+        if pose is not None:
+            yield Entry("world/truth/rig", entities.transform(pose))
+
+    def _pose(self, step: Step, resized: bool) -> Iterator[Entry]:
+        method, frame = step.method, self.model.methods[step.method].poses.frame
+        if step.world_from_frame is not None:
+            yield Entry(f"world/{method}/camera", entities.transform(step.world_from_frame))
+            marked = step.provisional != (method in self._provisional)
+            (self._provisional.add if step.provisional else self._provisional.discard)(method)
+            if resized or marked or self._drawn_frames.get(method) != frame:
+                self._drawn_frames[method] = frame
+                yield self._camera(method)
+        elif self._drawn_frames.pop(method, None):  # a camera left standing would look like a pose
+            yield Entry(f"world/{method}/camera", rr.Clear(recursive=False))
+
+    def _uncertainty(self, step: Step) -> Iterator[Entry]:
+        found, place = uncertainty.of_step(step), f"world/{step.method}/uncertainty"
+        if found is not None:
+            yield Entry(place, entities.ellipsoid(found, colours.of(step.method)))
+        elif step.method in self._ellipsoids:
+            yield Entry(place, rr.Clear(recursive=False))
+        (self._ellipsoids.discard if found is None else self._ellipsoids.add)(step.method)
+
+    def _camera(self, method: str) -> Entry:
+        frame = self.model.methods[method].poses.frame
+        colour = colours.PROVISIONAL if method in self._provisional else colours.of(method)
+        main = "video" in registered(method).needs
+        return Entry(f"world/{method}/camera", self._frusta(frame, self._size(method).camera, colour, main))
+
+    def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
+        poses, colour = self.model.methods[method].poses, colours.of(method)
+        for block in sorted(blocks):
+            yield Entry(f"world/{method}/path/{block}", entities.lines(poses.lines(block), colour, 1.5))
+
+    def _map(self, method: str, anew: bool = False) -> Iterator[Entry]:
+        """Key frames and points, the blocks that changed since they were drawn last, or all of the key frames."""
+        poses = self.model.methods[method].poses
+        before = PoseHistory() if anew else self._drawn_keys.get(method, PoseHistory())
+        self._drawn_keys[method] = poses
+        outlines = self._outlines(poses.frame, self._size(method).key_frame, main_camera=True)
+        for block in sorted(poses.changed_blocks(before)):
+            keys = poses.key_frames(block, outlines)
+            if len(keys):
+                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colours.of(method), 0.5))
+        yield from self._cloud(method)
+
+    def _cloud(self, method: str) -> Iterator[Entry]:
+        """The blocks that changed since this was asked last."""
+        points = self.model.methods[method].points
+        changed = points.changed_blocks(self._drawn_points[method])
+        self._drawn_points[method] = points
+        for block in sorted(changed):
+            xyz, rgb = points.blocks[block].xyz, points.blocks[block].rgb
+            tinted = (1 - TINT) * rgb + TINT * np.array(colours.of(method))
+            drawn = rr.Points3D(xyz, colors=tinted.astype(np.uint8), radii=[-1.5])
+            yield Entry(f"world/{method}/cloud/{block}", drawn)
+
+    def _size(self, method: str) -> DrawnSize:
+        if method not in self._sizes:
+            self._resized(method, anew=True)
+        return self._sizes[method]
+
+    def _resized(self, method: str, *, anew: bool = False) -> bool:
+        """Whether the method is to be drawn in another size, and so from now on."""
+        before, unit_m = self._sizes.get(method), self.placements.get(method, Similarity()).scale
+        rig, poses = self._opened.sequence.rig, self.model.methods[method].poses
+        size = drawn_size(method, rig, self._truth, poses, unit_m, None if anew else before)
+        self._sizes[method] = size
+        return size is not before
+
+    def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
+        """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
+        if (key := (frame, size, main_camera)) not in self._frustum_lines:
+            self._frustum_lines[key] = self._frustum_lines_of(*key)
+        return self._frustum_lines[key]
+
+    def _frustum_lines_of(self, frame: Frame, size: float, main_camera: bool) -> Array:
+        rig = self._opened.sequence.rig
+        main: Frame = "video" if rig.video is not None else "left"
+        names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+        frame_from_rig = rig.rig_from(frame).inverse()
+        return np.stack([entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
+
+    def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
+        return entities.lines(self._outlines(frame, size, main_camera), colour, 1.5)

@@ -1,0 +1,103 @@
+"""`ispom demo`, `ispom app` and `ispom learn`: a source in a session, and the session on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from platformdirs import user_config_path, user_state_path
+
+from ispom.errors import InputError, is_text
+from ispom.methods import in_order
+from ispom.sequences.address import is_address, is_device
+from ispom.types import Sequence
+
+from ...engine import warmup
+from ...engine.external_trajectories.given import Given, given
+from ...engine.external_trajectories.placed import beside_run
+from ...engine.memory import give_back, know_libraries
+from ...engine.playback import Builder, truth_from_start
+from ...features.lessons.commands import Learn as Begin
+from ...features.lessons.lesson import Lesson
+from ...features.lessons.library import Library, own_lesson
+from ...session.session import Session
+from ...session.sources.folders import Folders
+from ...session.sources.opening import stored_at
+from ...session.sources.recent import RecentSources
+from ..rerun.live import LiveStream
+from .options import App, Learn, Serve
+from .server import Serving, serve
+
+LEAST_HISTORY_MB = 20
+"""Some hundred exposures."""
+
+
+def open_page(command: Serve, builder: Builder) -> int:
+    """Serves the page until it is ended, and returns the exit code. InputError for a mistake in what was asked."""
+    know_libraries()  # all that a page needs is loaded, by this thread alone
+    give_back()
+    library, begun = _lessons(command)
+    source = command.source if isinstance(command, App) else "sim:city" if begun is None else begun.steps[0].own.source
+    if not is_text(source):
+        raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
+    if command.history_mb < LEAST_HISTORY_MB:
+        raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
+    opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
+    if beside:
+        _check_beside(beside, source, opener, builder)
+    variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
+
+    def session(live: LiveStream) -> Session:
+        found = Session(
+            opener,
+            source,
+            Path("recordings"),
+            methods=in_order(command.methods) or None,
+            variant=variant,
+            config=command.config,
+            live=live,
+            compiling=warmup.start,
+            builder=builder,
+            history_bytes=1_000_000 * command.history_mb,
+            source_options=command.of_source,
+            folders=Folders(None if command.root is None else command.root.expanduser()),
+            recent=RecentSources(user_config_path("ispom") / "recent.json"),
+            beside=beside,
+            lessons=library,
+            autoplay=begun is None,
+        )
+        if begun is not None and isinstance(command, Learn) and command.lesson:
+            found.post(Begin(begun.name))
+        return found
+
+    return serve(
+        session,
+        Serving(
+            host=command.host,
+            port=command.port,
+            allowed_hosts=command.allow_host,
+            base=command.base,
+            open_browser=command.browser,
+            onlookers=command.read_only,
+        ),
+    )
+
+
+def _lessons(command: Serve) -> tuple[Library, Lesson | None]:
+    """What can be learned, and the lesson that is begun, or is the first of them. InputError for one that is none."""
+    progress = user_state_path("ispom") / "lessons.json"
+    if not isinstance(command, Learn):
+        return Library(progress=progress), None
+    own = own_lesson(command.lesson)
+    library = Library(own, progress, leads=True)
+    return library, own or (library.lesson(command.lesson) if command.lesson else library.lessons[0])
+
+
+def _check_beside(beside: tuple[Given, ...], source: str, opener: Callable[..., Sequence], builder: Builder) -> None:
+    """InputError for a trajectory that does not fit the source: before anything is shown."""
+    if is_device(source) or is_address(source):
+        raise InputError("--beside needs a recording, and this source is live: record it first, and open that")
+    stored = stored_at(source, opener, builder)
+    sequence = opener(source) if stored is None else stored.playback.sequence
+    for number, each in enumerate(beside):
+        beside_run(number, each, sequence, truth_from_start(sequence))

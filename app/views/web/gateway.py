@@ -1,0 +1,249 @@
+"""One URL, one port: our page, viser, the Rerun viewer with its stream, and the recordings."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+import secrets
+from collections.abc import AsyncIterator, Awaitable, Callable, Hashable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from aiohttp import web
+
+from ispom.io.files import bounded
+from ispom.sequences.policy import SourcePolicy
+
+from ...engine.model.corrections import corrected_by
+from ...engine.run_folder.run_folder import CORRECTED_RIG
+from ...features.calibration.job import Job
+from ...features.calibration.page_routes import CalibrationPage
+from ...session.people import People, Person
+from ...session.session import Session
+from ...session.sources.known import run_name
+from ..rerun.live import LiveStream
+from ..viser.portless import CLIENT, PortlessViser
+from . import numbers
+from .access import Access
+from .answers import Answers
+from .connections import Connections
+from .files import SECURITY, STATIC, VISER_SECURITY, pictures, recordings, send_file, send_one_of
+from .messages import Pane
+from .rerun_assets import NAMES
+from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
+from .tape_reader import TapeReader
+from .wakeup import Wakeup
+
+log = logging.getLogger(__name__)
+PAGE_FILES = frozenset(path.name for path in STATIC.iterdir())
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True)
+class Backends:
+    """What is behind the gateway; none of it listens anywhere."""
+
+    session: Session
+    live: LiveStream
+    viser: PortlessViser
+    assets: Callable[[], Path]
+    """The folder of the Rerun viewer's files; may take seconds the first time."""
+    recordings: Path
+    """Their folder."""
+    show_scene: Callable[[bool], None] = lambda _: None
+    """Told whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
+    show_tabs: Callable[[frozenset[str]], None] = lambda _: None
+    """Told which of viser's tabs anybody has open."""
+
+
+CALIBRATIONS = "calibrations"
+"""Folder of the results of the calibration page, among the recordings."""
+
+
+class Gateway:
+    """The aiohttp application. `connections`, set when there is a server for it, hears who has access."""
+
+    def __init__(self, backends: Backends, access: Access, cookie: str) -> None:
+        """`cookie` is the name under which browsers keep the token."""
+        self._to, self._access, self._cookie = backends, access, cookie
+        self.connections: Connections | None = None
+        self._sockets: set[web.WebSocketResponse] = set()
+        self._panes: dict[Hashable, Pane] = {}
+        self.app = web.Application(middlewares=[self._guard])
+        self.app.cleanup_ctx.append(self._listen)
+        self.app.on_shutdown.append(self._close_sockets)
+        base = access.base
+        calibration = CalibrationPage(
+            Job(self._check, self._to.recordings / CALIBRATIONS, lambda: bounded(self._policy.places)),
+            lambda request: self._person(request).may_drive,
+        )
+        self.app.add_routes(
+            [
+                web.get(base, self._page),
+                web.get(f"{base}ws", self._talk),
+                web.get(f"{base}live", self._live),
+                web.get(f"{base}web/{{name}}", self._page_file),
+                web.get(f"{base}rerun/{{name}}", self._viewer_file),
+                web.get(f"{base}recordings/{{name:.+}}", self._recording),
+                web.get(f"{base}pictures/{{name:.+}}", self._picture),
+                web.get(f"{base}numbers/{{what}}", self._numbers),
+                web.get(f"{base}viser", self._viser),
+                web.get(f"{base}viser/", self._viser),
+                *calibration.routes(base),
+            ]
+        )
+        if base != "/":
+            self.app.router.add_get(base.rstrip("/"), self._to_base)
+
+    async def _listen(self, app: web.Application) -> AsyncIterator[None]:
+        """Hears of what happens in other threads, as long as the server runs."""
+        self._assets = self._unpacking()
+        self._states, self._grown = Wakeup(), Wakeup()
+        self._people, self._answers = People(self._states.ring), Answers(self._states.ring)
+        self._to.session.changes.add(self._states.ring)
+        self._to.live.grown.add(self._grown.ring)
+        yield
+        self._to.session.changes.remove(self._states.ring)
+        self._to.live.grown.remove(self._grown.ring)
+        self._assets.cancel()
+
+    def _unpacking(self) -> asyncio.Task[Path]:
+        return asyncio.create_task(asyncio.to_thread(self._to.assets))
+
+    async def _close_sockets(self, app: web.Application) -> None:
+        for socket in set(self._sockets):
+            await socket.close(code=1001, message=b"the server stopped")
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Nothing is done for whom there is nothing here; a fault of ours costs that answer only, and is logged."""
+        self._access.check(request, self._cookie)
+        if self.connections is not None:
+            self.connections.admit(request)
+        try:
+            return await handler(request)
+        except (web.HTTPException, ConnectionError, asyncio.CancelledError):
+            raise
+        except Exception as fault:
+            log.exception("%s failed", request.path[:80])
+            raise web.HTTPInternalServerError(text="Internal error; see ISPOM's terminal.") from fault
+
+    # Files
+
+    async def _to_base(self, request: web.Request) -> web.StreamResponse:
+        raise web.HTTPFound(self._access.base + (f"?{request.query_string}" if request.query_string else ""))
+
+    async def _page(self, request: web.Request) -> web.StreamResponse:
+        """Our page; a browser that came with a token keeps it, and a name by which its pages are one person's."""
+        kept, rest = {}, f"; HttpOnly; SameSite=Strict; Path={self._access.base}"
+        if given := request.query.get("token", ""):
+            kept[self._cookie] = self._access.kept(given)
+        if not request.cookies.get(self._person_cookie):
+            kept[self._person_cookie] = secrets.token_urlsafe(9)
+        cookies = (f"{name}={value}{rest}" for name, value in kept.items())
+        return await send_file(request, STATIC / "index.html", SECURITY, cookies)
+
+    def _check(self, path: str) -> None:
+        """InputError for images where nobody at the page may look."""
+        self._policy.check(path)
+
+    @property
+    def _policy(self) -> SourcePolicy:
+        return SourcePolicy(self._to.session.folders.root)
+
+    @property
+    def _person_cookie(self) -> str:
+        return f"{self._cookie}-person"
+
+    def _person(self, request: web.Request) -> Person:
+        given = request.cookies.get(self._cookie, ""), request.query.get("token", "")
+        may_drive = any(self._access.may_drive(token) for token in given)
+        return Person(request.cookies.get(self._person_cookie, "")[:32], may_drive)
+
+    async def _page_file(self, request: web.Request) -> web.StreamResponse:
+        return await send_one_of(request, STATIC, PAGE_FILES, SECURITY)
+
+    async def _viewer_file(self, request: web.Request) -> web.StreamResponse:
+        if self._assets.done() and self._assets.exception() is not None:
+            self._assets = self._unpacking()  # the disk may have room by now
+        try:
+            folder = await asyncio.shield(self._assets)
+        except OSError as fault:
+            raise web.HTTPServiceUnavailable(text=f"The Rerun viewer could not be unpacked: {fault}") from fault
+        return await send_one_of(request, folder, NAMES, SECURITY)
+
+    async def _recording(self, request: web.Request) -> web.StreamResponse:
+        return await self._kept(request, recordings, {"Content-Disposition": "attachment"})
+
+    async def _picture(self, request: web.Request) -> web.StreamResponse:
+        return await self._kept(request, pictures, {})
+
+    async def _kept(
+        self, request: web.Request, names_in: Callable[[Path], Iterable[str]], headers: dict[str, str]
+    ) -> web.StreamResponse:
+        """One of these files of the recordings folder."""
+        folder = self._to.recordings
+        names = await asyncio.to_thread(lambda: list(names_in(folder)))
+        return await send_one_of(request, folder, names, SECURITY | headers)
+
+    async def _numbers(self, request: web.Request) -> web.StreamResponse:
+        """What is known of the exposure shown, or of all so far, as a file."""
+        session, what = self._to.session, request.match_info["what"]
+        state, run = session.state, session.run
+        if run is None or state.index < 0 or what not in ("exposure", "run", "rig"):
+            raise web.HTTPNotFound
+        if state.lesson is not None and state.lesson.covers:
+            raise web.HTTPForbidden(text="A question of the lesson is open: the numbers are there when it is answered.")
+        if what == "rig":
+            text = await asyncio.to_thread(corrected_by, run.history, state.index, run.opened.sequence.rig)
+        elif what == "exposure":
+            text = await asyncio.to_thread(numbers.of_exposure, run.series, state.index)
+        else:
+            text = await asyncio.to_thread(numbers.over_time, run.series, len(run.series))
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", run_name(state.source))
+        ending = {"exposure": f"-{state.index}.csv", "run": ".csv", "rig": f"-{CORRECTED_RIG}"}[what]
+        headers = {"Content-Disposition": f'attachment; filename="{plain}{ending}"', "Cache-Control": "no-store"}
+        kind = "application/yaml" if what == "rig" else "text/csv"
+        return web.Response(text=text, content_type=kind, headers=SECURITY | headers)
+
+    # Sockets
+
+    async def _talk(self, request: web.Request) -> web.StreamResponse:
+        socket = await opened(request, COMMAND_BYTES)
+        talk = Talk(self._to.session, self._states, self._see, self._people, self._person(request), self._answers)
+        return await self._until_closed(socket, talk.serve(socket))
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        run = request.query.get("run", "")
+        item, serial = (request.query.get(name, "0") for name in ("next", "serial"))
+        if not all(number.isascii() and number.isdigit() and len(number) <= 9 for number in (item, serial)):
+            raise web.HTTPBadRequest(text="next and serial are numbers.")
+        socket = await opened(request, COMMAND_BYTES)
+        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(item), int(serial))
+        return await self._until_closed(socket, reader.serve(socket))
+
+    async def _viser(self, request: web.Request) -> web.StreamResponse:
+        if request.headers.get("Upgrade", "").lower() != "websocket":
+            if not request.path.endswith("/"):  # its addresses are relative
+                raise web.HTTPFound("viser/")
+            return await send_file(request, CLIENT, VISER_SECURITY)
+        offered = request.headers.get("Sec-WebSocket-Protocol", "").split(",")
+        socket = await opened(request, VISER_BYTES, tuple(p.strip() for p in offered if p.strip())[:1])
+        person = self._person(request)
+        served = serve_viser(socket, self._to.viser, lambda message: self._people.passes(person, message))
+        return await self._until_closed(socket, served)
+
+    async def _until_closed(self, socket: web.WebSocketResponse, served: Awaitable[None]) -> web.StreamResponse:
+        self._sockets.add(socket)
+        try:
+            await served
+        finally:
+            self._sockets.discard(socket)
+        return socket
+
+    def _see(self, page: Hashable, pane: Pane) -> None:
+        self._panes = {other: seen for other, seen in self._panes.items() if other is not page}
+        self._panes |= {page: pane} if pane.wide or pane.tab else {}
+        self._to.show_scene(any(seen.wide for seen in self._panes.values()))
+        self._to.show_tabs(frozenset(seen.tab for seen in self._panes.values()))

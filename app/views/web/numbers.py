@@ -1,0 +1,55 @@
+"""The numbers that the page shows, as CSV: those of one exposure, or all quantities over the exposures."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from io import StringIO
+
+import numpy as np
+
+from ...engine.history.quantities import Value
+from ...engine.history.series import Series
+
+FORMULA = ("=", "+", "-", "@", "\t")
+"""What a text must not begin with, for a spreadsheet would compute it; negative numbers are no texts."""
+
+
+def of_exposure(series: Series, index: int) -> str:
+    """A row for each quantity that was said, with its unit and meaning."""
+    found = ((q, series.value(q, index)) for q in series.quantities.values())
+    rows = [(q.name, _cell(value), q.unit, q.help) for q, value in found if value is not None]
+    return _text(("quantity", "value", "unit", "meaning"), rows)
+
+
+def over_time(series: Series, count: int) -> str:
+    """A row for each of the first `count` exposures, a column for each quantity that was said at any of them."""
+    columns = {
+        name: (quantity, values)
+        for name, quantity in series.quantities.items()
+        if np.isfinite(values := series.values(name, 0, count)).any()
+    }
+    cells = [[_cell(series.value(quantity, i)) for i in range(count)] for quantity, _ in columns.values()]
+    return _text(tuple(columns), zip(*cells, strict=True))
+
+
+def _cell(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+        return str(int(value))
+    return "" if value is None else repr(value) if isinstance(value, float) else str(value)
+
+
+def _text(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    out = StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_plain(cell) for cell in row] for row in rows)
+    return out.getvalue()
+
+
+def _plain(cell: str) -> str:
+    """A method's own text, such as a check's name, may come from a program."""
+    number = cell[:1] == "-" and cell[1:2].isdigit()
+    return f"'{cell}" if cell.startswith(FORMULA) and not number else cell

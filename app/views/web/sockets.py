@@ -1,0 +1,155 @@
+"""What the page's WebSockets say: states out and commands in, the run's stream, and viser's messages."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from ispom.errors import InputError
+
+from ...features.lessons.learning import covered
+from ...features.lessons.page_message import LessonNews
+from ...features.plots.page_message import PlotNews
+from ...session.people import People, Person
+from ...session.session import Session
+from ..viser.portless import PortlessViser, understood
+from .answers import Answers
+from .looking import PLAYING_S as LOOKING_S
+from .looking import Looking
+from .messages import KEYS, FollowAgain, Given, Pane, Wheel, command_of, message_of, own_view
+from .time_axis import AxisNews
+from .wakeup import Wakeup
+
+HEARTBEAT_S = 20.0
+"""A page that does not answer within half of it is gone, and one that does not read as well."""
+COMMAND_BYTES = 64 << 10
+VISER_BYTES = 4 << 20
+"""Longest messages of a page."""
+COMMANDS_PER_S = 200
+"""A page that sends more is closed; a key held down repeats 30 times."""
+REFRESH_S, PLAYING_S = 0.03, 0.1
+"""Least time between two states for a page; and while it plays, where every one is a new picture of the page."""
+
+
+async def opened(request: web.Request, most_bytes: int, protocols: tuple[str, ...] = ()) -> web.WebSocketResponse:
+    """The request as a WebSocket, without compression: a short message could hide a long one."""
+    socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=most_bytes, compress=False, protocols=protocols)
+    await socket.prepare(request)
+    return socket
+
+
+class Talk:
+    """States out, commands in."""
+
+    def __init__(
+        self,
+        session: Session,
+        news: Wakeup,
+        see: Callable[[Talk, Pane], None],
+        people: People,
+        person: Person,
+        answers: Answers,
+    ) -> None:
+        """`see` is told what of viser this page of `person` has in sight."""
+        self._session, self._news, self._see = session, news, see
+        self._people, self._person, self._answers = people, person, answers
+        self._looking = Looking(time.monotonic)
+        self._refused: tuple[int, str] = (0, "")
+        """How many commands of this page were refused, and why the last one was."""
+
+    async def serve(self, socket: web.WebSocketResponse) -> None:
+        """Until the page goes away."""
+        self._people.join(self._person)
+        sending = asyncio.create_task(self._send(socket))
+        second, count = 0, 0
+        try:
+            async for message in socket:
+                second, count = (now, count + 1) if (now := int(time.monotonic())) == second else (now, 1)
+                if count > COMMANDS_PER_S:
+                    await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
+                elif message.type is WSMsgType.TEXT:
+                    self._obey(command_of(message.data))
+        finally:
+            sending.cancel()
+            self._see(self, Pane(False))
+            self._people.leave(self._person)
+
+    def _obey(self, heard: object) -> None:
+        if isinstance(heard, Pane):
+            self._see(self, heard)
+        elif isinstance(heard, Wheel):
+            if heard.to is None:
+                self._people.take_over(self._person)
+            else:
+                self._people.hand_over(self._person, heard.to)
+        elif isinstance(heard, Given):
+            self._answers.put(self._person.key, self._session.state.lesson, heard.answer)
+        elif isinstance(heard, FollowAgain):
+            self._looking.follow()
+            self._news.ring()
+        elif heard is not None and self._people.drives(self._person):
+            self._session.post(heard)  # type: ignore[arg-type]
+        elif heard is not None:
+            self._look(heard)
+
+    def _look(self, command: object) -> None:
+        """What somebody asks for who does not control the session: they may look at all that is there."""
+        try:
+            if not self._looking.obey(command, self._session.state, self._session.run):
+                raise InputError(self._people.refusal(self._person))
+        except InputError as reason:
+            self._refused = self._refused[0] + 1, str(reason)
+        self._news.ring()
+
+    async def _send(self, socket: web.WebSocketResponse) -> None:
+        shown, keys, axis, plots, lesson = (), KEYS, AxisNews(), PlotNews(), LessonNews()
+        looking = self._looking
+        with suppress(ConnectionError):  # the browser went away
+            while True:
+                news = self._news.next()
+                state, run, seen = self._session.state, self._session.run, self._people.seen_by(self._person)
+                if seen["driving"]:
+                    looking.follow()
+                looking.turn(state, run)
+                local = looking.shown(state)
+                now = (state, looking.version, seen, self._answers.version, self._refused)
+                if now != shown or axis.behind or plots.behind:
+                    shown = now
+                    message = message_of(state) | {"keys": keys, "people": seen}
+                    message |= {"axis": axis.since(state, run), "plots": plots.since(covered(local), run)}
+                    message |= {"looking": looking.index, "own": own_view(local, state), "refused": self._refused}
+                    message |= lesson.since(state, run, self._answers, self._person.key)
+                    keys = None
+                    await socket.send_str(json.dumps(message))
+                    await asyncio.sleep(PLAYING_S if local.playing else REFRESH_S)
+                else:
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(news.wait(), LOOKING_S if looking.playing else None)
+
+
+async def serve_viser(socket: web.WebSocketResponse, viser: PortlessViser, passes: Callable[[bytes], bool]) -> None:
+    """A page's connection to viser, until one of the two ends it; `passes` says which of its messages get there."""
+    line = viser.connect(socket.ws_protocol or "", socket.send_bytes)
+    closing = asyncio.create_task(_close_after(line.served, socket))
+    try:
+        async for message in socket:
+            if message.type is not WSMsgType.BINARY:
+                continue
+            if not understood(message.data):
+                await socket.close(code=WSCloseCode.INVALID_TEXT, message=b"this is no message of viser's page")
+            elif passes(message.data):
+                await line.put(message.data)
+    finally:
+        line.hang_up()
+        closing.cancel()
+
+
+async def _close_after(served: asyncio.Future[None], socket: web.WebSocketResponse) -> None:
+    await asyncio.wait({served})
+    failed = not served.cancelled() and served.exception() is not None
+    await socket.close(code=WSCloseCode.INVALID_TEXT if failed else WSCloseCode.OK)

@@ -1,0 +1,158 @@
+"""The run's stream to one page: the frame that it shows, and of curves and texts as much as it asks for."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import struct
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from aiohttp import WSMsgType, web
+
+from ..rerun.parts import Scene, SceneWriter
+from ..rerun.rrd import HEADER
+from ..rerun.stored_tape import AnyTape
+from .wakeup import Wakeup
+
+MESSAGE_BYTES = 64 << 10
+"""About how much of curves and texts goes into one message: a frame that is asked for meanwhile waits for it."""
+HEAD = struct.Struct(">IIi?3x")
+"""Of a message: the next item, the serial number, the frame that it brings (-1: none), and whether that is complete."""
+FIRST_S = 2.0
+"""Longest wait for a run's first frame to be complete."""
+
+
+class TapeReader:
+    """One page's place on the tape.
+
+    A page that comes back names the `run` that it has, the item that comes `next`, and its last `serial` number. It
+    sends "more" when it can take more items, and "show 12 34" when it can take frame 12 and has received message 34;
+    this holds until it is answered, so that a frame that comes later, or changes, is sent by itself. A request that a
+    frame crosses on its way is void: the page asks again when it can take another one. An answer is either text, the
+    run that begins now and the id of its recording; or bytes: HEAD, then an `.rrd` stream. The first of a run brings a
+    frame.
+    """
+
+    def __init__(
+        self, tape: Callable[[], AnyTape | None], grown: Wakeup, run: str = "", next_item: int = 0, serial: int = 0
+    ) -> None:
+        self._tape, self._grown = tape, grown
+        self._run, self._next, self._serial = run, next_item, serial
+        self._writer: SceneWriter | None = None
+        self._index = -1
+        """The frame that the page asked for last; -1 for none yet."""
+        self._takes_frame = self._takes_items = False
+        self._frame_serial = 0
+        """The serial number of the last message that brought a frame."""
+        self._shown: tuple[int, bool] | None = None
+        """The frame that the page was sent last, and whether that is complete."""
+        self._requested = -1
+        """The frame whose images were asked for last."""
+        self._patience_s: float | None = None
+        """Until then a run's first frame may become complete."""
+
+    async def serve(self, socket: web.WebSocketResponse) -> None:
+        """Until the page goes away."""
+        sending = asyncio.create_task(self._send(socket))
+        try:
+            async for message in socket:
+                if message.type is WSMsgType.TEXT:
+                    self._hear(message.data)
+        finally:
+            sending.cancel()
+            if self._writer is not None:
+                self._writer.close()
+
+    def _hear(self, text: str) -> None:
+        if text == "more":
+            self._takes_items = True
+        elif (found := re.fullmatch(r"show (\d{1,9}) (\d{1,9})", text)) and int(found[2]) >= self._frame_serial:
+            self._index, self._takes_frame = int(found[1]), True
+        self._grown.ring()
+
+    async def _send(self, socket: web.WebSocketResponse) -> None:
+        with suppress(ConnectionError):  # the browser went away
+            while True:
+                news = self._grown.next()
+                if not await self._answer(socket):
+                    left_s = None if self._patience_s is None else max(0.0, self._patience_s - time.monotonic())
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(news.wait(), left_s or None)
+
+    async def _answer(self, socket: web.WebSocketResponse) -> bool:
+        """Sends what is there; False where there is nothing new."""
+        tape = self._tape()
+        if tape is None:
+            return False
+        if self._writer is None or self._writer.source is not tape:
+            if tape.run == self._run:
+                self._follow(tape)
+            elif (first := await self._first(tape)) is None:
+                return False
+            else:
+                self._follow(tape)
+                self._run, self._next, self._takes_frame = tape.run, 0, False
+                await socket.send_str(json.dumps({"run": tape.run, "recording": tape.recording_id}))
+                items, self._next = await asyncio.to_thread(tape.read, 0, 1)
+                await self._deliver(socket, items, first)
+                return True
+        if self._takes_frame and (scene := await self._changed(tape)) is not None:
+            self._takes_frame = False
+            await self._deliver(socket, b"", scene)
+            return True
+        if self._takes_items:
+            items, following = await asyncio.to_thread(tape.read, self._next, MESSAGE_BYTES)
+            if following != self._next:
+                self._next, self._takes_items = following, False
+                await self._deliver(socket, items, None)
+                return True
+        return False
+
+    def _follow(self, tape: AnyTape) -> None:
+        if self._writer is not None:
+            self._writer.close()
+        self._writer, self._shown, self._requested = SceneWriter(tape, fresh=self._serial == 0), None, -1
+
+    async def _first(self, tape: AnyTape) -> Scene | None:
+        """A run's first frame, when it is there: what the page shows before stays until then."""
+        end = tape.end
+        if self._index < 0 or not end or end < min(self._index + 1, tape.expected):
+            return None
+        scene = await self._scene(tape, min(self._index, end - 1))
+        if scene.missing:
+            self._patience_s = self._patience_s or time.monotonic() + FIRST_S
+            if time.monotonic() < self._patience_s:
+                return None
+        self._patience_s = None
+        return scene if self._tape() is tape else None
+
+    async def _changed(self, tape: AnyTape) -> Scene | None:
+        """The frame that the page asks for, or until it is there the last one; None where the page has that already."""
+        assert self._writer is not None
+        end = tape.end
+        if not end:
+            return None
+        scene = await self._scene(tape, min(self._index, end - 1))
+        news = self._shown != (scene.index, not scene.missing) or self._writer.differs(scene)
+        return scene if news and self._tape() is tape else None  # else its content is gone
+
+    async def _scene(self, tape: AnyTape, index: int) -> Scene:
+        scene = await asyncio.to_thread(tape.scene, index)
+        if scene.missing and self._requested != index:
+            self._requested = index
+            tape.request(index)
+        return scene
+
+    async def _deliver(self, socket: web.WebSocketResponse, items: bytes, scene: Scene | None) -> None:
+        assert self._writer is not None
+        self._serial += 1
+        if scene is not None:
+            self._frame_serial = self._serial
+        content = items + await asyncio.to_thread(self._writer.write, scene, self._serial)
+        index, complete = (-1, True) if scene is None else (scene.index, not scene.missing)
+        if scene is not None:
+            self._shown = index, complete
+        await socket.send_bytes(HEAD.pack(self._next, self._serial, index, complete) + HEADER + content)

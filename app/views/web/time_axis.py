@@ -1,0 +1,125 @@
+"""What the page's time axis shows of a run, told in increments: a page is sent each exposure once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ispom.types import Status
+
+from ...engine.conditions.matches import matches
+from ...engine.conditions.parser import Expression
+from ...engine.events import Bookmark
+from ...engine.history.series import Series
+from ...engine.run_events.event import RunEvent
+from ...features.branches.branches import Branch
+from ...presentation import colours
+from ...session.current_run import CurrentRun
+from ...session.state import State
+
+SLICE = 500
+"""Exposures at which a condition is asked for one message; each takes some 10 microseconds."""
+
+
+class AxisNews:
+    """What one page knows so far."""
+
+    def __init__(self) -> None:
+        self._run: tuple[CurrentRun | None, bool] = (None, False)
+        """And whether an open question of a lesson covers what its methods did."""
+        self._branches: tuple[Branch, ...] = ()
+        self._bookmarks: tuple[Bookmark, ...] = ()
+        self._marked: Expression | None = None
+        self._read = self._computed = self._asked = 0
+        """Exposures whose times, results and matches the page has."""
+        self._told = 0
+        """The number of events that the page has."""
+
+    def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
+        """What is new to the page; None where nothing is."""
+        if run is None:
+            return None
+        news: dict[str, Any] = {}
+        covers = state.lesson is not None and state.lesson.covers
+        methods = () if covers else run.opened.methods
+        if (run, covers) != self._run:
+            self._run, self._marked, self._branches, self._bookmarks = (run, covers), None, (), ()
+            self._read = self._computed = self._asked = self._told = 0
+            news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
+        news |= self._exposures(run) | self._results(run, methods) | self._matches(state.marked, run.series)
+        news |= {} if covers else self._events(run)
+        if state.branches != self._branches:
+            before, self._branches = self._points(), state.branches
+            news |= {"branches": self._points()} if self._points() != before else {}
+        if state.bookmarks != self._bookmarks:
+            self._bookmarks = state.bookmarks
+            news["bookmarks"] = [{"at": b.exposure, "note": b.note} for b in state.bookmarks]
+        return news or None
+
+    @property
+    def behind(self) -> bool:
+        """Whether more is to be told, without anything having changed."""
+        return self._marked is not None and self._asked < self._computed
+
+    def _points(self) -> list[dict[str, Any]]:
+        """Where branches begin."""
+        forks = (b for b in self._branches if b.parent is not None)
+        return [{"name": b.name, "at": b.at, "colour": colours.css(b.colour)} for b in forks]
+
+    def _exposures(self, run: CurrentRun) -> dict[str, Any]:
+        sequence, start = run.playback.sequence, self._read
+        self._read = len(sequence)
+        if start == self._read:
+            return {}
+        times_ms = (sequence.times_ns[start : self._read] - sequence.times_ns[0]) // 1_000_000
+        return {"times_ms": times_ms.tolist(), "kinds": "".join(kind[0] for kind in sequence.kinds[start : self._read])}
+
+    def _results(self, run: CurrentRun, methods: tuple[str, ...]) -> dict[str, Any]:
+        start, self._computed = self._computed, len(run.series)
+        if start == self._computed:
+            return {}
+        results = [_result(run.series, method, start, self._computed) for method in methods]
+        return {"computed": self._computed, "results": results}
+
+    def _events(self, run: CurrentRun) -> dict[str, Any]:
+        """Those that began since."""
+        new = run.events.since(self._told)
+        self._told += len(new)
+        told = [{"at": e.frame, "severity": e.severity, "text": _text(e)} for e in new]
+        return {"events": told} if told else {}
+
+    def _matches(self, marked: Expression | None, series: Series) -> dict[str, Any]:
+        """A slice of the exposures at which the condition holds."""
+        if marked is not None and any(q.name not in series.quantities for q in marked.quantities):
+            marked = None  # of a branch without that method
+        news: dict[str, Any] = {}
+        if marked != self._marked:
+            self._marked, self._asked = marked, 0
+            news["condition"] = marked.text if marked is not None else ""
+        if marked is not None and self._asked < self._computed:
+            among = range(self._asked, min(self._asked + SLICE, self._computed))
+            self._asked = among.stop
+            if found := [i for i in among if matches(marked, series, i)]:
+                news["matches"] = found
+        return news
+
+
+def _result(series: Series, method: str, start: int, stop: int) -> dict[str, Any]:
+    """Of these exposures: those at which a method made a key frame, and stretches (first, last) where it is lost."""
+    status = series.quantities[f"{method}.status"]
+    lost = series.values(status.name, start, stop) == status.choices.index(Status.LOST)
+    return {
+        "key_frames": (np.flatnonzero(series.values(f"{method}.key_frame", start, stop) == 1) + start).tolist(),
+        "lost": [[int(first) + start, int(last) + start - 1] for first, last in _stretches(lost)],
+    }
+
+
+def _text(event: RunEvent) -> str:
+    return f"{colours.label(event.method)}: {event.sentence}" if event.method else event.sentence
+
+
+def _stretches(mask: np.ndarray) -> np.ndarray:
+    """(K, 2) first index and one beyond the last of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return edges.reshape(-1, 2)
