@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
 import viser
 
-from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.types import Step
 
@@ -17,7 +14,6 @@ from ...session import commands as do
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
-from .drawing import drawing, extent
 from .integration import Integration, latest_fit
 from .numbers import table
 
@@ -27,24 +23,19 @@ if TYPE_CHECKING:
 render = renderer(__package__)
 
 OFF: tuple[str, ...] = ("off",)
-PREVIOUS, NEXT, LOOK = "◀ Previous step", "Next step ▶", "Look at it"
-STEP_HINT = (
-    "The step before or after, in the 3-D view at the right of this pane; Look at it turns that view to the fit."
-)
-VIEWED_FROM = np.array([-0.5, -0.9, -1.0])
-"""The camera's place, relative to what it looks at, in sizes of that."""
+PREVIOUS, NEXT = "◀ Previous step", "Next step ▶"
+STEP_HINT = "The step before or after; the 3-D view shows it."
 
 
 class IntegrationPanel:
-    def __init__(self, gui: viser.GuiApi, session: Session, look: Callable[[Array, Array], None]) -> None:
-        """`look(position, target)` moves the viewers' cameras."""
-        self._session, self._look, self._state = session, look, session.state
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._state = session, session.state
         self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
         with gui.add_folder("Integration, step by step", expand_by_default=False):
-            hint = "How the latest fit up to the exposure shown came about, in the 3-D view beside."
+            hint = "How the latest fit up to the exposure shown came about, in the 3-D view."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
-            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT, LOOK), visible=False, hint=STEP_HINT)
+            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT), visible=False, hint=STEP_HINT)
             self._buttons.on_click(self._clicked)
             self._text = gui.add_html("", visible=False)
 
@@ -55,18 +46,7 @@ class IntegrationPanel:
             self._session.post(do.ShowIntegration(wanted))
 
     def _clicked(self, _: object) -> None:
-        if self._buttons.value != LOOK:
-            self._session.post(do.StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
-            return
-        fit, shown = self.fit, self._state.integration
-        if fit is not None and shown is not None:
-            centre, size = extent(drawing(fit, shown.stage))
-            self._look(centre + size * VIEWED_FROM, centre)
-
-    @property
-    def fit(self) -> Step | None:
-        """What is looked at, where there is something."""
-        return self._found[1][1] if self._found[1] is not None else None
+        self._session.post(do.StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
 
     def show(self, state: State) -> None:
         self._state = state

@@ -42,8 +42,6 @@ KEYS = [{"name": action.name, "key": action.key, "label": action.label, "hint": 
 class Pane:
     """How a page has its left pane."""
 
-    wide: bool
-    """Whether viser's scene can be seen beside its panel."""
     tab: str = ""
     """Which of the panel's tabs is open."""
 
@@ -109,7 +107,7 @@ def message_of(state: State) -> dict[str, Any]:
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
-        "hidden": hidden_paths(state.methods, state.hidden | ({MEASURES} if covers else set()), state.colour_by),
+        "hidden": hidden_paths(state.methods, _hidden(state, covers=covers), state.colour_by),
         "recording": {"name": recording.name, "size": size(recording.size_bytes), "closing": recording.closing}
         if recording
         else None,
@@ -126,6 +124,16 @@ def own_view(local: State, state: State) -> dict[str, Any] | None:
         return None
     shared = message_of(state)
     return {name: value for name, value in message_of(local).items() if value != shared[name]}
+
+
+def _hidden(state: State, *, covers: bool) -> frozenset[str]:
+    """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at."""
+    found = state.hidden | ({MEASURES} if covers else set())
+    if state.integration is not None:
+        found |= {"key_frames", "cameras", "error"}
+    if state.flicker is not None:
+        found |= {*state.methods, "flicker a" if state.flicker.on_b else "flicker b"}
+    return found
 
 
 def _flicker(state: State) -> list[Any] | None:
@@ -203,7 +211,7 @@ def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | N
             case "hide":
                 return do.Hide(frozenset(map(str, message["names"])) & {*LAYERS, *names()})
             case "pane":
-                return Pane(bool(message["wide"]), str(message.get("tab", "")))
+                return Pane(str(message["tab"]))
             case "follow":
                 return FollowAgain()
             case "take_over":

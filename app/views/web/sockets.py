@@ -76,7 +76,7 @@ class Talk:
                     self._obey(command_of(message.data))
         finally:
             sending.cancel()
-            self._see(self, Pane(False))
+            self._see(self, Pane())
             self._people.leave(self._person)
 
     def _obey(self, heard: object) -> None:
