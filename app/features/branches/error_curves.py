@@ -23,7 +23,9 @@ from ...presentation.texts import ALIGNED, length_unit
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ..external_paths.state import ExternalPaths
 from .branches import Branch
+from .state import Branches
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -81,9 +83,9 @@ class ErrorCurvesPanel:
         self._due_s = 0.0
 
     def show(self, state: State) -> None:
-        branches = tuple((b.number, b.name, b.hidden, b.measured) for b in state.branches)
-        settled = branches, tuple(state.beside_errors.items())
-        wanted = (state.run, state.branch, state.computed, settled)
+        branches = tuple((b.number, b.name, b.hidden, b.measured) for b in state[Branches].all)
+        settled = branches, tuple(state[ExternalPaths].errors.items())
+        wanted = (state.run, state[Branches].shown, state.computed, settled)
         playing = state.playing and not state.ended and wanted[:2] == self._shown[:2] and self._same_branches(branches)
         if wanted == self._shown or (playing and time.monotonic() < self._due_s):
             return
@@ -152,8 +154,8 @@ def aligned_curves(state: State, run_of: RunOf) -> Iterator[Curve]:
                 name = label if shown else f"{branch.name}: {label}"
                 dash = () if shown else DASHES[i % len(DASHES)]
                 yield Curve(name, colours.of(method) if shown else branch.colour, values, dash)
-    for beside in state.beside:
-        if (error := state.beside_errors.get(beside.name)) is not None:
+    for beside in state[ExternalPaths].all:
+        if (error := state[ExternalPaths].errors.get(beside.name)) is not None:
             values = _at_exposures(error, beside.times_ns[: state.computed])
             yield Curve(f"{beside.name}, {ALIGNED[error.alignment]}", beside.colour, values)
 
@@ -179,7 +181,8 @@ def _live(series: Series, count: int) -> Iterator[tuple[str, Array]]:
 
 def _drawn(state: State) -> list[tuple[Branch, bool]]:
     """The branches that are drawn, that which is shown first."""
-    drawn = [(b, b.number == state.branch) for b in state.branches if b.number == state.branch or not b.hidden]
+    branches = state[Branches]
+    drawn = [(b, b.number == branches.shown) for b in branches.all if b.number == branches.shown or not b.hidden]
     return sorted(drawn, key=lambda each: not each[1])
 
 

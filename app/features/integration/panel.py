@@ -10,12 +10,14 @@ from ispom.methods import method as registered
 from ispom.types import Step
 
 from ...presentation import colours
-from ...session import commands as do
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
+from .commands import ShowIntegration, StepIntegration
 from .integration import Integration, latest_fit
 from .numbers import table
+from .state import IntegrationSteps
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -24,7 +26,7 @@ render = renderer(__package__)
 
 OFF: tuple[str, ...] = ("off",)
 PREVIOUS, NEXT = "◀ Previous step", "Next step ▶"
-STEP_HINT = "The step before or after; the 3-D view shows it."
+STEP_HINT = "The step before or after, in the 3-D view."
 
 
 class IntegrationPanel:
@@ -32,7 +34,7 @@ class IntegrationPanel:
         self._session, self._state = session, session.state
         self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
         with gui.add_folder("Integration, step by step", expand_by_default=False):
-            hint = "How the latest fit up to the exposure shown came about, in the 3-D view."
+            hint = "How the latest fit up to the exposure shown came about, in the 3-D view beside."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
             self._buttons = gui.add_button_group("", (PREVIOUS, NEXT), visible=False, hint=STEP_HINT)
@@ -41,16 +43,16 @@ class IntegrationPanel:
 
     def _chosen(self, _: object) -> None:
         wanted = next((m for m in _methods(self._state) if colours.label(m) == self._method.value), "")
-        shown = self._state.integration
+        shown = self._state[IntegrationSteps].shown
         if wanted != (shown.method if shown is not None else ""):
-            self._session.post(do.ShowIntegration(wanted))
+            self._session.post(ShowIntegration(wanted))
 
     def _clicked(self, _: object) -> None:
-        self._session.post(do.StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
+        self._session.post(StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
 
     def show(self, state: State) -> None:
         self._state = state
-        shown = state.integration
+        shown = state[IntegrationSteps].shown
         options = (*OFF, *map(colours.label, _methods(state)))
         if tuple(self._method.options) != options:
             self._method.options = options
@@ -80,3 +82,6 @@ def _text(found: tuple[int, Step] | None, stage: int) -> str:
     if found is None:
         return render("integration.html", index=None, found={})
     return render("integration.html", index=found[0], found=table(found[1], stage))
+
+
+PANELS = (Panel("View", 600, IntegrationPanel),)

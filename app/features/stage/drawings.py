@@ -11,12 +11,20 @@ from ...session.current_run import CurrentRun
 from ...session.session import Session
 from ...session.state import State
 from ...views.rerun.batch import Entry
+from ...views.rerun.layers import MEASURES
+from ..branches.beside import branches_beside
+from ..branches.service import BranchService
 from ..branches.stage import trajectories
+from ..branches.state import Branches
 from ..flicker.stage import side
-from ..integration.integration import latest_fit
+from ..flicker.state import Flickering
+from ..integration.integration import Integration, latest_fit
 from ..integration.stage import entries
-from ..lessons.learning import covered
+from ..integration.state import IntegrationSteps
+from ..layers.state import Layers
+from ..lessons.state import covered
 from ..tracks.stage import in_images, in_world
+from ..tracks.state import Inspection
 from ..tracks.tab import looked_at
 
 
@@ -37,7 +45,8 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
     it."""
     if covered(state) is not state:
         return []
-    shown, selected, geometry = (run, state.displayed), state.selected, state.look == "geometry"
+    inspection, branches, hidden = state[Inspection], state[Branches], state[Layers].hidden
+    shown, selected, geometry = (run, state.displayed), inspection.selected, inspection.panel == "geometry"
     looked = cache(lambda: looked_at(session, state))
 
     def closely(wanted: bool, draw: Callable[[Looked], Iterable[Entry]]) -> Iterable[Entry]:
@@ -53,24 +62,35 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
             takes_long=True,
         ),
     ]
-    flicker, step = state.flicker, state.integration
-    others = tuple(b.number for b in state.branches if not b.hidden and b.number != state.branch) if not flicker else ()
+    flicker, step = state[Flickering].between, state[IntegrationSteps].shown
+    others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown) if not flicker else ()
     found += [
         Drawing(
             "branches",
-            (others and shown, others, state.hidden),
-            lambda: trajectories(session.beside(state) if others else {}, state.hidden),
+            (others and shown, others, hidden),
+            lambda: trajectories(branches_beside(session, state) if others else {}, hidden),
             takes_long=True,
         ),
-        Drawing("integration", (step, step and shown), lambda: _fitted(state, run)),
+        Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
     ]
     for name, of in (("a", flicker.a), ("b", flicker.b)) if flicker is not None else (("a", None), ("b", None)):
-        other = session.branch(of.branch) if of is not None else None
+        other = session.service(BranchService).run_of(of.branch) if of is not None else None
         draw = (lambda n=name, o=of, r=other: side(n, o, r, state.index)) if of and other else tuple
         found.append(Drawing(f"flicker {name}", (of, other, of and shown), draw, takes_long=True))
     return found
 
 
-def _fitted(state: State, run: CurrentRun) -> Iterable[Entry]:
-    found = latest_fit(run, state.integration.method, state.index) if state.integration is not None else None
-    return entries(found[1], state.integration.stage) if found is not None and state.integration is not None else ()
+def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable[Entry]:
+    found = latest_fit(run, step.method, state.index) if step is not None else None
+    return entries(found[1], step.stage) if found is not None and step is not None else ()
+
+
+def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
+    """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
+    `covers`: a question of a lesson is open."""
+    found, flicker = state[Layers].hidden | ({MEASURES} if covers else set()), state[Flickering].between
+    if state[IntegrationSteps].shown is not None:
+        found |= {"key_frames", "cameras", "error"}
+    if flicker is not None:
+        found |= {*state.methods, "flicker a" if flicker.on_b else "flicker b"}
+    return found

@@ -29,7 +29,7 @@ CONSEQUENCES = {
     "loop_end": "state.loop?.[0] === 0 && state.loop[1] === 20",
     "no_loop": "state.loop === null",
     "bookmark": "window.ispom.axis.bookmarks[0]?.at === 20",
-    "flick": "['a', 'b'].includes(state.flicker?.[0]) && state.flicker[1] === 0",
+    "flick": "['a', 'b'].includes(state[Flickering].between?.[0]) && state[Flickering].between[1] === 0",
 }
 """Of each action at exposure 20, where the first and every fifth exposure of a method is a key frame."""
 BUTTONS = {

@@ -7,7 +7,14 @@ from dataclasses import replace
 import pytest
 from ispom_app.engine.events import Bookmark
 from ispom_app.engine.playback import Playback
+from ispom_app.features.bookmarks.commands import ToggleBookmark
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.layers.commands import Hide
+from ispom_app.features.layers.state import Layers
+from ispom_app.features.plots.commands import Plot
 from ispom_app.features.plots.plotting import DEFAULT_PLOTS
+from ispom_app.features.plots.state import Plots
+from ispom_app.features.tracks.commands import Select
 from ispom_app.session import commands as do
 from ispom_app.session.actions import BY_NAME
 from ispom_app.session.current_run import CurrentRun
@@ -143,17 +150,19 @@ def test_it_goes_round_in_a_loop_of_its_own(state: State, run: CurrentRun) -> No
 
 def test_layers_and_plots_are_the_pages_own(state: State, run: CurrentRun) -> None:
     looking = Looking(Clock())
-    looking.obey(do.Hide(frozenset({"stereo"})), state, run)
-    looking.obey(do.Plot("stereo.inliers"), state, run)
+    looking.obey(Hide(frozenset({"stereo"})), state, run)
+    looking.obey(Plot("stereo.inliers"), state, run)
     view = own_view(looking.shown(state), state)
     assert view is not None and view["address"]["plots"] == "error,inliers,stereo.inliers"
     assert any("stereo" in path for path in view["hidden"])
-    assert looking.index is None and not state.hidden and state.plots == DEFAULT_PLOTS  # it still follows the frames
+    assert (
+        looking.index is None and not state[Layers].hidden and state[Plots].names == DEFAULT_PLOTS
+    )  # it still follows the frames
     looking.follow()
     assert looking.shown(state) is state
 
 
-@pytest.mark.parametrize("command", [do.ToggleBookmark(), do.Fork(("stereo",), None), do.Select("track:stereo:5")])  # type: ignore[arg-type]
+@pytest.mark.parametrize("command", [ToggleBookmark(), Fork(("stereo",), None), Select("track:stereo:5")])  # type: ignore[arg-type]
 def test_what_others_would_see_is_not_obeyed(state: State, run: CurrentRun, command: do.Command) -> None:
     looking = Looking(Clock())
     assert not looking.obey(command, state, run) and looking.shown(state) is state
@@ -163,7 +172,7 @@ def test_another_run_is_followed_from_its_beginning(state: State, run: CurrentRu
     looking = Looking(Clock())
     looking.shown(state)
     looking.obey(do.Seek(3), state, run)
-    looking.obey(do.Hide(frozenset({"stereo"})), state, run)
+    looking.obey(Hide(frozenset({"stereo"})), state, run)
     other = reduce(state, run.opened)
     assert looking.shown(other).index == other.index and looking.index is None
     assert looking.shown(other).hidden == {"stereo"}

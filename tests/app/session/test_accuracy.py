@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.branches.accuracy import measured, over_common_frames
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.error_curves import aligned_curves, live_curves
 from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.features.branches.state import Branches
 from ispom_app.presentation.texts import length, lengths
 from ispom_app.session import commands as do
-from ispom_app.session.accuracy import measured, over_common_frames
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.views.web.messages import message_of
@@ -53,7 +54,7 @@ def metrics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def shown(state: State) -> Branch:
-    return next(b for b in state.branches if b.number == state.branch)
+    return next(b for b in state[Branches].all if b.number == state[Branches].shown)
 
 
 def test_the_table_of_branches_agrees_with_metrics_json(tiny: Session, metrics: dict[str, Any], server) -> None:  # noqa: F811

@@ -10,12 +10,13 @@ import pytest
 import viser
 from ispom_app.engine.model.tally import Tally
 from ispom_app.engine.playback import Playback
+from ispom_app.features.branches.accuracy import measured
 from ispom_app.features.branches.branches import Beside, Branch
+from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from ispom_app.features.branches.panel import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
 from ispom_app.features.branches.scene import BranchScene
 from ispom_app.presentation.texts import MILLIMETRE
 from ispom_app.session import commands as do
-from ispom_app.session.accuracy import measured
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 
@@ -127,9 +128,9 @@ def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.V
     panel._buttons.value = COMPARE
     panel._buttons.value = DELETE
     press(panel._rename)
-    assert asked == [do.ShowBranch(1), do.CompareBranch(1), do.DeleteBranch(1), do.RenameBranch(1, NAME)]
+    assert asked == [ShowBranch(1), CompareBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
     panel._drawn.value = False
-    assert asked[-1] == do.HideBranch(1, True)
+    assert asked[-1] == HideBranch(1, True)
 
 
 def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: viser.ViserServer, two: State) -> None:

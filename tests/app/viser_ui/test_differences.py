@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 import viser
+from ispom_app.engine.differences.compare import Difference, Divergence
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.comparison import Comparison
 from ispom_app.features.branches.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
-from ispom_app.features.diff.compare import Difference, Divergence
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
 

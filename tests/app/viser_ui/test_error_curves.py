@@ -12,12 +12,14 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches import error_curves as panels
+from ispom_app.features.branches.accuracy import errors_beside, measured
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.error_curves import ErrorCurvesPanel, aligned_curves, live_curves, thinned
 from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.presentation import colours
 from ispom_app.presentation.texts import METRE, MILLIMETRE, length
-from ispom_app.session.accuracy import errors_beside, measured
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 
@@ -44,7 +46,7 @@ def state(run: CurrentRun) -> State:
     known = measured(run)
     branches = Branch(0, "first run", computed=count, measured=known), Branch(1, "fewer", 0, 5, (), 16, measured=known)
     state = replace(reduce(State("double:20"), run.opened), branches=branches, computed=count)
-    return replace(state, beside_errors=errors_beside(state.beside, run))
+    return replace(state, beside_errors=errors_beside(state[ExternalPaths].all, run))
 
 
 def labels(state: State, run: CurrentRun) -> list[str]:
@@ -54,13 +56,13 @@ def labels(state: State, run: CurrentRun) -> list[str]:
 def test_every_drawn_branch_and_every_other_program_has_its_curves(state: State, run: CurrentRun) -> None:
     own = ["Monocular, Sim(3)", "Integrated, SE(3)"]  # two stereo poses fix no alignment
     assert labels(state, run) == [*own, *(f"fewer: {label}" for label in own), "orb, SE(3)"]
-    hidden = replace(state, branches=(state.branches[0], replace(state.branches[1], hidden=True)))
+    hidden = replace(state, branches=(state[Branches].all[0], replace(state[Branches].all[1], hidden=True)))
     assert labels(hidden, run) == [*own, "orb, SE(3)"]
     live = [curve.label for curve in live_curves(hidden, lambda _: run)]
     assert live == [f"{colours.label(m)}, live" for m in METHODS], "another program has no live poses"
     curves = list(aligned_curves(state, lambda _: run))
     assert len(curves[0].values) == 22 and len(curves[len(own)].values) == 16, "each as far as it is computed"
-    assert curves[-1].colour == colours.beside(0) and curves[len(own)].colour == state.branches[1].colour
+    assert curves[-1].colour == colours.beside(0) and curves[len(own)].colour == state[Branches].all[1].colour
 
 
 def test_a_source_without_truth_has_none(run: CurrentRun) -> None:
@@ -96,11 +98,11 @@ def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, r
     seen = []
     for computed, at_s in ((4, 100.0), (8, 100.5), (12, 101.0), (16, 101.5)):
         drawn.clock.now = at_s
-        branch = replace(state.branches[0], computed=computed)
+        branch = replace(state[Branches].all[0], computed=computed)
         drawn.panel.show(replace(state, computed=computed, playing=True, branches=(branch,)))
         seen.append(drawn.points)
     assert seen == [4, 4, 12, 12]
-    branch = replace(state.branches[0], computed=22)
+    branch = replace(state[Branches].all[0], computed=22)
     drawn.panel.show(replace(state, ended=True, branches=(branch,)))
     assert drawn.points == 22, "the end is drawn at once"
     plot = drawn.panel._plots[1].plot
@@ -118,7 +120,7 @@ def test_the_table_has_a_row_for_each_other_program(server: viser.ViserServer, s
     session: Any = SimpleNamespace(state=state, post=print, branch=lambda _: None)
     text = BranchesPanel(server.gui, session)._text.content
     assert "Other programs" in text and "orb: a.tum, aligned to the ground truth by se3" in text
-    (other,) = state.beside
-    truth = state.beside_errors["orb"]
+    (other,) = state[ExternalPaths].all
+    truth = state[ExternalPaths].errors["orb"]
     assert f"{length(truth.ate_m, METRE)} SE(3)" in text or f"{length(truth.ate_m, MILLIMETRE)} SE(3)" in text
     assert Path(other.given.file.path).name in text

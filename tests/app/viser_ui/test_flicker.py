@@ -11,6 +11,7 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.branches import Branch
+from ispom_app.features.flicker.commands import Flick, FlickerBetween, StopFlicker
 from ispom_app.features.flicker.flicker import Flicker, Side
 from ispom_app.features.flicker.panel import OFF, TURN, FlickerPanel
 from ispom_app.features.flicker.scene import FlickerScene
@@ -59,7 +60,7 @@ def test_sides_are_chosen_and_turned_by_commands(server: viser.ViserServer, run:
     panel._choices["B"].value = "1 fewer: Stereo"
     panel._buttons.value = TURN
     panel._buttons.value = OFF
-    assert asked == [do.FlickerBetween(A, B), do.Flick(), do.StopFlicker()]
+    assert asked == [FlickerBetween(A, B), Flick(), StopFlicker()]
 
 
 def test_one_picture_is_seen_at_a_time_and_the_panel_says_whose(

@@ -12,7 +12,9 @@ import viser
 from ispom_app.engine.inspection.looked import Looked
 from ispom_app.engine.inspection.selection import parsed
 from ispom_app.engine.playback import Playback
+from ispom_app.features.layers.commands import ColourBy
 from ispom_app.features.tracks import tab as looks
+from ispom_app.features.tracks.commands import LookAt
 from ispom_app.features.tracks.geometry import geometry_report
 from ispom_app.features.tracks.key_frames import key_frames_report
 from ispom_app.features.tracks.residuals import residuals_report
@@ -173,7 +175,7 @@ def test_controls_ask_and_follow_without_asking(server: viser.ViserServer, run: 
     tab.show(state_of(run, colour_by="depth", look="residuals"))
     assert not session.asked and (tab._colour_by.value, tab._panel.value) == ("depth", "residuals")
     tab._panel.value, tab._colour_by.value, tab._camera.value = "tracks", "age", "left image"
-    assert session.asked == [do.LookAt(panel="tracks"), do.ColourBy("age"), do.LookAt(camera="left")]
+    assert session.asked == [LookAt(panel="tracks"), ColourBy("age"), LookAt(camera="left")]
 
 
 def test_it_is_drawn_when_something_changed_and_at_most_once_a_second_while_playing(

@@ -13,9 +13,11 @@ import viser
 from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.explain.panel import ExplainPanel, report
+from ispom_app.features.layers.commands import Hide
 from ispom_app.features.layers.panel import ViewPanel, legend
 from ispom_app.features.methods.panel import MethodsPanel
 from ispom_app.features.playback.panel import BACK, FORWARD, PAUSE, PLAY, RunPanel
+from ispom_app.features.recording.commands import Record
 from ispom_app.features.recording.panel import RecordPanel
 from ispom_app.features.sources.panel import MARK, UP, SourcePanel
 from ispom_app.session import commands as do
@@ -140,7 +142,7 @@ def test_names_of_recordings_are_never_markup(gui, session):
     panel.show(replace(STATE, recording=Recording(HOSTILE, 0, 0)))
     assert "<iframe" not in panel._text.content and panel._name.disabled
     press(panel._button)
-    assert session.asked == [do.Record("")]
+    assert session.asked == [Record("")]
 
 
 def test_decisions_are_never_markup_and_a_trigger_is_no_failure():
@@ -189,7 +191,7 @@ def test_hiding_a_layer_asks_for_it(gui, session):
     panel.show(STATE)
     assert panel._boxes["monocular"].disabled and not panel._boxes["stereo"].disabled
     panel._boxes["clouds"].value = False
-    assert session.asked == [do.Hide(frozenset({"clouds"}))]
+    assert session.asked == [Hide(frozenset({"clouds"}))]
     assert "Stereo" in legend() and "truth" in legend()
 
 

@@ -30,6 +30,8 @@ from ....engine.signals import Signals
 from ....session import commands as do
 from ....session.session import Session
 from ....views.web.server import Serving, serve
+from ...branches.commands import Fork
+from ...branches.state import Branches
 from ...headless.job import Job
 from ...headless.options import Run
 from ...headless.play import Steps
@@ -76,16 +78,16 @@ class Meter:
 
     def __call__(self) -> None:
         state = self._session.state
-        if state.computed == self._computed + 1 and state.branch == 0:
+        if state.computed == self._computed + 1 and state[Branches].shown == 0:
             self._count()
         self._computed = state.computed
-        if state.ended and state.branch == self._runs:
+        if state.ended and state[Branches].shown == self._runs:
             self._runs += 1
             sys.stdout.write(json.dumps(self._found()) + "\n")
             sys.stdout.flush()
             if self._runs == 1 and self._branch_at is not None:
                 self._session.post(do.Seek(self._branch_at - 1))
-                self._session.post(do.Fork(state.methods, state.config))
+                self._session.post(Fork(state.methods, state.config))
 
     def _count(self) -> None:
         now = time.thread_time()
