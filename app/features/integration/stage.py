@@ -11,7 +11,8 @@ from ispom.types import Step
 
 from ...views.rerun import entities
 from ...views.rerun.batch import Entry
-from .drawing import Axes, Dots, Line, Shape, drawing, extent
+from ...views.rerun.eye import extent
+from .drawing import Axes, Dots, Line, Shape, drawing, positions
 
 ROOT = "world/integration"
 DOT_PX, AXIS_PX = 3.0, 0.75
@@ -23,7 +24,7 @@ AXIS_COLOURS = np.array([[230, 60, 60], [60, 180, 75], [70, 110, 230]], np.uint8
 
 def entries(step: Step, stage: int) -> Iterator[Entry]:
     shapes = drawing(step, stage)
-    _, size = extent(shapes)
+    size = extent(positions(shapes))
     for shape in shapes:
         yield Entry(f"{ROOT}/{shape.name}", _value(shape, size))
 

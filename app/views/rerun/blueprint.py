@@ -24,7 +24,7 @@ from ...engine.inspection.colouring import SCALES, Colouring
 from ...engine.model.drawn_size import drawn_truth
 from . import entities
 from .coloured import path_of
-from .framing import eye_on
+from .eye import extent, eye_on
 from .layers import IMAGE_LAYERS, MEASURES
 from .parts import FLUSH_S
 from .plots import NO_ERROR, why_no_error
@@ -186,9 +186,9 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
 
 def grid_spacing(path: Array) -> float:
     """A round distance (1, 2 or 5 times a power of ten) that divides the path's extent into about GRID_LINES."""
-    extent = float(np.ptp(path, axis=0).max()) if len(path) else 10.0
-    power = 10.0 ** np.floor(np.log10(max(extent, 1e-3) / GRID_LINES))
-    return float(next(power * m for m in (1, 2, 5, 10) if power * m * GRID_LINES >= extent))
+    size = extent(path) or 10.0
+    power = 10.0 ** np.floor(np.log10(size / GRID_LINES))
+    return float(next(power * m for m in (1, 2, 5, 10) if power * m * GRID_LINES >= size))
 
 
 def _ground(path: Array, size: float) -> rr.components.Plane3D:
@@ -245,3 +245,7 @@ def _lasting(view: rrb.View) -> rrb.View:
 
 def _view_id(origin: str) -> Any:
     return uuid5(NAMESPACE_URL, f"ispom:{origin}")
+
+
+EYE = f"/view/{_view_id('/world')}/EyeControls3D"
+"""Where the layout has the eye of the 3-D view."""

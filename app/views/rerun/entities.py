@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
@@ -191,12 +191,12 @@ def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.4])
 
 
-def right_points(tracks: Tracks, camera: Camera) -> rr.Points2D:
-    """Where the right image has the tracks of the left one that have a disparity."""
-    known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
-    uv = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
-    classes = tracks.status[known].astype(np.uint16)
-    return rr.Points2D(shown_uv(uv, camera), class_ids=classes, radii=[-1.5], show_labels=False)
+def in_right(tracks: Tracks) -> Tracks:
+    """The tracks of the left image that have a disparity, where the right image has them."""
+    known = np.flatnonzero(~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST))
+    found = Tracks(*(getattr(tracks, field.name)[known] for field in fields(Tracks)))
+    shift = np.stack([found.disparity_px, np.zeros(len(known))], 1)
+    return replace(found, uv=(found.uv - shift).astype(found.uv.dtype))
 
 
 def legend(tracks: Tracks, moved: Tracks | None, camera: Camera) -> rr.Points2D:

@@ -128,7 +128,7 @@ class Recorder:
             yield Entry(f"{seen.camera}/moving", drawn)
         if seen.camera == "left":
             yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
-            yield Entry("right/tracks", entities.right_points(shown, camera))
+            yield Entry("right/tracks", entities.points(entities.in_right(shown), camera))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)

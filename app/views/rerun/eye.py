@@ -65,6 +65,11 @@ def eye_behind(world_from_camera: Pose, distance: float) -> Eye:
     return Eye(position, world_from_camera.translation + 0.5 * distance * forward, UP)
 
 
+def extent(path: Array) -> float:
+    """Of a path (N, 3): the longest side of its box."""
+    return float(np.ptp(path, axis=0).max()) if len(path) else 0.0
+
+
 def is_framed(path: Array, framed: Array, least: float) -> bool:
     """Whether a view that frames one path (M, 3) still does for another one (N, 3): that lies inside, and is not much
     smaller."""
