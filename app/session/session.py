@@ -27,7 +27,7 @@ from .registry import load_features, services
 from .sources.folders import Folders
 from .sources.opening import SourceOpener
 from .sources.recent import RecentSources
-from .state import FeatureState, NoticeAdded, State
+from .state import NoticeAdded, State
 from .store import Store
 from .viewers import EventSink, Viewers
 from .worker import Worker
@@ -73,7 +73,6 @@ class Session:
                 config=config or Config(),
                 source_options=source_options or SourceOptions(),
                 recent=recent.names,
-                features={kind: kind() for kind in FeatureState.__subclasses__()},
             )
         )
         self.changes = self._store.changes

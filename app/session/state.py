@@ -124,7 +124,9 @@ class State:
     notices: tuple[Notice, ...] = ()
     notice_count: int = 0
     """Notices so far, those no longer shown included."""
-    features: Mapping[type[FeatureState], FeatureState] = field(default_factory=dict)
+    features: Mapping[type[FeatureState], FeatureState] = field(
+        default_factory=lambda: {kind: kind() for kind in FeatureState.__subclasses__()}
+    )
     """What the features keep, by kind."""
 
     def __getitem__(self, kind: type[F]) -> F:
@@ -307,6 +309,7 @@ def _core(state: State, event: Event) -> State:
             return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
         case Changed(values):
             # Another move: what the one before looked for is not looked for any more.
-            return replace(state, **({"until": None} if "target" in values else {}), **values)
+            values = {"until": None, **values} if "target" in values else dict(values)
+            return replace(state, **values)  # type: ignore[arg-type]
         case _:
             return state

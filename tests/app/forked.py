@@ -119,7 +119,7 @@ def fork_in(session: Session, at: int) -> CurrentRun:
     wait_for(lambda: session.state[Branches].shown == 0 and session.state.index == at - 1, "the exposure")
     session.post(Fork(session.state.methods, session.state.config))
     # One state says both: the session has the branch's run before that state, when the parent's is ended still.
-    wait_for(lambda: (state := session.state).branch != 0 and state.ended, "the end of the branch", PATIENCE_S)
+    wait_for(lambda: (state := session.state)[Branches].shown != 0 and state.ended, "the end of the branch", PATIENCE_S)
     found, number = session.run, session.state[Branches].shown
     assert (
         found is not None and session.state[Branches].all[-1].at == at and not session.state[Branches].all[-1].changes

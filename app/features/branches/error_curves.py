@@ -25,6 +25,7 @@ from ...session.state import State
 from ...views.viser.markup import renderer
 from ..external_paths.state import ExternalPaths
 from .branches import Branch
+from .service import BranchService
 from .state import Branches
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class ErrorCurvesPanel:
             return
         self._shown, self._due_s = wanted, time.monotonic() + PLAYING_S
         for plot in self._plots:
-            plot.show(state, self._session.branch)
+            plot.show(state, self._session.service(BranchService).run_of)
 
     def _same_branches(self, branches: tuple[tuple[object, ...], ...]) -> bool:
         """Whether they are those that are drawn, but for what was measured of them since."""

@@ -64,6 +64,7 @@ class ExplainPanel:
             _coming(state),
             count,
             state[Bookmarks].marks,
+            state.notes,
         )
         if shown == self._shown:
             return
@@ -104,6 +105,7 @@ def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: t
         "settings": changes((state.methods, Config()), (state.methods, state.config)),
         "plotted": state[Plots].names,
         "coming": _coming(state),
+        "notes": (state.failure,) if state.phase == "failed" else state.notes,
     }
 
 

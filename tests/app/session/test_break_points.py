@@ -53,7 +53,7 @@ def test_it_runs_on_to_each_exposure_at_which_the_condition_holds(session: Sessi
     told = asked(session, RunUntil(LOST))
     first = session.state.index
     assert lost(session) == [first] and session.state.computed == first + 1 and not session.state.playing
-    assert told == f"stopped at exposure {first}: monocular.status lost"
+    assert told == f"stopped at frame {first}: monocular.status lost"
     asked(session, RunUntil(LOST))
     assert lost(session) == [first, session.state.index] and session.state.index > first
 
@@ -78,13 +78,13 @@ def test_next_and_previous_match(session: Session) -> None:
     wait_for(lambda: session.state.index == found[-2], "the one before")
     session.post(FindMatch(LOST))
     wait_for(lambda: session.state.index == found[-1], "the last one again")
-    assert "holds at no computed exposure after" in asked(session, FindMatch(LOST))
+    assert "holds at no computed frame after" in asked(session, FindMatch(LOST))
 
 
 def test_a_condition_that_never_holds_is_said_at_the_end(session: Session) -> None:
-    assert "held at no exposure up to the end" in asked(session, RunUntil("stereo.error_m > 1e6"))
+    assert "held at no frame up to the end" in asked(session, RunUntil("stereo.error_m > 1e6"))
     assert session.state.ended
-    assert "holds at no exposure after" in asked(session, RunUntil("stereo.error_m > 1e6"))
+    assert "holds at no frame after" in asked(session, RunUntil("stereo.error_m > 1e6"))
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.commands import Fork
+from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.lessons.commands import Learn
 from ispom_app.features.lessons.library import Library
@@ -16,9 +18,9 @@ from ispom_app.features.lessons.state import Lessons
 from ispom_app.features.recording.commands import Record
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
-from ispom_app.session.closing import loss
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
+from ispom_app.session.store import Store
 
 from ispom.methods import Config
 from tests import doubles
@@ -104,21 +106,21 @@ def test_a_branch_that_is_recorded_is_kept(session: Session) -> None:
     assert session.state.question is None
 
 
+def lost(*branches: Branch, recorded: set[int] = frozenset()) -> list[str]:  # type: ignore[assignment]
+    """What the service of the branches says would be lost."""
+    recordings = SimpleNamespace(recorded=recorded)
+    state = State("double:20", phase="ready", computed=5).having(Branches(branches))
+    session = SimpleNamespace(store=Store(state), service=lambda kind: recordings)
+    return BranchService(session).loss()  # type: ignore[arg-type]
+
+
 def test_what_can_be_had_again_is_not_asked_about() -> None:
-    first = Branch(0, "first run")
-    state = State("double:20", phase="ready", computed=5, branches=(first,))
-    fork = Branch(1, "mine", 0, 4)
-    assert not loss(state, ())
-    assert "mine" in loss(replace(state, branches=(first, fork)), ())
-    assert not loss(replace(state, branches=(first, replace(fork, reproducible=True))), ())
-    assert not loss(replace(state, branches=(first, fork)), {1})
-    assert "mine" in loss(replace(state, branches=(fork,)), ())  # the first one was deleted
-
-
-@pytest.mark.parametrize("source", ["camera:0", "rtsp://10.0.0.2/live"])
-def test_a_live_run_is_asked_about_unless_it_is_recorded(source: str) -> None:
-    state = State(source, phase="ready", computed=5, branches=(Branch(0, "first run"),))
-    assert source in loss(state, ()) and not loss(state, {0}) and not loss(replace(state, computed=0), ())
+    first, fork = Branch(0, "first run"), Branch(1, "mine", 0, 4)
+    assert not lost(first)
+    assert "mine" in lost(first, fork)[0]
+    assert not lost(first, replace(fork, reproducible=True))
+    assert not lost(first, fork, recorded={1})
+    assert "mine" in lost(fork)[0], "the first one was deleted"
 
 
 def test_settings_and_methods_of_a_fork_or_a_restart_stay_with_their_run(session: Session) -> None:

@@ -206,7 +206,7 @@ def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
     def fault(_: Path) -> None:
         raise PermissionError("the folder is not yours")
 
-    monkeypatch.setattr("ispom_app.features.recording.library.list_recordings", fault)
+    monkeypatch.setattr("ispom_app.features.recording.service.list_recordings", fault)
     paused.post(Record("r"))
     wait_for(lambda: paused.state[Recordings].current is not None, "recording")
     paused.post(StopRecording())

@@ -13,7 +13,6 @@ from ispom_app.features.flicker.commands import Flick, FlickerBetween
 from ispom_app.features.flicker.flicker import Flicker, Side, between, sides, usual
 from ispom_app.features.flicker.state import Flickering
 from ispom_app.session import commands as do
-from ispom_app.session.state import Flicked, State, changed, reduce
 
 from ispom.errors import InputError
 from ispom.methods import Config
@@ -23,14 +22,8 @@ A, B = Side(0, "monocular"), Side(0, "stereo")
 
 
 def test_the_other_side_is_drawn_and_then_the_first_again() -> None:
-    state = reduce(State("double:20"), changed(flicker=Flicker(A, B)))
-    once = reduce(state, Flicked())
-    assert (state[Flickering].between and state[Flickering].between.shown) == A and (
-        once.flicker and once.flicker.shown
-    ) == B
-    twice = reduce(once, Flicked())
-    assert twice.flicker == state[Flickering].between
-    assert reduce(State("double:20"), Flicked()).flicker is None
+    flicker = Flicker(A, B)
+    assert flicker.shown == A and flicker.turned.shown == B and flicker.turned.turned == flicker
 
 
 def test_the_usual_sides_are_two_branches_or_else_two_methods() -> None:

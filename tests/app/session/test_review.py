@@ -20,8 +20,9 @@ from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.recording.commands import PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
-from ispom_app.features.recording.state import Recordings
+from ispom_app.features.recording.state import Kept, Recordings
 from ispom_app.features.tracks.commands import Pick
+from ispom_app.features.tracks.state import Inspection
 from ispom_app.features.tracks.tab import LookTab, looked_at
 from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.session import commands as do
@@ -30,7 +31,6 @@ from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.sources.known import run_name
-from ispom_app.session.state import Kept
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.rerun.stored_tape import StoredTape
 from ispom_app.views.viser.screen import Screen
@@ -331,7 +331,7 @@ def reports(session: Session) -> dict[str, str]:
 @pytest.mark.parametrize("camera", ["video", "left"])
 def test_the_closer_look_has_the_tracks_that_the_recording_has(session: Session, run: Path, camera: str) -> None:
     """It said "no tracks" beside a viewer that drew them."""
-    shown = looked_at(session, replace(session.state, displayed=session.history[15], camera=camera))
+    shown = looked_at(session, replace(session.state, displayed=session.history[15]).having(Inspection(camera=camera)))
     assert shown is not None and shown.index is not None and shown.pictured == camera
     live = computed_tracks(run, shown.index, camera)
     text = track_picture(shown, recorded(session))
@@ -348,7 +348,7 @@ def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(sess
     session.post(do.Speed(None))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     before, own = (
-        looked_at(session, replace(session.state, displayed=session.history[index], camera="video"))
+        looked_at(session, replace(session.state, displayed=session.history[index]).having(Inspection(camera="video")))
         for index in (5, 20)
     )
     assert before is not None and "of the recording" in track_picture(before, recorded(session))
@@ -383,7 +383,7 @@ def test_a_recording_alone_is_looked_at_with_its_own_images_and_tracks(run: Path
     alone = Path(shutil.copy(run / "run.rrd", tmp_path / "alone.rrd"))
     session = opened(tmp_path, alone)
     for camera in ("video", "left"):
-        shown = looked_at(session, replace(session.state, camera=camera))
+        shown = looked_at(session, session.state.having(Inspection(camera=camera)))
         assert shown is not None and shown.pictured == camera
         text = track_picture(shown, recorded(session))
         assert "<image" in text and columns(text) and "of the recording" in text

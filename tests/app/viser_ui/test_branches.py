@@ -24,6 +24,7 @@ from ispom.evaluation.metrics import errors
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import with_values
 
 NAME = "<img src=x onerror=alert(1)>"
 
@@ -37,7 +38,7 @@ def run() -> CurrentRun:
 
 
 def with_branches(run: CurrentRun, *branches: Branch) -> State:
-    return replace(reduce(State("double:20"), run.opened), branches=branches)
+    return with_values(reduce(State("double:20"), run.opened), branches=branches)
 
 
 @pytest.fixture
@@ -49,7 +50,9 @@ def two(run: CurrentRun) -> State:
 def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
     asked: list[do.Command] = []
     run: Any = SimpleNamespace(opened=SimpleNamespace(truth=None))
-    session: Any = SimpleNamespace(state=state, post=asked.append, branch=lambda number: run)
+    session: Any = SimpleNamespace(
+        state=state, post=asked.append, service=lambda kind: SimpleNamespace(run_of=lambda number: run)
+    )
     panel = BranchesPanel(server.gui, session)
     panel.show(state)
     return panel, asked
@@ -135,11 +138,11 @@ def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.V
 
 def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: viser.ViserServer, two: State) -> None:
     panel, _ = made(server, two)
-    panel.show(replace(two, branch=1))
+    panel.show(with_values(two, branch=1))
     assert panel._choice.value == "0: first run"
-    panel.show(replace(two, branch=1, computed=two.computed))
+    panel.show(with_values(two, branch=1, computed=two.computed))
     panel._choice.value = f"1: {NAME}"
-    panel.show(replace(two, branch=1))
+    panel.show(with_values(two, branch=1))
     assert panel._choice.value == f"1: {NAME}", "a person's choice stays"
 
 

@@ -16,6 +16,8 @@ from ispom_app.features.branches.differences import FIRST, NEXT, PREVIOUS, Diffe
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
 
+from tests.app.helpers import with_values
+
 NAME = "<img src=x onerror=alert(1)>"
 FOUND = tuple(
     Divergence(index, index * 10**8, (Difference(f"stereo.{key}", 1.0, 1.5, 0.5),))
@@ -33,9 +35,11 @@ def server() -> Iterator[viser.ViserServer]:
 
 def made(server: viser.ViserServer, comparison: Comparison | None, index: int = 0) -> tuple[Any, list[do.Command]]:
     asked: list[do.Command] = []
-    state = State("double", branches=(Branch(0, "first run"), Branch(1, NAME, 0, 9)), comparison=comparison)
+    state = with_values(
+        State("double"), branches=(Branch(0, "first run"), Branch(1, NAME, 0, 9)), comparison=comparison
+    )
     if index:
-        state = replace(state, displayed=SimpleNamespace(index=index, statuses={}))  # type: ignore[arg-type]
+        state = with_values(state, displayed=SimpleNamespace(index=index, statuses={}))  # type: ignore[arg-type]
     session: Any = SimpleNamespace(state=state, post=asked.append)
     panel = DifferencesPanel(server.gui, session)
     panel.show(state)

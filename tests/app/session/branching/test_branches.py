@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from ispom_app.features.branches.branches import MOST, changes
 from ispom_app.features.branches.commands import DeleteBranch, Fork, HideBranch, RenameBranch, ShowBranch
+from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -105,7 +106,7 @@ def test_a_branch_can_be_renamed_hidden_and_deleted(session: Session) -> None:
     assert session.state[Branches].all[1].name == "x" * 40
     session.post(DeleteBranch(0))
     wait_for(lambda: len(session.state[Branches].all) == 1, "deleting")
-    assert session.state[Branches].all[0].number == 1 and session.branch(0) is None
+    assert session.state[Branches].all[0].number == 1 and session.service(BranchService).run_of(0) is None
     assert session.history[2].index == 2, "what it shares with the deleted one stays"
 
 

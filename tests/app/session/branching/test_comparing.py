@@ -12,6 +12,7 @@ import pytest
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, Fork, ShowBranch
 from ispom_app.features.branches.comparison import Comparison, advanced, begin, forked_at
+from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -101,7 +102,7 @@ def test_a_planted_difference_is_found_at_its_exposure_and_only_then(session: Se
 
 def test_a_slice_compares_one_exposure_at_least_and_no_more_than_its_time(session: Session) -> None:
     forked(session, Config())
-    a, b = session.branch(1), session.branch(0)
+    a, b = session.service(BranchService).run_of(1), session.service(BranchService).run_of(0)
     assert a is not None and b is not None
     now = begin(session.state[Branches].all, 1, 0, a, b)
     assert advanced(now, a, b, 0.0).done == now.start + 1
@@ -109,7 +110,7 @@ def test_a_slice_compares_one_exposure_at_least_and_no_more_than_its_time(sessio
 
 def test_of_thinned_records_the_rest_is_compared_and_they_are_counted(session: Session) -> None:
     forked(session, Config())
-    a, b = session.branch(1), session.branch(0)
+    a, b = session.service(BranchService).run_of(1), session.service(BranchService).run_of(0)
     assert a is not None and b is not None
 
     def without_points(index: int) -> Any:

@@ -11,9 +11,9 @@ from ispom_app.features.breakpoints.commands import RunUntil
 from ispom_app.features.layers.commands import Hide
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.commands import EndLesson, Learn, Reveal, TurnTo
-from ispom_app.features.lessons.learning import Learning, covered
+from ispom_app.features.lessons.learning import Learning
 from ispom_app.features.lessons.library import Library
-from ispom_app.features.lessons.state import Lessons
+from ispom_app.features.lessons.state import Lessons, covered
 from ispom_app.features.plots.commands import Plot
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -25,7 +25,7 @@ from tests.app.session.learning.lessons import LESSON
 
 @pytest.fixture
 def session(tmp_path) -> Iterator[Session]:
-    found = started(tmp_path, "double:30", lessons=Library(LESSON, tmp_path / "lessons.json"), autoplay=False)
+    found = started(tmp_path, "double:30", extras=(Library(LESSON, tmp_path / "lessons.json"),), autoplay=False)
     yield found
     found.close(5.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ispom_app.cli.main import main
@@ -12,7 +13,7 @@ from ispom_app.features.branches.commands import CompareBranch, ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.recording.state import Recordings
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
-from ispom_app.features.sweep.service import SweepDesk
+from ispom_app.features.sweep.service import SweepService
 from ispom_app.features.sweep.state import SweepState
 from ispom_app.features.sweep.sweep import Sweep
 from ispom_app.features.sweep.values import parsed
@@ -125,11 +126,14 @@ class Ended:
 @pytest.mark.parametrize(("rows", "problem"), [(1, "cancelled"), (2, "")])
 def test_after_the_last_run_there_is_nothing_to_cancel(tmp_path: Path, rows: int, problem: str) -> None:
     store = Store(State("sim:tiny"))
-    store.set(sweep=Sweep.begun("sweep-1", parsed("stereo", "window", "4, 8"), "sim:tiny", OPTIONS, 0.0))
-    desk = SweepDesk(store, tmp_path)
+    store.put(SweepState(Sweep.begun("sweep-1", parsed("stereo", "window", "4, 8"), "sim:tiny", OPTIONS, 0.0)))
+    listed: list[bool] = []
+    recordings = SimpleNamespace(show=lambda: listed.append(True))
+    desk = SweepService(SimpleNamespace(store=store, recordings=tmp_path, service=lambda kind: recordings))  # type: ignore[arg-type]
     desk._process = Ended(rows)  # type: ignore[assignment]
     desk.cancel()
-    assert desk.watch() and store.state[SweepState].sweep is not None
+    desk.watch()
+    assert listed and store.state[SweepState].sweep is not None
     assert store.state[SweepState].sweep.ended and store.state[SweepState].sweep.problem == problem
 
 
