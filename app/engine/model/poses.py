@@ -191,9 +191,9 @@ class PoseHistory:
         row = self._last_known(end)
         return None if row is None else (int(times.times_ns(slice(row, row + 1))[0]), self.position(row))
 
-    def last_known(self, end: int | None = None) -> int | None:
-        """The row of the last pose; before row `end`, if that is given."""
-        return self._last_known(len(self.blocks) * POSES_PER_BLOCK if end is None else end)
+    def last_known(self) -> int | None:
+        """The row of the last pose."""
+        return self._last_known(len(self.blocks) * POSES_PER_BLOCK)
 
     def _last_known(self, end: int) -> int | None:
         """The last row with a pose before row `end`."""

@@ -21,6 +21,9 @@ from ..integration.state import IntegrationSteps
 FOLLOWING = 0.25
 """Distance of the eye that follows a camera, relative to the extent of the path."""
 
+LOOKED_BACK = 20
+"""Frames among which the newest pose is looked for: without one for longer, there is no camera to go with."""
+
 
 class StageNews:
     """What one page has. The eyes on the whole path change only where the path has left what they frame."""
@@ -66,16 +69,16 @@ class StageNews:
     def _of_camera(self, state: State, run: CurrentRun, distance: float) -> dict[str, Any]:
         """The eyes that go with the camera, of the method that needs most sensors."""
         assert state.displayed is not None
-        rig, model = run.opened.sequence.rig, run.model
-        if not model.methods or (rig.video or rig.left) is None:
+        rig, methods = run.opened.sequence.rig, run.opened.methods
+        if not methods or (rig.video or rig.left) is None:
             return {}
-        method = max(model.methods, key=lambda m: len(registered(m).needs))
-        poses = model.methods[method].poses
-        row = poses.last_known(model.times.rows_until(state.index))
-        if row is None:
+        method = max(methods, key=lambda m: len(registered(m).needs))
+        steps = (s for i in range(state.index, max(state.index - LOOKED_BACK, -1), -1) for s in run.history[i].steps)
+        step = next((s for s in steps if s.method == method and s.world_from_frame is not None), None)
+        if step is None or step.world_from_frame is None:
             return {}
         camera = "video" if rig.video is not None else "left"
-        own = poses.pose(row) @ rig.rig_from(poses.frame).inverse() @ rig.rig_from(camera)
+        own = step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
         pose = state.displayed.placements.get(method, Similarity()).apply_pose(own)
         return {"camera": _values(eye_of(pose, distance)), "follow": _values(eye_behind(pose, distance))}
 

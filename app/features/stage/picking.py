@@ -37,7 +37,7 @@ def meaning(
         method, kind, block = found[1], found[2], int(found[3])
         if method not in run.opened.methods:
             return None
-        if kind == "cloud" and instance is not None:
+        if kind == "cloud" and instance is not None and method in _following(run, index):
             blocks = run.known_at(index).methods[method].points.blocks
             ids = blocks[block].ids if block < len(blocks) else np.zeros(0, np.int64)
             return Selection("track", method, int(ids[instance])) if 0 <= instance < len(ids) else None
@@ -75,10 +75,11 @@ def _on_path(run: CurrentRun, method: str, index: int, at: Array, *, only_key_fr
 
 
 def _in_world(run: CurrentRun, index: int, at: Array) -> Selection | None:
-    """The landmark nearest to the click, of all methods."""
+    """The landmark nearest to the click, of all methods that follow tracks themselves."""
     best, found = np.inf, None
     model, placements = run.known_at(index), run.history[index].placements
-    for method, known in model.methods.items():
+    for method in _following(run, index):
+        known = model.methods[method]
         placement = placements.get(method, Similarity())
         for block in known.points.blocks:
             distances = np.linalg.norm(placement.apply(block.xyz.astype(float)) - at, axis=1)
@@ -86,3 +87,10 @@ def _in_world(run: CurrentRun, index: int, at: Array) -> Selection | None:
             if distances[row] < best:
                 best, found = float(distances[row]), Selection("track", method, int(block.ids[row]))
     return found
+
+
+def _following(run: CurrentRun, index: int) -> list[str]:
+    """Methods that follow tracks themselves, by their latest steps."""
+    frames = set(latest_of_each_camera(run.opened.sequence.kinds, index).values())
+    found = {step.method for frame in frames for step in run.history[frame].steps if step.tracks}
+    return [method for method in run.opened.methods if method in found]

@@ -102,7 +102,8 @@ class Overlay:
         before, now = self._groups.get(group, {}), dict[Part, Drawn]()
         for entry in entries:
             columns = columns_of(entry.path, entry.value)
-            part = entry.path, next(f.name.partition(":")[0] for f in columns.schema if ":" in f.name)
+            archetype = archetype_of(columns)
+            part, columns = (entry.path, archetype), components_of(columns, archetype)
             old = before.get(part)
             same = old is not None and old.index == index and old.columns.equals(columns)
             now[part] = old if old is not None and same else Drawn(columns, index)
@@ -230,6 +231,11 @@ class SceneWriter:
 
     def _put(self, chunk: Chunk) -> None:
         rr.send_chunks(chunk, recording=self._stream)
+
+
+def archetype_of(columns: pa.RecordBatch) -> str:
+    """Of a chunk that was made of one value."""
+    return next(field.name.partition(":")[0] for field in columns.schema if ":" in field.name)
 
 
 def columns_of(path: str, value: rr.AsComponents) -> pa.RecordBatch:

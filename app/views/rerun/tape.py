@@ -17,7 +17,7 @@ from platformdirs import user_cache_path
 
 from ispom.types import Kind
 
-from .parts import CLEAR, IMAGE, Overlay, Part, Scene, camera_of, components_of, latest_of_each_camera
+from .parts import CLEAR, IMAGE, Overlay, Part, Scene, archetype_of, camera_of, components_of, latest_of_each_camera
 
 IMAGE_BYTES = 1 << 30
 """Images that are kept; the oldest go first, and are read from the sequence again. All else stays."""
@@ -91,7 +91,7 @@ class Tape:
 
     def put(self, frame: int, path: str, columns: pa.RecordBatch) -> None:
         """Adds values of a part of a frame, in place of any that it has. OSError where the disk is full."""
-        archetype = next(f.name.partition(":")[0] for f in columns.schema if ":" in f.name)
+        archetype = archetype_of(columns)
         with self._lock:
             if archetype == CLEAR:
                 self._clears.setdefault(path, []).append(frame)
