@@ -10,7 +10,8 @@ import math
 import operator
 from typing import assert_never
 
-from ..history.quantities import NO_ROW, Row, Value, known
+from ..history.quantities import NO_ROW, Row, known
+from ..history.quantity import Value
 from .parser import Expression
 from .syntax import All, Any, Call, Chain, Comparison, Name, Negative, Node, Not, Number, Text
 

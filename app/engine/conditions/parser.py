@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from ..history.quantities import Kind, Quantity
+from ..history.quantity import Kind, Quantity
 from .syntax import All, Any, Call, Chain, Comparison, Name, Negative, Node, Not, Number, Text, names
 from .words import RESERVED, Word, mistake, words
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..history.quantities import Quantity
+from ..history.quantity import Quantity
 
 
 @dataclass(frozen=True)
