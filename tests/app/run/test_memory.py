@@ -50,7 +50,7 @@ assert resident_mb() < 8
 """
 RUN = """
 from ispom_app.__main__ import main
-from ispom_app.features.benchmark.peak import peak_mb
+from ispom_app.features.benchmark.measure import peak_mb
 assert main() == 0
 print(peak_mb())
 """
