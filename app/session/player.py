@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from ..engine.events import Finished
-from ..engine.memory import give_back, give_back_after
+from ..engine.memory import release_library_pages
 from ..features.breakpoints import moves as break_points
 from ..features.recording.service import RecordingDesk
 from . import moves
@@ -91,7 +91,7 @@ class Player:
             self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self._recordings.offer(event)
-        give_back_after(run.playback.position)
+        release_library_pages(run.playback.position)
         if run.playback.done:
             self._finish(run.finish())
         self._store.set(activity=None)
@@ -99,4 +99,4 @@ class Player:
     def _finish(self, finished: Finished) -> None:
         self._viewers.write(finished)
         self._store.emit(finished)
-        give_back()
+        release_library_pages(1)
