@@ -5,62 +5,64 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from . import commands as do
-
-ANY_KEY_FRAME = "at which any of the running methods made a key frame"
+from .commands import PageCommand
 
 
 @dataclass(frozen=True)
 class Action:
+    place: int
+    """In the list of keys."""
     name: str
-    """By which the page asks for it."""
+    """By which the page's scripts know it."""
     key: str
     """As the page's keyboard.js writes it: a browser's name of the key, letters in lower case, "Shift+" before it."""
     label: str
     hint: str
     """What it does, in one sentence."""
-    command: do.Moves | do.OfViews | do.ToggleBookmark
+    command: PageCommand
 
 
-ACTIONS = (
-    Action("play", "Space", "Play / pause", "Plays or pauses, at the chosen speed.", do.Play()),
-    Action("forward", "ArrowRight", "Step", "One exposure on.", do.StepBy(1)),
-    Action("back", "ArrowLeft", "Step back", "One exposure back.", do.StepBy(-1)),
-    Action("stereo", "Shift+ArrowRight", "Next stereo exposure", "On to a stereo exposure.", do.StepTo("stereo")),
+_ACTIONS: dict[str, Action] = {}
+
+
+def offer(action: Action) -> None:
+    """Adds an action to the keys, the palette and the list."""
+    _ACTIONS[action.name] = action
+
+
+def actions() -> tuple[Action, ...]:
+    return tuple(sorted(_ACTIONS.values(), key=lambda action: action.place))
+
+
+KEYFRAME = "at which any of the running methods made a keyframe"
+for _each in (
+    Action(10, "play", "Space", "Play / pause", "Plays or pauses, at the chosen speed.", do.Play()),
+    Action(20, "forward", "ArrowRight", "Step", "One frame on.", do.StepBy(1)),
+    Action(30, "back", "ArrowLeft", "Step back", "One frame back.", do.StepBy(-1)),
+    Action(40, "stereo", "Shift+ArrowRight", "Next stereo frame", "On to a stereo frame.", do.StepTo("stereo")),
     Action(
+        50,
         "stereo_back",
         "Shift+ArrowLeft",
-        "Previous stereo exposure",
-        "Back to a stereo exposure.",
-        do.StepTo("stereo", forwards=False),
+        "Previous stereo frame",
+        "Back to a stereo frame.",
+        do.StepTo("stereo", False),
     ),
-    Action("key_frame", "k", "Next key frame", f"On to an exposure {ANY_KEY_FRAME}.", do.StepTo("key_frame")),
+    Action(60, "key_frame", "k", "Next keyframe", f"On to a frame {KEYFRAME}.", do.StepTo("key_frame")),
     Action(
+        70,
         "key_frame_back",
         "Shift+k",
-        "Previous key frame",
-        f"Back to an exposure {ANY_KEY_FRAME}.",
-        do.StepTo("key_frame", forwards=False),
+        "Previous keyframe",
+        f"Back to a frame {KEYFRAME}.",
+        do.StepTo("key_frame", False),
     ),
-    Action("event", "n", "Next event", "On to a frame with an event, such as a loss or a warning.", do.StepToEvent()),
+    Action(100, "start", "Home", "Go to the start", "The first frame.", do.Seek(0)),
+    Action(110, "end", "End", "Go to the end", "The newest computed frame.", do.GoToEnd()),
     Action(
-        "event_back",
-        "Shift+n",
-        "Previous event",
-        "Back to a frame with an event, such as a loss or a warning.",
-        do.StepToEvent(forwards=False),
+        120, "loop_start", "a", "Loop from here", "Playing goes round from the frame shown on.", do.LoopEdge("start")
     ),
-    Action("start", "Home", "Go to the start", "The first exposure.", do.Seek(0)),
-    Action("end", "End", "Go to the end", "The newest computed exposure.", do.GoToEnd()),
-    Action("loop_start", "a", "Loop from here", "Playing goes round from the exposure shown on.", do.LoopEdge("start")),
-    Action("loop_end", "b", "Loop to here", "Playing goes round up to the exposure shown.", do.LoopEdge("end")),
-    Action("no_loop", "l", "No loop", "Playing goes on to the end again.", do.NoLoop()),
-    Action(
-        "bookmark",
-        "m",
-        "Bookmark",
-        "Marks the exposure shown; again: removes a mark without a note.",
-        do.ToggleBookmark(),
-    ),
-    Action("flick", "x", "Flicker", "Draws the other of two methods or branches, see Flicker.", do.Flick()),
-)
-BY_NAME = {action.name: action for action in ACTIONS}
+    Action(130, "loop_end", "b", "Loop to here", "Playing goes round up to the frame shown.", do.LoopEdge("end")),
+    Action(140, "no_loop", "l", "No loop", "Playing goes on to the end again.", do.NoLoop()),
+):
+    offer(_each)

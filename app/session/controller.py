@@ -1,397 +1,291 @@
-"""What the worker does with each command, and between them. Used in the worker's thread alone."""
+"""The worker's job: one run on the screen, and what the features do with it. Used in the worker's thread alone."""
 
 from __future__ import annotations
 
 import logging
+from pathlib import Path
+from typing import TypeVar
 
 from ispom.errors import InputError
 from ispom.methods import Config
-from ispom.sequences.address import without_secrets
+from ispom.sequences.address import is_address, is_device, without_secrets
 
+from ..engine.events import Stepped
 from ..engine.options import SourceOptions
-from ..features.bookmarks.service import BookmarkDesk
-from ..features.branches.service import BranchDesk
-from ..features.breakpoints import moves as break_points
-from ..features.events import moves as event_moves
-from ..features.flicker import flicker
-from ..features.integration import integration
-from ..features.lessons.commands import Learn, TurnTo
-from ..features.lessons.lesson import Asked
-from ..features.lessons.library import Library
-from ..features.lessons.service import LessonDesk
-from ..features.plots import plotting
-from ..features.recording.library import Shelf
-from ..features.recording.service import RecordingDesk
-from ..features.sensitivity.service import EffectDesk
-from ..features.sweep.commands import CancelSweep, RunSweep, ShowSwept
-from ..features.sweep.service import SweepDesk
-from ..features.tracks import selecting
-from . import commands as do
-from . import moves
-from .accuracy import AccuracyDesk
-from .closing import loss
+from .commands import Command, Confirm, Open, Restart
 from .compiling import Compiling
 from .current_run import CurrentRun
 from .player import Player
-from .sources.known import Known, run_name
-from .sources.opening import SourceOpener, stored_at
+from .registry import closing_of, handler_of
+from .service import Service
+from .sources.opening import SourceOpener
 from .sources.recent import RecentSources
-from .state import Flicked, NoticeAdded, Opening, OpeningFailed, Question, Restored, Resumed, changed
+from .state import NoticeAdded, Opening, OpeningFailed, Question, Restored, Resumed, State, changed
 from .store import Store
 from .viewers import Viewers
 
 log = logging.getLogger(__name__)
 IDLE_S = 0.5
-RECORDING_S = 0.05
-"""How often recordings and viewers are looked at while nothing else happens: without, and with a recording."""
+BUSY_S = 0.05
+"""How often services are looked at while nothing else happens: usually, and while one of them is busy."""
+
+S = TypeVar("S", bound=Service)
+T = TypeVar("T")
 
 
 class Controller:
-    """The worker's job: one run on the screen, and what is recorded of it and of those before."""
+    """Handlers of commands and services get it as their `session`."""
 
     def __init__(
         self,
         store: Store,
         player: Player,
-        recordings: RecordingDesk,
         viewers: Viewers,
         compiling: Compiling,
-        branches: BranchDesk,
         *,
         opener: SourceOpener,
-        first: do.Open,
+        first: Open,
         autoplay: bool,
         methods: tuple[str, ...] | None,
         history_bytes: int,
         recent: RecentSources,
-        lessons: Library,
+        recordings: Path,
+        extras: tuple[object, ...] = (),
     ) -> None:
-        """`first` is opened at the start; `methods` None means the usual ones of each source."""
-        self._store, self._player, self._viewers = store, player, viewers
-        self._shelf, self._known = Shelf(store, recordings), Known(recordings.folder)
-        self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
-        self._sweeps = SweepDesk(store, recordings.folder)
-        self._accuracy = AccuracyDesk(store, branches.run)
-        self._compiling, self._branches, self._opener, self._recent = compiling, branches, opener, recent
-        self._first, self._autoplay, self._usual = first, autoplay, store.state.source_options
-        self._wanted, self._history_bytes = methods, history_bytes
-        self._config = store.state.config
+        """`first` is opened at the start; `methods` None means the usual ones of each source; `recordings` is the
+        folder of runs and recordings; `extras` are values that services look up by their type."""
+        self.store, self.player, self.opener = store, player, opener
+        self.recordings, self.history_bytes = recordings, history_bytes
+        self._viewers, self._compiling, self._recent = viewers, compiling, recent
+        self._first, self._autoplay, self._methods = first, autoplay, methods
+        self._usual_options, self._config = store.state.source_options, store.state.config
         """As the app was started: what was changed since belongs to the run in which it was."""
-        self._pending: do.Command | None = None
+        self._services: dict[type[Service], Service] = {}
+        self._pending: Command | None = None
         """What the question on the screen is about."""
         self._questions = 0
-        self._recorded = set[int]()
-        """Branches of the run on the screen that are, or were, recorded."""
-        self._lessons = LessonDesk(
-            store, lessons, self._obey, self._open_asked, self._run_beside, lambda: self._player.run
-        )
+        self._extras: dict[type, object] = {type(extra): extra for extra in extras}
+        player.computed = self._computed
+
+    def add(self, *services: Service) -> None:
+        """Services take part from now on."""
+        self._services |= {type(service): service for service in sorted(services, key=lambda each: each.place)}
+
+    def extra(self, kind: type[T]) -> T:
+        """The value of this type that the session was given, or else a new one."""
+        found = self._extras.get(kind)
+        if found is None:
+            found = self._extras[kind] = kind()
+        return found  # type: ignore[return-value]
+
+    def service(self, kind: type[S]) -> S:
+        return self._services[kind]  # type: ignore[return-value]
+
+    @property
+    def state(self) -> State:
+        return self.store.state
+
+    @property
+    def run(self) -> CurrentRun | None:
+        """The run that is on the screen."""
+        return self.player.run
 
     def begin(self) -> None:
         try:
-            self._shelf.show()
+            for service in self._services.values():
+                service.begin()
         finally:
-            self._open(self._first.source, self._first.options)
+            self.open(self._first.source, self._first.options)
         if self._autoplay:
-            self._play_on()
+            self.play_on()
 
-    def obey(self, command: do.Command) -> None:
-        """InputError where it cannot be done. What would lose branches is asked about first."""
-        if isinstance(command, do.Confirm):
+    def obey(self, command: Command) -> None:
+        """Carries a command out, or asks first if it would close the run and something would be lost with it.
+
+        InputError if it is not possible.
+        """
+        if isinstance(command, Confirm):
             self._confirm(command)
             return
-        if not isinstance(command, do.OfLessons):
-            self._lessons.require_allowed(command)
-        if (lost := self._lost_by(command)) is None:
-            self._carry_out(command)
-        else:
+        for service in self._services.values():
+            service.check(command)
+        closing = closing_of(command)
+        what = closing(self, command) if closing is not None else ""
+        lost = self._loss(live=not isinstance(command, Restart)) if what else []
+        if lost:
             self._questions += 1
             self._pending = command
-            what, yes = lost
-            self._store.set(question=Question(self._questions, what, yes))
-
-    def _confirm(self, answer: do.Confirm) -> None:
-        """Carries out what was asked about, or forgets it."""
-        question, command = self._store.state.question, self._pending
-        if question is None or command is None or answer.number != question.number:
-            return
-        self._store.set(question=None)
-        self._pending = None
-        if answer.yes:
-            self._carry_out(command)
-
-    def _carry_out(self, command: do.Command) -> None:
-        if isinstance(command, do.OfLessons):
-            self._lessons.obey(command)
+            text = (
+                f"{what} closes {' and '.join(lost)}. Nothing else keeps this: stay and record it first, or discard it."
+            )
+            self.store.set(question=Question(self._questions, text, "Close and go on"))
         else:
-            self._obey(command)
+            self.carry_out(command)
 
-    def _lost_by(self, command: do.Command) -> tuple[str, str] | None:
-        """What is asked before a command, and what agrees to it; None where nothing is lost by it."""
-        recorded = self._recorded
-        match command:
-            case do.Open(source):
-                what, yes = f"Opening {without_secrets(source)}", "Close and open"
-            case do.OpenNamed(name):
-                what, yes = f"Opening {run_name(self._known.source(name, self._store.state))}", "Close and open"
-            case do.Restart():
-                what, yes, recorded = "Starting again from the first frame", "Close and restart", {0, *recorded}
-            case Learn() | TurnTo() if self._lessons.opens_a_run(command):
-                what, yes = "The lesson", "Close and go on"
-            case _:
-                return None
-        lost = loss(self._store.state, recorded)
-        if not lost:
-            return None
-        return f"{what} closes {lost}. Nothing else keeps this: stay and record it first (Record), or let it go.", yes
+    def carry_out(self, command: Command) -> None:
+        """Without a question. InputError if it is not possible."""
+        handler_of(command)(self, command)
 
-    def _obey(self, command: do.Command) -> None:
-        store, player = self._store, self._player
-        match command:
-            case do.Play(on):
-                player.move(*moves.play(store.state, player.run, on))
-            case do.StepBy(count):
-                player.move(*moves.step(store.state, player.run, count))
-            case do.Seek(index):
-                player.move(*moves.seek(player.run, index))
-            case do.StepTo(kind, forwards):
-                player.move(*moves.step_to(store.state, player.run, kind, forwards=forwards))
-            case do.StepToEvent(forwards, alarming):
-                player.move(*event_moves.to_event(store.state, player.run, forwards=forwards, alarming=alarming))
-            case do.GoToEnd():
-                player.move(*moves.to_end(player.run))
-            case do.LoopEdge(edge):
-                store.emit(*moves.loop_edge(store.state, edge))
-            case do.NoLoop():
-                store.set(loop=None)
-            case do.RunUntil(condition):
-                player.move(*break_points.run_until(store.state, player.run, condition))
-            case do.FindMatch(condition, forwards):
-                player.move(*break_points.find(store.state, player.run, condition, forwards=forwards))
-            case do.Plot(name):
-                store.set(plots=plotting.toggled(store.state.plots, player.run, name))
-            case do.SetPlots(names):
-                store.set(plots=plotting.chosen(player.run, names))
-            case do.Speed(factor):
-                player.move(changed(speed=factor))
-            case do.Restart(methods, config):
-                self._restart(methods, config)
-            case do.Fork(methods, config, name):
-                self._show(*self._branches.fork(methods, config, name))
-                store.set(playing=True)
-            case do.ShowBranch(number):
-                self._show(*self._branches.show(number))
-            case do.RenameBranch(number, name):
-                self._branches.rename(number, name)
-            case do.HideBranch(number, hidden):
-                self._branches.hide(number, hidden)
-            case do.DeleteBranch(number):
-                self._branches.delete(number)
-            case do.CompareBranch(number):
-                self._branches.compare(number)
-            case do.Predict(wrong):
-                self._effects.predict(store, player.run, wrong)
-            case do.RunPerturbed():
-                again, name = self._effects.perturbed(store.state, player.run, self._history_bytes)
-                self._show(*self._branches.add(again, name, 0, (name,)))
-                self._effects.began(store, again)
-                store.set(playing=True)
-            case RunSweep():
-                self._sweeps.begin(command, player.run)
-            case CancelSweep():
-                self._sweeps.cancel()
-            case ShowSwept(place):
-                self._show_swept(place)
-            case do.FlickerBetween(a, b):
-                store.set(flicker=flicker.between(self._branches.sides, a, b))
-            case do.Flick() if store.state.flicker is None:
-                store.set(flicker=flicker.usual(self._branches.sides, store.state.branch))
-            case do.Flick():
-                store.emit(Flicked())
-            case do.StopFlicker():
-                store.set(flicker=None)
-            case do.ShowIntegration(method):
-                store.set(integration=integration.shown(store.state, player.run, method))
-            case do.StepIntegration(by):
-                store.set(integration=integration.moved(store.state, player.run, by))
-            case do.Open(source, options):
-                if self._open(source, options):
-                    self._play_on()
-            case do.OpenNamed(name):
-                if self._open(self._known.source(name, store.state), None):
-                    self._play_on()
-            case do.PutBookmark(note):
-                self._bookmarks.put(note)
-            case do.ToggleBookmark():
-                self._bookmarks.toggle()
-            case do.RemoveBookmark(exposure):
-                self._bookmarks.remove(exposure)
-            case do.Record(name):
-                self._shelf.record(name, player.run)
-                self._recorded.add(store.state.branch)
-            case do.StopRecording():
-                self._shelf.stop(player.run)
-            case do.PutNote(name, note):
-                self._shelf.put_note(name, note)
-            case do.RepairRecordings():
-                self._shelf.repair()
-            case do.Hide(names):
-                store.set(hidden=names)
-            case do.Select(what):
-                store.set(selected=selecting.selected(what))
-            case do.Pick():
-                store.set(selected=selecting.picked(player.run, command))
-            case do.ColourBy(what):
-                store.set(colour_by=what)
-            case do.LookAt(panel, camera):
-                store.set(look=panel or store.state.look, camera=store.state.camera if camera is None else camera)
-            case do.Notify(text):
-                store.emit(NoticeAdded(text))
-
-    def turn(self) -> None:
-        """Advances the run, whatever becomes of what goes on beside it."""
-        try:
-            self._player.advance()
-            self._lessons.turn()
-        finally:
-            self._branches.compare_on()
-            self._effects.watch(self._store)
-            self._accuracy.watch()
-            self._viewers.look_at(self._store.state.index)
-            self._viewers.check()
-            self._compiling.watch()
-            self._shelf.watch()
-            if self._sweeps.watch():
-                self._shelf.show()
-
-    def patience_s(self) -> float:
-        if self._branches.comparing or self._lessons.busy:
-            return 0.0
-        busy = self._shelf.busy or self._sweeps.busy
-        return self._player.patience_s(RECORDING_S if busy else IDLE_S)
-
-    def failed(self, fault: Exception) -> None:
-        """Pauses and says why: a user's mistake in its own sentence, anything else as what it is, a fault of ours."""
-        if not isinstance(fault, InputError):
-            log.error("the session worker failed", exc_info=fault)
-        self._pause(str(fault) if isinstance(fault, InputError) else _internal(fault))
-        self._lessons.failed()
-
-    def end(self) -> None:
-        if self._player.run is not None:
-            self._player.run.stop()
-        self._sweeps.close()
-        self._shelf.stop(self._player.run)
-        self._shelf.close()
-
-    def _pause(self, reason: str) -> None:
-        self._store.emit(changed(playing=False, target=None, activity=None), NoticeAdded(reason))
-
-    def _open(self, source: str, options: SourceOptions | None) -> bool:
-        """Opens another source, and says whether it did; where that fails, the one before stays as it was."""
-        before, run, shown = self._store.state, self._player.run, without_secrets(source)
+    def open(self, source: str, options: SourceOptions | None) -> bool:
+        """Opens another source, and returns whether it did; if that fails, the one before is left unchanged."""
+        before, run, shown = self.state, self.run, without_secrets(source)
         if run is not None and run.live and shown == before.source:
             run.stop()  # a camera has to be let go before it can be opened again
-        self._store.emit(Opening(shown))
-        self._store.busy(f"opening {shown}")
+        self.store.emit(Opening(shown))
+        self.store.busy(f"opening {shown}")
         try:
-            found = self._opener.stored(source, self._history_bytes)
-            if found is None:
-                asked = source, options, self._wanted, self._config
-                playback = self._opener.playback(*asked, strict=run is None, progress=self._store.busy)
-                found = CurrentRun(playback, self._history_bytes)
+            found = self.opener.stored(source, self.history_bytes)
+            found = found or self.computed_run(source, options, self._methods, self._config, strict=run is None)
         except Exception as fault:
             if before.phase == "ready":
-                self._store.emit(Restored(before))
+                self.store.emit(Restored(before))
                 raise
             if isinstance(fault, InputError):
                 log.error("%s", fault)  # on the terminal, where the source was given
-                self._store.emit(OpeningFailed(str(fault)))
+                self.store.emit(OpeningFailed(str(fault)))
             else:
                 log.exception("opening %s failed", shown)
-                self._store.emit(OpeningFailed(_internal(fault)))
+                self.store.emit(OpeningFailed(_internal(fault)))
             return False
         if run is not None:
             run.stop()
-        self._begin(found)
-        recent = self._recent.add(source)
-        self._store.set(source_options=options or self._usual, recent=recent)
+        self.put_on_screen(found)
+        self.store.set(source_options=options or self._usual_options, recent=self._recent.add(source))
         return True
 
-    def _open_asked(self, asked: Asked) -> CurrentRun:
-        """The run that a step of a lesson asks for, on the screen."""
-        found = self._run_of(asked)
-        if self._player.run is not None:
-            self._player.run.stop()
-        self._store.emit(Opening(asked.source))
-        self._begin(found)
-        self._store.set(source_options=self._usual)
-        return found
+    def open_run(self, run: CurrentRun, source: str) -> None:
+        """Puts a run of another source on the screen."""
+        if self.run is not None:
+            self.run.stop()
+        self.store.emit(Opening(source))
+        self.put_on_screen(run)
+        self.store.set(source_options=self._usual_options)
 
-    def _run_beside(self, asked: Asked, name: str) -> CurrentRun:
-        """Another one, as a branch."""
-        found = self._run_of(asked)
-        self._show(*self._branches.add(found, name, 0, (name,), reproducible=True))
-        return found
+    def computed_run(
+        self,
+        source: str,
+        options: SourceOptions | None,
+        methods: tuple[str, ...] | None,
+        config: Config,
+        *,
+        strict: bool = True,
+    ) -> CurrentRun:
+        """A run that is to be computed. InputError as `SourceOpener.playback`."""
+        opened = self.opener.playback(source, options, methods, config, strict=strict, progress=self.store.busy)
+        return CurrentRun(opened, self.history_bytes)
 
-    def _show_swept(self, place: int) -> None:
-        """A value's run, as it was computed, as a branch; one that is a branch already is shown again."""
-        path, name, change = self._sweeps.folder(place, self._player.run)
-        known = next((b.number for b in self._store.state.branches if b.name == name), None)
-        if known is not None:
-            self._show(*self._branches.show(known))
-            return
-        stored = stored_at(str(path), self._opener.opener, self._opener.builder)
-        if stored is None:
-            raise InputError(f"{path} holds no run any more: run the sweep again")
-        found = CurrentRun.of_stored(stored, self._history_bytes)
-        self._show(*self._branches.add(found, name, 0, (change,), reproducible=True))
-
-    def _run_of(self, asked: Asked) -> CurrentRun:
-        wanted = asked.source, None, asked.methods, asked.config
-        playback = self._opener.playback(*wanted, strict=True, progress=self._store.busy)
-        return CurrentRun(playback, self._history_bytes)
-
-    def _restart(self, methods: tuple[str, ...], config: Config) -> None:
-        if self._player.run is None:
+    def restart(self, methods: tuple[str, ...], config: Config) -> None:
+        """The run on the screen again, from its first frame on. InputError if there is none."""
+        if self.run is None:
             raise InputError("there is nothing to run yet: open a source first")
-        self._player.run.require_source()
-        playback = self._opener.again(self._player.run.playback, methods, config)
-        self._store.emit(Opening(self._store.state.source))
-        self._begin(CurrentRun(playback, self._history_bytes))
-        self._store.set(playing=True)
+        self.run.require_source()
+        playback = self.opener.again(self.run.playback, methods, config)
+        self.store.emit(Opening(self.state.source))
+        self.put_on_screen(CurrentRun(playback, self.history_bytes))
+        self.store.set(playing=True)
 
-    def _begin(self, run: CurrentRun) -> None:
+    def put_on_screen(self, run: CurrentRun) -> None:
         """The run that is on the screen from now on; one that is over is shown at its end."""
-        self._shelf.stop(self._player.run)
-        playback, self._player.run = run.playback, run
-        self._recorded, self._pending = set(), None
+        self._leave()
+        playback, self.player.run = run.playback, run
+        self._pending = None
         if not run.done:
             self._compiling.begin(playback)
-        self._branches.begin(run)
         if playback.sequence.prepare is not None and run.stored is None:
             playback.sequence.prepare(0)
         self._view(run)
-        self._player.move(run.opened)
-        if run.stored is not None:
-            self._player.move(*self._branches.reviewed())
-            if run.stored.unavailable:
-                self._store.emit(NoticeAdded(run.stored.unavailable, "info"))
-        elif not run.done:
+        self.player.move(run.opened)
+        if run.stored is None and not run.done:
             self._compiling.explain()
-        self._bookmarks.begin(run, self._store.state.source)
+        elif run.stored is not None and run.stored.unavailable:
+            self.store.emit(NoticeAdded(run.stored.unavailable, "info"))
+        for service in self._services.values():
+            service.opened(run)
 
-    def _play_on(self) -> None:
-        """A run that was opened plays by itself; one that is over waits to be looked at."""
-        if self._player.run is not None and self._player.run.stored is None:
-            self._store.set(playing=True)
-
-    def _show(self, run: CurrentRun, resumed: Resumed) -> None:
-        """Another branch, from now on."""
-        self._shelf.stop(self._player.run)
-        self._player.run = run
+    def show(self, run: CurrentRun, resumed: Resumed) -> None:
+        """Another branch of the run on the screen, from now on."""
+        self._leave()
+        self.player.run = run
         self._compiling.begin(run.playback)
         self._view(run)
-        self._player.move(changed(playing=False), resumed)
+        self.player.move(changed(playing=False), resumed)
+
+    def play_on(self) -> None:
+        """A run that was opened plays by itself; one that is over waits to be looked at."""
+        if self.run is not None and self.run.stored is None:
+            self.store.set(playing=True)
+
+    def turn(self) -> None:
+        """Advances the run, whatever becomes of the services' work."""
+        try:
+            self.player.advance()
+        finally:
+            try:
+                for service in self._services.values():
+                    service.watch()
+            finally:
+                self._viewers.look_at(self.state.index)
+                self._viewers.check()
+                self._compiling.watch()
+
+    def patience_s(self) -> float:
+        if any(service.impatient for service in self._services.values()):
+            return 0.0
+        busy = any(service.busy for service in self._services.values())
+        return self.player.patience_s(BUSY_S if busy else IDLE_S)
+
+    def failed(self, fault: Exception) -> None:
+        """Pauses and says why: a user's mistake in its own sentence, anything else as a fault of the program."""
+        if not isinstance(fault, InputError):
+            log.error("the session worker failed", exc_info=fault)
+        reason = str(fault) if isinstance(fault, InputError) else _internal(fault)
+        self.store.emit(changed(playing=False, target=None, activity=None), NoticeAdded(reason))
+        for service in self._services.values():
+            service.failed()
+
+    def end(self) -> None:
+        if self.run is not None:
+            self.run.stop()
+        self._leave()
+        for service in self._services.values():
+            service.close()
+
+    def close_now(self) -> None:
+        """Closes what must not be lost, from another thread, while the worker is busy."""
+        for service in self._services.values():
+            service.close_now()
+
+    def _confirm(self, answer: Confirm) -> None:
+        """Carries out what the question was about, or forgets it."""
+        question, command = self.state.question, self._pending
+        if question is None or command is None or answer.number != question.number:
+            return
+        self.store.set(question=None)
+        self._pending = None
+        if answer.yes:
+            self.carry_out(command)
+
+    def _loss(self, *, live: bool) -> list[str]:
+        """What would be lost if the run were closed; nothing that is kept elsewhere or can be had again. A live run is
+        counted only if asked for."""
+        lost = [each for service in self._services.values() for each in service.loss()]
+        kept = any(service.keeps_run for service in self._services.values())
+        if (
+            live
+            and self.state.computed
+            and not kept
+            and (is_device(self.state.source) or is_address(self.state.source))
+        ):
+            lost.append(f"the live run of {self.state.source}")
+        return lost
+
+    def _computed(self, event: Stepped) -> None:
+        for service in self._services.values():
+            service.computed(event)
+
+    def _leave(self) -> None:
+        for service in self._services.values():
+            service.leave(self.run)
 
     def _view(self, run: CurrentRun) -> None:
         """In the viewers from now on; one that was read, as it was recorded."""

@@ -10,6 +10,8 @@ from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.types import Trajectory
 
+from ..engine.differences.compare import divergences
+from ..engine.differences.order import record_rows
 from ..engine.events import Finished, Opened, Stepped
 from ..engine.history.checkpoints import Checkpoint, Checkpoints
 from ..engine.history.held import Held
@@ -21,8 +23,6 @@ from ..engine.model.tally import Tally
 from ..engine.playback import Playback
 from ..engine.run_events.log import EventLog
 from ..engine.run_folder.made_map import made_map
-from ..features.diff.compare import divergences
-from ..features.diff.order import record_rows
 from .review.recorded_tracks import RecordedViews
 from .review.stored import Stored
 

@@ -11,7 +11,8 @@ from ispom.errors import InputError
 from ..engine.conditions.matches import first_match
 from ..engine.conditions.parser import Expression, parse
 from .current_run import CurrentRun
-from .state import Displayed, Event, Loop, State, changed
+from .goals import Goal, Holds
+from .state import Displayed, Event, Loop, NoticeAdded, State, changed
 
 
 def play(state: State, run: CurrentRun | None, on: bool | None) -> tuple[Event, ...]:
@@ -24,7 +25,7 @@ def play(state: State, run: CurrentRun | None, on: bool | None) -> tuple[Event, 
 
 
 def seek(run: CurrentRun | None, index: int) -> tuple[Event, ...]:
-    """Pause, and show this exposure, or the nearest that the source has; beyond the history it becomes the target."""
+    """Pause, and show this frame, or the nearest that the source has; beyond the history it becomes the target."""
     if run is None:
         return ()
     index = min(max(index, 0), run.last)
@@ -34,14 +35,14 @@ def seek(run: CurrentRun | None, index: int) -> tuple[Event, ...]:
 
 
 def step(state: State, run: CurrentRun | None, count: int) -> tuple[Event, ...]:
-    """Pause, and move by so many exposures, counted from where an earlier move is still going to."""
+    """Pause, and move by this number of frames, counted from where an earlier move is still going to."""
     return seek(run, (state.index if state.target is None else state.target) + count)
 
 
 def step_to(
     state: State, run: CurrentRun | None, kind: Literal["stereo", "key_frame"], *, forwards: bool
 ) -> tuple[Event, ...]:
-    """Pause, and show the nearest exposure of a kind; InputError where there is none in this direction."""
+    """Pause, and show the nearest frame of a kind; InputError where there is none in this direction."""
     if run is None:
         return ()
     if kind == "stereo":
@@ -53,12 +54,23 @@ def step_to(
         return seek(run, index)
     last = run.last
     if not forwards or state.computed > last:
-        raise InputError(f"there is no key frame {'after' if forwards else 'before'} exposure {max(state.index, 0)}")
-    return (changed(playing=False, target=last, until=expression),)
+        raise InputError(f"there is no keyframe {'after' if forwards else 'before'} frame {max(state.index, 0)}")
+    return (changed(playing=False, target=last, until=Holds(expression)),)
+
+
+def after_step(goal: Goal | None, run: CurrentRun, target: int) -> tuple[Event, ...]:
+    """What the newest frame means for a move: its goal or its target is reached, or nothing."""
+    reached = goal.reached(run) if goal is not None else None
+    if reached is not None:
+        return changed(target=None), *([NoticeAdded(reached, "info")] if reached else [])
+    if len(run.series) - 1 < target:
+        return ()
+    missed = goal.missed(run) if goal is not None else ""
+    return changed(target=None), *([NoticeAdded(missed, "info")] if missed else [])
 
 
 def key_frame(run: CurrentRun) -> Expression:
-    """The condition that any of the running methods made a key frame."""
+    """The condition that any of the running methods made a keyframe."""
     return parse(" or ".join(f"{method}.key_frame" for method in run.opened.methods), run.series.quantities)
 
 
@@ -68,17 +80,17 @@ def _to_stereo(state: State, run: CurrentRun, forwards: bool) -> tuple[Event, ..
     among = range(at + 1, len(kinds)) if forwards else range(at - 1, -1, -1)
     index = next((i for i in among if kinds[i] == "stereo"), None)
     if index is None:
-        raise InputError(f"there is no stereo exposure {'after' if forwards else 'before'} exposure {max(at, 0)}")
+        raise InputError(f"there is no stereo frame {'after' if forwards else 'before'} frame {max(at, 0)}")
     return seek(run, index)
 
 
 def to_end(run: CurrentRun | None) -> tuple[Event, ...]:
-    """Pause, and show the newest computed exposure."""
+    """Pause, and show the newest computed frame."""
     return seek(run, len(run.history) - 1) if run is not None and run.history else ()
 
 
 def loop_edge(state: State, edge: Literal["start", "end"]) -> tuple[Event, ...]:
-    """The exposure that is shown becomes an edge of the loop; InputError where no exposure would be left in it."""
+    """The frame that is shown becomes an edge of the loop; InputError where no frame would be left in it."""
     loop, at = state.loop or Loop(), max(state.index, 0)
     last = state.total - 1
     # An edge on the wrong side of the other one begins another loop.
@@ -87,7 +99,7 @@ def loop_edge(state: State, edge: Literal["start", "end"]) -> tuple[Event, ...]:
     else:
         loop = replace(loop, start=loop.start if loop.start < at else 0, end=at)
     if loop.start >= (last if loop.end is None else loop.end):
-        raise InputError(f"a loop needs two exposures: exposure {at} cannot be its {edge}")
+        raise InputError(f"a loop needs two frames: frame {at} cannot be its {edge}")
     return (changed(loop=loop),)
 
 
@@ -101,12 +113,12 @@ def around(state: State, run: CurrentRun) -> tuple[Event, ...]:
 
 
 def due_s(state: State, run: CurrentRun, before_s: float, now_s: float) -> float:
-    """When the exposure after the one that is shown is due, at the chosen speed; `before_s` was when that one was.
+    """When the frame after the one that is shown is due, at the chosen speed; `before_s` was when that one was.
 
     Time that was lost is not caught up.
     """
     times, i = run.playback.sequence.times_ns, state.index
     if state.speed is None or not 0 <= i < len(times) - 1:
-        # As fast as possible: as fast as new exposures are computed, and the past no faster than eyes follow.
+        # As fast as possible: as fast as new frames are computed, and the past no faster than eyes follow.
         return now_s + (1 / 120 if i + 1 < len(run.history) else 0.0)
     return max(now_s, before_s + float(times[i + 1] - times[i]) * 1e-9 / state.speed)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
-from ..engine.events import Finished
+from ..engine.events import Finished, Stepped
 from ..engine.memory import release_library_pages
-from ..features.breakpoints import moves as break_points
-from ..features.recording.service import RecordingDesk
 from . import moves
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -22,9 +21,11 @@ LIVE_WAIT_S = 0.05
 class Player:
     """`run` is the one that is on the screen: another object for each start, None before the first."""
 
-    def __init__(self, store: Store, viewers: Viewers, recordings: RecordingDesk, compiling: Compiling) -> None:
+    def __init__(self, store: Store, viewers: Viewers, compiling: Compiling) -> None:
         self.run: CurrentRun | None = None
-        self._store, self._viewers, self._recordings, self._compiling = store, viewers, recordings, compiling
+        self._store, self._viewers, self._compiling = store, viewers, compiling
+        self.computed: Callable[[Stepped], None] = lambda event: None
+        """Called with each new frame."""
         self._due_s = 0.0
         self._apart: CurrentRun | None = None
         """The run whose replay is not what is stored of it."""
@@ -52,7 +53,7 @@ class Player:
             known = len(run.series)
             self._compute(run)
             if len(run.series) > known:
-                self._store.emit(*break_points.after_step(self._store.state, run, state.target))
+                self._store.emit(*moves.after_step(self._store.state.until, run, state.target))
         elif state.playing and time.monotonic() >= self._due_s:
             if back := moves.around(state, run):
                 self._store.emit(*back)
@@ -90,7 +91,7 @@ class Player:
         if event.skipped:
             self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
-        self._recordings.offer(event)
+        self.computed(event)
         release_library_pages(run.playback.position)
         if run.playback.done:
             self._finish(run.finish())

@@ -17,16 +17,13 @@ from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel
 from ..engine.options import SourceOptions
 from ..engine.playback import Builder
-from ..features.branches.branches import Beside
-from ..features.branches.service import BranchDesk
-from ..features.lessons.library import Library
-from ..features.recording.library import CLOSE_S
-from ..features.recording.service import RecordingDesk
-from . import commands as do
+from . import core  # noqa: F401 (its handlers)
+from .commands import Command, Open
 from .compiling import Compiling
-from .controller import Controller
+from .controller import Controller, S, T
 from .current_run import CurrentRun
 from .player import Player
+from .registry import load_features, services
 from .sources.folders import Folders
 from .sources.opening import SourceOpener
 from .sources.recent import RecentSources
@@ -57,56 +54,54 @@ class Session:
         folders: Folders | None = None,
         recent: RecentSources | None = None,
         beside: tuple[Given, ...] = (),
-        lessons: Library | None = None,
+        extras: tuple[object, ...] = (),
     ) -> None:
         """`opener(source)` opens the source as the command line said, `opener(source, options)` as the page says.
 
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
-        `beside` are trajectories of other programs, and `lessons` those that can be begun.
+        `beside` are trajectories of other programs; `extras` are values that features look up by their type.
         """
-        recent, self.library = recent or RecentSources(None), lessons or Library()
+        recent = recent or RecentSources(None)
         self.folders = folders or Folders()
         self.recordings_dir = recordings_dir
+        load_features()
         self._store = Store(
             State(
                 without_secrets(source),
                 config=config or Config(),
                 source_options=source_options or SourceOptions(),
                 recent=recent.names,
-                progress=self.library.progress.steps,
             )
         )
         self.changes = self._store.changes
         """Called, in the worker's thread, at each new state."""
         viewers = Viewers(live, lambda text: self._store.emit(NoticeAdded(text)))
         compiler = Compiling(self._store, compiling)
-        self._recordings = RecordingDesk(recordings_dir)
-        self._player = Player(self._store, viewers, self._recordings, compiler)
-        self._branches = BranchDesk(self._store)
-        controller = Controller(
+        self._player = Player(self._store, viewers, compiler)
+        self._controller = Controller(
             self._store,
             self._player,
-            self._recordings,
             viewers,
             compiler,
-            self._branches,
             opener=SourceOpener(opener, builder, variant, beside, self.folders, source),
-            first=do.Open(source),
+            first=Open(source),
             autoplay=autoplay,
             methods=methods,
             history_bytes=history_bytes,
             recent=recent,
-            lessons=self.library,
+            recordings=recordings_dir,
+            extras=extras,
         )
-        self._worker = Worker(controller)
+        self._controller.add(*(kind(self._controller) for kind in services()))
+        self._worker = Worker(self._controller)
 
     def start(self) -> None:
         self._worker.start()
 
-    def post(self, command: do.Command) -> None:
-        """Asks for something; what became of it shows in `state`."""
+    def post(self, command: Command) -> None:
+        """Queues a command; what became of it shows in `state`."""
         self._worker.post(command)
 
     @property
@@ -118,9 +113,13 @@ class Session:
         """The run that is on the screen. Another object for each start: readers take it once, and stay with it."""
         return self._player.run
 
-    def branch(self, number: int) -> CurrentRun | None:
-        """The run of a branch; None where it was deleted."""
-        return self._branches.run(number)
+    def service(self, kind: type[S]) -> S:
+        """A feature's service, whose methods are for the worker's thread unless they say otherwise."""
+        return self._controller.service(kind)
+
+    def extra(self, kind: type[T]) -> T:
+        """The value of this type that the session was given, or else a new one."""
+        return self._controller.extra(kind)
 
     @property
     def history(self) -> History:
@@ -140,26 +139,12 @@ class Session:
         """What was known after exposure `index` of the run that is on the screen."""
         return self.run.known_at(index) if self.run is not None else RunModel.start(())
 
-    def beside(self, state: State) -> dict[int, Beside]:
-        """By number, the branches that are drawn beside the shown one, as of its exposure or their last before it."""
-        found = {}
-        for branch in state.branches:
-            run = self.branch(branch.number)
-            last = run.history.last if run is not None else None
-            if run is not None and last is not None and branch.number != state.branch and not branch.hidden:
-                model = run.known_at(min(state.index, last.index))
-                found[branch.number] = Beside(model, last.placements, branch.colour)
-        return found
-
     def close(self, timeout_s: float) -> bool:
         """Closes the recordings, the final trajectories included, and ends the worker.
 
-        False where that is too busy: what was computed by then is recorded even so, within about CLOSE_S more.
+        False where that is too busy: what was computed by then is recorded even so, within about a second more.
         """
         if self._worker.close(timeout_s):
             return True
-        if self._recordings.busy:
-            finished = self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None
-            self._recordings.stop(finished, self.state.bookmarks)
-            self._recordings.close(0.6 * CLOSE_S)
+        self._controller.close_now()
         return False

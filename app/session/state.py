@@ -1,36 +1,41 @@
-"""What the screen shows, as one frozen value, and how events change it. No viewer, thread or file in here."""
+"""What the screen shows, as one frozen value, and how events change it. No viewer, thread or file in here.
+
+The core is in `State`; each feature keeps a value of its own in it, a `FeatureState`, and changes it by itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, Self, TypedDict, TypeVar, Unpack
 
-from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
-from ..engine.conditions.parser import Expression
-from ..engine.events import Bookmark, Finished, Opened
-from ..engine.external_trajectories.placed import Beside
+from ..engine.events import Finished, Opened
 from ..engine.history.held import Held
 from ..engine.history.record import ExposureRecord, MethodStatus
-from ..engine.inspection.colouring import Colouring
 from ..engine.model.tally import Tally
 from ..engine.options import SourceOptions
-from ..features.branches.branches import FIRST, Branch
-from ..features.branches.comparison import Comparison
-from ..features.events.commands import NextEvent
-from ..features.flicker.flicker import Flicker
-from ..features.integration.integration import Integration
-from ..features.lessons.learning import Learning
-from ..features.plots.plotting import DEFAULT_PLOTS
-from ..features.sensitivity.service import Effect
-from ..features.sweep.sweep import Sweep
+from .goals import Goal
 
 MAX_NOTICES = 5
-Look = Literal["track", "tracks", "lifetimes", "key frames", "residuals", "geometry"]
+
+
+class FeatureState:
+    """What one feature keeps in the state: subclasses are frozen dataclasses whose fields all have defaults."""
+
+    def reduce(self, event: Event) -> Self:
+        """The value after an event. By default, another source begins with the defaults."""
+        return type(self)() if isinstance(event, Opening) else self
+
+    def page(self, state: State) -> Mapping[str, Any]:
+        """What the page's scripts get to know of it, as JSON values by name."""
+        return {}
+
+
+F = TypeVar("F", bound=FeatureState)
 
 
 @dataclass(frozen=True)
@@ -51,36 +56,6 @@ class Question:
     text: str
     yes: str
     """What the button says that carries it out."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """The recording that is being written."""
-
-    name: str
-    size_bytes: int
-    written: int
-    """Exposures in the file so far."""
-    closing: bool = False
-
-
-@dataclass(frozen=True)
-class Kept:
-    """A finished run, or a recording alone, in the recordings folder."""
-
-    name: str
-    """The run's folder or the recording, in the recordings folder: opened for review."""
-    size_bytes: int
-    recording: str = ""
-    """Its .rrd, in the recordings folder; empty for a run without one."""
-    picture: str = ""
-    """A small one, in the recordings folder; empty for none."""
-    source: str = ""
-    """Of the images, as a person knows it; empty where nothing says."""
-    exposures: int = 0
-    duration_s: float = 0.0
-    note: str = ""
-    """A person's own."""
 
 
 @dataclass(frozen=True)
@@ -130,67 +105,38 @@ class State:
     playing: bool = False
     speed: float | None = 1.0
     """Times the recorded time; None for as fast as possible."""
-    branches: tuple[Branch, ...] = ()
-    """Of the source, since its run was started; the first is that run."""
-    branch: int = 0
-    """The number of the one that is shown."""
-    beside: tuple[Beside, ...] = ()
-    """Trajectories of other programs over the same source."""
-    beside_errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
-    """Their errors by name, over the exposures that are computed."""
-    comparison: Comparison | None = None
-    """Of two branches."""
-    plots: tuple[str, ...] = DEFAULT_PLOTS
-    """The quantities that the time dock plots, METHOD.KEY, or KEY for all methods."""
-    flicker: Flicker | None = None
-    """Two methods or branches of which one is drawn at a time; None for all as usual."""
-    integration: Integration | None = None
-    """The integration that is looked at step by step."""
-    effect: Effect | None = None
-    """What an error of the calibration would do."""
-    sweep: Sweep | None = None
-    """The one that was begun last, of whatever source."""
-    lesson: Learning | None = None
-    """The lesson that is on, and where it is."""
-    progress: Mapping[str, int] = field(default_factory=dict)
-    """By lesson: the steps whose answer was revealed."""
     question: Question | None = None
     """What is to be answered before the run is closed for another one."""
     loop: Loop | None = None
-    until: Expression | NextEvent | None = None
-    """The condition, or the event, that a run goes on towards."""
-    marked: Expression | None = None
-    """The condition that was asked for last: where it holds is marked on the time axis."""
-    bookmarks: tuple[Bookmark, ...] = ()
-    """Of the source's exposures, in their order."""
+    until: Goal | None = None
+    """What a run goes on towards."""
     target: int | None = None
     """The exposure that a seek is computing towards."""
     ended: bool = False
     """Whether every exposure was computed."""
     activity: Activity | None = None
-    recording: Recording | None = None
-    recordings: tuple[Kept, ...] = ()
-    unfinished: tuple[str, ...] = ()
-    """Recordings that a stopped app left unfinished; none that is being written."""
     source_options: SourceOptions = field(default_factory=SourceOptions)
     """How the source was opened."""
     recent: tuple[str, ...] = ()
     """Sources that were opened, newest first."""
     compiling: str = ""
     """What is compiled in the background, and for how long still; empty while nothing is."""
-    hidden: frozenset[str] = frozenset()
-    """Layers and methods that are not drawn."""
-    selected: str = ""
-    """What is looked at closely, as app/inspect/selection.py writes it: `track:monocular:181`; empty for nothing."""
-    colour_by: Colouring = "state"
-    """What the colours of tracks mean."""
-    camera: str = ""
-    """Whose picture is looked at; empty for the first that the rig has."""
-    look: Look = "track"
-    """What the Look tab shows below the picture."""
     notices: tuple[Notice, ...] = ()
     notice_count: int = 0
     """Notices so far, those no longer shown included."""
+    features: Mapping[type[FeatureState], FeatureState] = field(
+        default_factory=lambda: {kind: kind() for kind in FeatureState.__subclasses__()}
+    )
+    """What the features keep, by kind."""
+
+    def __getitem__(self, kind: type[F]) -> F:
+        """What a feature keeps: `state[Bookmarks].marks`."""
+        found = self.features.get(kind)
+        return kind() if found is None else found  # type: ignore[return-value]
+
+    def having(self, *values: FeatureState) -> State:
+        """The state with these values of features."""
+        return replace(self, features={**self.features, **{type(value): value for value in values}})
 
     @property
     def index(self) -> int:
@@ -256,11 +202,6 @@ class Displayed:
 
 
 @dataclass(frozen=True)
-class Flicked:
-    """The other side of the flicker is drawn."""
-
-
-@dataclass(frozen=True)
 class NoticeAdded:
     """Something that a person must know of."""
 
@@ -268,31 +209,59 @@ class NoticeAdded:
     kind: Literal["info", "error"] = "error"
 
 
+@dataclass(frozen=True, eq=False)
+class FeatureChanged:
+    """A feature keeps another value."""
+
+    value: FeatureState
+
+
+class CoreValues(TypedDict, total=False):
+    """Fields of the core that take new values as they are; `total` and `notes` are those of a live source."""
+
+    playing: bool
+    speed: float | None
+    target: int | None
+    until: Goal | None
+    loop: Loop | None
+    activity: Activity | None
+    compiling: str
+    question: Question | None
+    source_options: SourceOptions
+    recent: tuple[str, ...]
+    total: int
+    notes: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Changed:
-    """Plain fields took new values (see _CHANGEABLE); total and notes those of a live source."""
+    """Fields of the core took new values."""
 
-    values: Mapping[str, object]
+    values: CoreValues
 
 
 Progress = Computed | Displayed | Finished
-Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | Flicked | NoticeAdded | Changed
-_CHANGEABLE = {"playing", "speed", "target", "activity", "compiling", "recording", "recordings", "hidden", "recent"}
-_CHANGEABLE |= {"selected", "colour_by", "camera", "look", "plots"}
-_CHANGEABLE |= {"lesson", "progress", "beside_errors", "question"}
-_CHANGEABLE |= {"unfinished", "bookmarks", "flicker", "integration", "effect", "sweep"}
-_CHANGEABLE |= {"source_options", "total", "notes", "branches", "until", "loop", "marked", "comparison"}
+Event = Opening | OpeningFailed | Restored | Opened | Resumed | Progress | NoticeAdded | Changed | FeatureChanged
 
 
-def changed(**values: object) -> Changed:
-    """The event that sets these fields; KeyError for one that only other events may set."""
-    if unknown := values.keys() - _CHANGEABLE:
-        raise KeyError(f"not changeable: {sorted(unknown)}")
+def changed(**values: Unpack[CoreValues]) -> Changed:
+    """The event that sets these fields."""
     return Changed(values)
 
 
 def reduce(state: State, event: Event) -> State:
     """The state after an event."""
+    if isinstance(event, Restored):
+        return event.before
+    state = _core(state, event)
+    if isinstance(event, FeatureChanged):
+        return state.having(event.value)
+    features = {kind: value.reduce(event) for kind, value in state.features.items()}
+    kept = all(features[kind] is value for kind, value in state.features.items())
+    return state if kept else replace(state, features=features)
+
+
+def _core(state: State, event: Event) -> State:
     match event:
         case Opening(source):
             return replace(
@@ -304,24 +273,13 @@ def reduce(state: State, event: Event) -> State:
                 ended=False,
                 displayed=None,
                 computed=0,
-                branches=(),
-                branch=0,
-                comparison=None,
-                flicker=None,
-                integration=None,
-                effect=None,
                 question=None,
                 loop=None,
-                marked=None,
-                selected="",
-                camera="",
             )
         case OpeningFailed(reason):
             failed = replace(state, phase="failed", failure=reason, playing=False, activity=None)
-            return reduce(failed, NoticeAdded(reason))
-        case Restored(before):
-            return before
-        case Opened(sequence, methods, config, _, recording_id, beside):
+            return _core(failed, NoticeAdded(reason))
+        case Opened(sequence, methods, config, _, recording_id):
             return replace(
                 state,
                 phase="ready",
@@ -332,35 +290,26 @@ def reduce(state: State, event: Event) -> State:
                 methods=methods,
                 config=config,
                 run=state.run + 1,
-                branches=state.branches or (Branch(0, FIRST),),
                 recording_id=recording_id,
-                beside=beside,
                 total=len(sequence),
                 start_ns=int(sequence.times_ns[0]) if len(sequence) else 0,
                 activity=None,
             )
-        case Resumed(opened, branch, computed, displayed, ended):
-            shown = replace(state, branch=branch, computed=computed, displayed=displayed, ended=ended, target=None)
-            return reduce(shown, opened)
-        case Computed(record, tally, held):
-            computed = record.index + 1
-            branches = _with_branch(state, computed=computed, tally=tally, held=held)
-            return replace(state, displayed=record, computed=computed, branches=branches)
+        case Resumed(opened, _, computed, displayed, ended):
+            shown = replace(state, computed=computed, displayed=displayed, ended=ended, target=None)
+            return _core(shown, opened)
+        case Computed(record):
+            return replace(state, displayed=record, computed=record.index + 1)
         case Displayed(record):
             return replace(state, displayed=record)
         case Finished():
             return replace(state, ended=True, playing=state.playing and state.loop is not None)
-        case Flicked():
-            return replace(state, flicker=state.flicker and state.flicker.turned)
         case NoticeAdded(text, kind):
             notice = Notice(state.notice_count + 1, text, kind)
             return replace(state, notice_count=notice.number, notices=(*state.notices, notice)[-MAX_NOTICES:])
         case Changed(values):
-            if "target" in values:  # another move: what the one before looked for is not looked for any more
-                values = {"until": None, **values}
+            # Another move: what the one before looked for is not looked for any more.
+            values = {"until": None, **values} if "target" in values else dict(values)
             return replace(state, **values)  # type: ignore[arg-type]
-
-
-def _with_branch(state: State, **values: Any) -> tuple[Branch, ...]:
-    """The branches, with new values of the one that is shown."""
-    return tuple(replace(b, **values) if b.number == state.branch else b for b in state.branches)
+        case _:
+            return state

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from typing import Unpack
 
 from ..engine.subscribers import Subscribers
-from .state import Activity, Event, State, changed, reduce
+from .state import Activity, CoreValues, Event, FeatureChanged, FeatureState, State, changed, reduce
 
 
 class Store:
@@ -22,8 +23,13 @@ class Store:
             self.state = reduce(self.state, event)
             self.changes.notify()
 
-    def set(self, **values: object) -> None:
-        """Plain fields take new values: see `changed`. Nothing happens where they have them."""
+    def put(self, value: FeatureState) -> None:
+        """A feature keeps this value from now on. Nothing happens if it does already."""
+        if self.state[type(value)] != value or type(value) not in self.state.features:
+            self.emit(FeatureChanged(value))
+
+    def set(self, **values: Unpack[CoreValues]) -> None:
+        """Fields of the core take new values. Nothing happens if they have them."""
         event = changed(**values)
         if any(getattr(self.state, name) != value for name, value in values.items()):
             self.emit(event)

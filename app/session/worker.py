@@ -8,7 +8,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Protocol
 
-from . import commands as do
+from .commands import Command, Shutdown
 
 log = logging.getLogger(__name__)
 
@@ -20,7 +20,7 @@ class Job(Protocol):
         """Once, before the first command."""
         ...
 
-    def obey(self, command: do.Command) -> None: ...
+    def obey(self, command: Command) -> None: ...
 
     def turn(self) -> None:
         """A little of the work that goes on without commands."""
@@ -44,19 +44,19 @@ class Worker:
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self._inbox: SimpleQueue[do.Command] = SimpleQueue()
+        self._inbox: SimpleQueue[Command] = SimpleQueue()
         self._thread = Thread(target=self._run, name="session", daemon=True)
         self._closing = False
 
     def start(self) -> None:
         self._thread.start()
 
-    def post(self, command: do.Command) -> None:
+    def post(self, command: Command) -> None:
         self._inbox.put(command)
 
     def close(self, timeout_s: float) -> bool:
         """Ends the thread after the commands so far; whether it ended in time."""
-        self.post(do.Shutdown())
+        self.post(Shutdown())
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -68,15 +68,15 @@ class Worker:
 
     def _turn(self) -> None:
         for command in newest(self._commands()):
-            if isinstance(command, do.Shutdown):
+            if isinstance(command, Shutdown):
                 self._closing = True
             else:
                 self._guarded(lambda command=command: self._job.obey(command))
         self._guarded(self._job.turn)
 
-    def _commands(self) -> list[do.Command]:
+    def _commands(self) -> list[Command]:
         """All that were posted; waits for the first where there is nothing else to do."""
-        found: list[do.Command] = []
+        found: list[Command] = []
         try:
             patience_s = self._job.patience_s()
             found.append(self._inbox.get(timeout=patience_s) if patience_s > 0 else self._inbox.get_nowait())
@@ -95,9 +95,7 @@ class Worker:
                 log.exception("the session worker could not report: %r", fault)
 
 
-def newest(commands: list[do.Command]) -> list[do.Command]:
-    """The commands without the seeks, and the predictions, that another one follows: a slider asks for many."""
-    dropped = set[int]()
-    for kind in (do.Seek, do.Predict):
-        dropped |= set([i for i, command in enumerate(commands) if isinstance(command, kind)][:-1])
-    return [command for i, command in enumerate(commands) if i not in dropped]
+def newest(commands: list[Command]) -> list[Command]:
+    """The commands without those that another of their kind follows, where only the newest one counts."""
+    last = {type(command): i for i, command in enumerate(commands)}
+    return [each for i, each in enumerate(commands) if not each.newest_only or last[type(each)] == i]

@@ -21,6 +21,8 @@ from ispom_app.engine.model.map_memory import MapCollectors
 from ispom_app.engine.run_folder.results import in_frame
 from ispom_app.engine.run_folder.run_folder import LANDMARKS, STEPS, RunFolder, trajectory_file
 from ispom_app.engine.run_folder.step_log import StepLog
+from ispom_app.features.branches.commands import DeleteBranch, Fork, ShowBranch
+from ispom_app.features.branches.state import Branches
 from ispom_app.features.headless.options import Run
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
@@ -112,17 +114,19 @@ def played(arguments: list[str], methods: tuple[str, ...], folder: Path) -> Iter
 
 def fork_in(session: Session, at: int) -> CurrentRun:
     """Shows the exposure before `at` of the first run, forks there with nothing changed, and waits for the end."""
-    session.post(do.ShowBranch(0))
+    session.post(ShowBranch(0))
     session.post(do.Seek(at - 1))
-    wait_for(lambda: session.state.branch == 0 and session.state.index == at - 1, "the exposure")
-    session.post(do.Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state[Branches].shown == 0 and session.state.index == at - 1, "the exposure")
+    session.post(Fork(session.state.methods, session.state.config))
     # One state says both: the session has the branch's run before that state, when the parent's is ended still.
-    wait_for(lambda: (state := session.state).branch != 0 and state.ended, "the end of the branch", PATIENCE_S)
-    found, number = session.run, session.state.branch
-    assert found is not None and session.state.branches[-1].at == at and not session.state.branches[-1].changes
-    session.post(do.ShowBranch(0))
-    session.post(do.DeleteBranch(number))
-    wait_for(lambda: len(session.state.branches) == 1, "room for the next")
+    wait_for(lambda: (state := session.state)[Branches].shown != 0 and state.ended, "the end of the branch", PATIENCE_S)
+    found, number = session.run, session.state[Branches].shown
+    assert (
+        found is not None and session.state[Branches].all[-1].at == at and not session.state[Branches].all[-1].changes
+    )
+    session.post(ShowBranch(0))
+    session.post(DeleteBranch(number))
+    wait_for(lambda: len(session.state[Branches].all) == 1, "room for the next")
     return found
 
 

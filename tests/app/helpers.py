@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.bookmarks.state import Bookmarks
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.breakpoints.state import Breakpoints
+from ispom_app.features.external_paths.state import ExternalPaths
+from ispom_app.features.flicker.state import Flickering
+from ispom_app.features.layers.state import Layers
+from ispom_app.features.lessons.state import Lessons
+from ispom_app.features.plots.state import Plots
+from ispom_app.features.recording.state import Recordings
+from ispom_app.features.sweep.state import SweepState
+from ispom_app.features.tracks.state import Inspection
 from ispom_app.session.session import Session
+from ispom_app.session.state import FeatureState, State
 
 from ispom.ensemble import Ensemble
 from ispom.methods import Config
@@ -37,3 +51,29 @@ def started(folder: Path, source: str = "double:20", **options) -> Session:
     session = Session(options.pop("opener", opener), source, folder, **({"builder": build} | options))
     session.start()
     return session
+
+
+def with_values(state: State, **values: Any) -> State:
+    """A state with other values: of its core, or of its features by the names that follow."""
+    kinds: dict[str, tuple[type[FeatureState], str]] = {
+        "branches": (Branches, "all"),
+        "branch": (Branches, "shown"),
+        "comparison": (Branches, "comparison"),
+        "external": (ExternalPaths, "all"),
+        "external_errors": (ExternalPaths, "errors"),
+        "plots": (Plots, "names"),
+        "flicker": (Flickering, "between"),
+        "sweep": (SweepState, "sweep"),
+        "lesson": (Lessons, "now"),
+        "marked": (Breakpoints, "marked"),
+        "bookmarks": (Bookmarks, "marks"),
+        "recording": (Recordings, "current"),
+        "colour_by": (Layers, "colour_by"),
+        "hidden": (Layers, "hidden"),
+        "look": (Inspection, "panel"),
+        "selected": (Inspection, "selected"),
+    }
+    for name in values.keys() & kinds.keys():
+        kind, field = kinds[name]
+        state = state.having(replace(state[kind], **{field: values.pop(name)}))
+    return replace(state, **values)

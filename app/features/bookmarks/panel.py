@@ -9,7 +9,10 @@ import viser
 from ...engine.events import Bookmark
 from ...session import commands as do
 from ...session.state import State
+from ...views.viser.panels import Panel
+from .commands import PutBookmark, RemoveBookmark
 from .notes import NOTE_LENGTH
+from .state import Bookmarks
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -25,7 +28,7 @@ class BookmarksPanel:
         with gui.add_folder("Bookmarks"):
             self._note = gui.add_text("note", "", hint=f"Up to {NOTE_LENGTH} characters.")
             self._put = gui.add_button("Bookmark this exposure", icon=viser.Icon.BOOKMARK, hint=HINT)
-            self._put.on_click(lambda _: session.post(do.PutBookmark(self._note.value or None)))
+            self._put.on_click(lambda _: session.post(PutBookmark(self._note.value or None)))
             self._choice = gui.add_dropdown("bookmark", NONE, hint="The bookmark that the buttons below are about.")
             self._buttons = gui.add_button_group(
                 "", (GO, REMOVE), hint="Go to: shows its exposure. Remove: forgets it."
@@ -39,19 +42,24 @@ class BookmarksPanel:
     def _clicked(self, _: object) -> None:
         if (bookmark := self._chosen) is not None:
             at = bookmark.exposure
-            self._session.post(do.Seek(at) if self._buttons.value == GO else do.RemoveBookmark(at))
+            self._session.post(do.Seek(at) if self._buttons.value == GO else RemoveBookmark(at))
 
     def show(self, state: State) -> None:
-        if state.bookmarks == self._bookmarks:
+        if state[Bookmarks].marks == self._bookmarks:
             return
-        before, self._bookmarks = self._bookmarks, state.bookmarks
-        new = [b for b in state.bookmarks if b not in before]
-        kept = [b for b in state.bookmarks if _label(b) == self._choice.value]
-        self._choice.options = tuple(map(_label, state.bookmarks)) or NONE
-        self._choice.value = _label((new or kept or list(state.bookmarks))[-1]) if state.bookmarks else NONE[0]
+        before, self._bookmarks = self._bookmarks, state[Bookmarks].marks
+        new = [b for b in state[Bookmarks].marks if b not in before]
+        kept = [b for b in state[Bookmarks].marks if _label(b) == self._choice.value]
+        self._choice.options = tuple(map(_label, state[Bookmarks].marks)) or NONE
+        self._choice.value = (
+            _label((new or kept or list(state[Bookmarks].marks))[-1]) if state[Bookmarks].marks else NONE[0]
+        )
         if new:
             self._note.value = ""
 
 
 def _label(bookmark: Bookmark) -> str:
     return f"{bookmark.exposure}: {bookmark.note}" if bookmark.note else str(bookmark.exposure)
+
+
+PANELS = (Panel("Files", 710, BookmarksPanel),)

@@ -8,32 +8,36 @@ from ispom.errors import InputError
 from ispom.types import Sequence
 
 from ...engine.events import Bookmark
+from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.store import Store
+from ...session.service import Service
 from .notes import MOST, change_bookmark, notes_path, read_notes, tidy
+from .state import Bookmarks
 
 
-class BookmarkDesk:
+class BookmarkService(Service):
     """They belong to the exposures: all branches have the same."""
 
-    def __init__(self, store: Store, recordings: Path) -> None:
-        self._store, self._recordings = store, recordings
+    place = 40
+
+    def __init__(self, session: Controller) -> None:
+        super().__init__(session)
         self._path: Path | None = None
         """Where they are kept; None for a live source, whose exposures never come again."""
         self._sequence: Sequence | None = None
 
-    def begin(self, run: CurrentRun, source: str) -> None:
-        """Another run: its bookmarks are those that were kept. InputError where they cannot be read."""
+    def opened(self, run: CurrentRun) -> None:
+        """Another run: its bookmarks are those that were kept. InputError if they cannot be read."""
         stored = run.stored.path if run.stored is not None else None
-        self._path = None if run.live else notes_path(stored, self._recordings, source)
+        self._path = None if run.live else notes_path(stored, self.session.recordings, self.state.source)
         self._sequence = run.playback.sequence
-        self._store.set(bookmarks=())
+        self.store.put(Bookmarks())
         if self._path is not None:
-            self._store.set(bookmarks=read_notes(self._path, run.playback.sequence))
+            self.store.put(Bookmarks(read_notes(self._path, run.playback.sequence)))
 
     def put(self, note: str | None) -> None:
         """At the exposure that is shown; None keeps the note that is there. InputError where there is no exposure."""
-        displayed, marks = self._store.state.displayed, {b.exposure: b for b in self._store.state.bookmarks}
+        displayed, marks = self.state.displayed, {b.exposure: b for b in self.state[Bookmarks].marks}
         if displayed is None:
             raise InputError("no exposure is shown yet: open a source first")
         before = marks.get(displayed.index)
@@ -45,15 +49,15 @@ class BookmarkDesk:
 
     def toggle(self) -> None:
         """Removes the mark of the exposure that is shown, where it has no note; otherwise as `put`."""
-        index = self._store.state.index
-        if any(b.exposure == index and not b.note for b in self._store.state.bookmarks):
+        index = self.state.index
+        if any(b.exposure == index and not b.note for b in self.state[Bookmarks].marks):
             self.remove(index)
         else:
             self.put(None)
 
     def remove(self, exposure: int) -> None:
         """InputError where there is none."""
-        marks = {b.exposure: b for b in self._store.state.bookmarks}
+        marks = {b.exposure: b for b in self.state[Bookmarks].marks}
         if marks.pop(exposure, None) is None:
             raise InputError(f"there is no bookmark at exposure {exposure}: choose one of the list")
         self._keep(marks, exposure)
@@ -65,4 +69,4 @@ class BookmarkDesk:
             if self._path is not None and self._sequence is not None:
                 bookmarks = change_bookmark(self._path, self._sequence, exposure, marks.get(exposure))
         finally:
-            self._store.set(bookmarks=bookmarks)
+            self.store.put(Bookmarks(bookmarks))

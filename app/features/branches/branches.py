@@ -28,7 +28,7 @@ NAME_LENGTH = 40
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """How accurate and how fast a branch was when this was measured last: see `app/session/accuracy.py`."""
+    """How accurate and how fast a branch was when this was measured last: see `accuracy.py`."""
 
     errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
     """By method: of the trajectory as it is known now; none without ground truth, or with too few poses."""

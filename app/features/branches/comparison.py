@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 from ispom.errors import InputError
 
+from ...engine.differences.compare import Divergence, MethodRow, divergences
+from ...engine.differences.order import FROM_POINTS, record_rows
 from ...engine.history.record import ExposureRecord
 from ...session.current_run import CurrentRun
-from ..diff.compare import Divergence, MethodRow, divergences
-from ..diff.order import FROM_POINTS, record_rows
 from .branches import Branch
 
 SLICE_S = 0.015

@@ -11,6 +11,7 @@ from ...session.state import State
 from ...views.viser.markup import renderer
 from ..diff.text import lines
 from .comparison import MOST, Comparison
+from .state import Branches
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -29,7 +30,7 @@ class DifferencesPanel:
         self._text = gui.add_html("", visible=False)
 
     def _clicked(self, _: object) -> None:
-        found, at = _exposures(self._state.comparison), self._state.index
+        found, at = _exposures(self._state[Branches].comparison), self._state.index
         before, after = [i for i in found if i < at], [i for i in found if i > at]
         wanted = {FIRST: found[:1], PREVIOUS: before[-1:], NEXT: after[:1]}[self._buttons.value]
         for index in wanted:
@@ -37,11 +38,13 @@ class DifferencesPanel:
 
     def show(self, state: State) -> None:
         before, self._state = self._state, state
-        if state.comparison is before.comparison and state.branches is before.branches and self._text.content:
+        branches = state[Branches]
+        if branches is before[Branches] and self._text.content:
             return
-        self._buttons.visible = bool(_exposures(state.comparison))
-        self._text.visible = state.comparison is not None
-        text = _text(state.comparison, state) if state.comparison is not None else ""
+        comparison = branches.comparison
+        self._buttons.visible = bool(_exposures(comparison))
+        self._text.visible = comparison is not None
+        text = _text(comparison, state) if comparison is not None else ""
         if text != self._text.content:
             self._text.content = text
 
@@ -53,7 +56,7 @@ def _exposures(comparison: Comparison | None) -> list[int]:
 
 def _text(comparison: Comparison, state: State) -> str:
     """How far it is compared, and what was found, as HTML."""
-    names = {branch.number: branch.name for branch in state.branches}
+    names = {branch.number: branch.name for branch in state[Branches].all}
     return render(
         "differences.html",
         comparison=comparison,

@@ -23,7 +23,10 @@ from ...presentation.texts import ALIGNED, length_unit
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ..external_paths.state import ExternalPaths
 from .branches import Branch
+from .service import BranchService
+from .state import Branches
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -81,15 +84,15 @@ class ErrorCurvesPanel:
         self._due_s = 0.0
 
     def show(self, state: State) -> None:
-        branches = tuple((b.number, b.name, b.hidden, b.measured) for b in state.branches)
-        settled = branches, tuple(state.beside_errors.items())
-        wanted = (state.run, state.branch, state.computed, settled)
+        branches = tuple((b.number, b.name, b.hidden, b.measured) for b in state[Branches].all)
+        settled = branches, tuple(state[ExternalPaths].errors.items())
+        wanted = (state.run, state[Branches].shown, state.computed, settled)
         playing = state.playing and not state.ended and wanted[:2] == self._shown[:2] and self._same_branches(branches)
         if wanted == self._shown or (playing and time.monotonic() < self._due_s):
             return
         self._shown, self._due_s = wanted, time.monotonic() + PLAYING_S
         for plot in self._plots:
-            plot.show(state, self._session.branch)
+            plot.show(state, self._session.service(BranchService).run_of)
 
     def _same_branches(self, branches: tuple[tuple[object, ...], ...]) -> bool:
         """Whether they are those that are drawn, but for what was measured of them since."""
@@ -152,8 +155,8 @@ def aligned_curves(state: State, run_of: RunOf) -> Iterator[Curve]:
                 name = label if shown else f"{branch.name}: {label}"
                 dash = () if shown else DASHES[i % len(DASHES)]
                 yield Curve(name, colours.of(method) if shown else branch.colour, values, dash)
-    for beside in state.beside:
-        if (error := state.beside_errors.get(beside.name)) is not None:
+    for beside in state[ExternalPaths].all:
+        if (error := state[ExternalPaths].errors.get(beside.name)) is not None:
             values = _at_exposures(error, beside.times_ns[: state.computed])
             yield Curve(f"{beside.name}, {ALIGNED[error.alignment]}", beside.colour, values)
 
@@ -179,7 +182,8 @@ def _live(series: Series, count: int) -> Iterator[tuple[str, Array]]:
 
 def _drawn(state: State) -> list[tuple[Branch, bool]]:
     """The branches that are drawn, that which is shown first."""
-    drawn = [(b, b.number == state.branch) for b in state.branches if b.number == state.branch or not b.hidden]
+    branches = state[Branches]
+    drawn = [(b, b.number == branches.shown) for b in branches.all if b.number == branches.shown or not b.hidden]
     return sorted(drawn, key=lambda each: not each[1])
 
 

@@ -13,11 +13,17 @@ from ispom.methods import in_order
 from ...engine.external_trajectories.placed import Beside
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
-from ...session import commands as do
-from ...session.accuracy import over_common_frames
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
+from ..external_paths.state import ExternalPaths
+from .accuracy import over_common_frames
 from .branches import NAME_LENGTH, Branch, Measured
+from .commands import CompareBranch, DeleteBranch, HideBranch, RenameBranch, ShowBranch
+from .differences import DifferencesPanel
+from .error_curves import ErrorCurvesPanel
+from .service import BranchService
+from .state import Branches
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -26,7 +32,7 @@ render = renderer(__package__)
 
 NO_BRANCH: tuple[str, ...] = ("-",)
 SHOW, COMPARE, DELETE = "Show", "Compare", "Delete"
-COMMANDS = {SHOW: do.ShowBranch, COMPARE: do.CompareBranch, DELETE: do.DeleteBranch}
+COMMANDS = {SHOW: ShowBranch, COMPARE: CompareBranch, DELETE: DeleteBranch}
 HINT = (
     "Show: this branch in all views. Compare: the first differences between the branch that is shown and this one. "
     "Delete: forgets it."
@@ -46,7 +52,7 @@ class BranchesPanel:
         self._drawn.on_update(self._drawn_changed)
         self._name = gui.add_text("name", "", hint=f"Up to {NAME_LENGTH} characters.")
         self._rename = gui.add_button("Rename", icon=viser.Icon.PENCIL, hint="Gives the branch the name above.")
-        self._rename.on_click(lambda _: self._post(lambda branch: do.RenameBranch(branch.number, self._name.value)))
+        self._rename.on_click(lambda _: self._post(lambda branch: RenameBranch(branch.number, self._name.value)))
 
     @property
     def _chosen(self) -> Branch | None:
@@ -63,7 +69,7 @@ class BranchesPanel:
     def _drawn_changed(self, _: object) -> None:
         branch = self._chosen
         if branch is not None and branch.hidden == self._drawn.value:
-            self._session.post(do.HideBranch(branch.number, not self._drawn.value))
+            self._session.post(HideBranch(branch.number, not self._drawn.value))
 
     def _fill(self) -> None:
         """The controls, with what the chosen branch has."""
@@ -73,20 +79,20 @@ class BranchesPanel:
     def show(self, state: State) -> None:
         if (text := _text(state, self._common, self._has_truth)) != self._text.content:
             self._text.content = text
-        labels, chosen, moved = _labels(state), self._chosen, state.branch != self._shown
-        self._branches, self._shown = state.branches, state.branch
+        labels, chosen, moved = _labels(state), self._chosen, state[Branches].shown != self._shown
+        self._branches, self._shown = state[Branches].all, state[Branches].shown
         if moved or labels != tuple(self._choice.options):
-            kept = next((b for b in state.branches if chosen is not None and b.number == chosen.number), None)
+            kept = next((b for b in state[Branches].all if chosen is not None and b.number == chosen.number), None)
             if moved or kept is None:
                 kept = _counterpart(state)
             self._choice.options = labels
             self._choice.value = _label(kept) if kept is not None else "-"
             self._fill()
         for control in (self._choice, self._buttons, self._drawn, self._name, self._rename):
-            control.visible = len(state.branches) > 1
+            control.visible = len(state[Branches].all) > 1
 
     def _has_truth(self, branch: Branch) -> bool:
-        run = self._session.branch(branch.number)
+        run = self._session.service(BranchService).run_of(branch.number)
         return run is not None and run.opened.truth is not None
 
 
@@ -99,7 +105,7 @@ class _Common:
 
     def of(self, state: State) -> Mapping[tuple[int, str], TrajectoryError]:
         """By number and method; none where a branch has nothing to be compared with."""
-        drawn = [b for b in state.branches if b.number == state.branch or not b.hidden]
+        drawn = [b for b in state[Branches].all if b.number == state[Branches].shown or not b.hidden]
         of = tuple((b.number, b.measured) for b in drawn)
         if of != self._of:
             self._of, self._found = of, over_common_frames(drawn)
@@ -108,14 +114,14 @@ class _Common:
 
 def _counterpart(state: State) -> Branch | None:
     """What the branch that is shown is most likely to be compared with: its parent, or else the newest other one."""
-    shown = next((b for b in state.branches if b.number == state.branch), None)
-    others = [b for b in state.branches if b is not shown]
+    shown = next((b for b in state[Branches].all if b.number == state[Branches].shown), None)
+    others = [b for b in state[Branches].all if b is not shown]
     parent = [b for b in others if shown is not None and b.number == shown.parent]
     return next(iter(parent or others[::-1]), shown)
 
 
 def _labels(state: State) -> tuple[str, ...]:
-    return tuple(map(_label, state.branches)) or NO_BRANCH
+    return tuple(map(_label, state[Branches].all)) or NO_BRANCH
 
 
 def _label(branch: Branch) -> str:
@@ -125,10 +131,10 @@ def _label(branch: Branch) -> str:
 def _text(state: State, common: _Common, has_truth: Callable[[Branch], bool]) -> str:
     """The branches and how each method does in them, as HTML. All lengths of the tables share one unit."""
     over_common = common.of(state)
-    errors = [error for b in state.branches for error in b.measured.errors.values()]
-    unit = length_unit(e.ate_m for e in (*errors, *over_common.values(), *state.beside_errors.values()))
-    branches = [_entry(branch, state, over_common, unit, has_truth(branch)) for branch in state.branches]
-    others = [_other(beside, state, unit) for beside in state.beside]
+    errors = [error for b in state[Branches].all for error in b.measured.errors.values()]
+    unit = length_unit(e.ate_m for e in (*errors, *over_common.values(), *state[ExternalPaths].errors.values()))
+    branches = [_entry(branch, state, over_common, unit, has_truth(branch)) for branch in state[Branches].all]
+    others = [_other(beside, state, unit) for beside in state[ExternalPaths].all]
     return render("branches.html", branches=branches, others=others, common=bool(over_common))
 
 
@@ -138,7 +144,7 @@ def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
     known = {"name": beside.name, "colour": beside.colour, "file": beside.given.file.path.name}
     if placed is None:
         return known | {"ate": "no truth", "missing": "", "alignment": "aligned to the first method's poses"}
-    error = state.beside_errors.get(beside.name)
+    error = state[ExternalPaths].errors.get(beside.name)
     ate = "" if error is None else _ate(error, unit)
     return known | {"ate": ate, "missing": placed.missing(state.computed), "alignment": placed.alignment}
 
@@ -150,7 +156,7 @@ def _entry(
     unit: Unit,
     has_truth: bool,
 ) -> dict[str, Any]:
-    names = {b.number: b.name for b in state.branches}
+    names = {b.number: b.name for b in state[Branches].all}
     origin = f"{branch.computed} of {state.total} exposures"
     if branch.parent is not None:
         changes = "; ".join(branch.changes) or "nothing changed"
@@ -164,7 +170,7 @@ def _entry(
             cells |= {"common": length(common.ate_m, unit), "common_hint": f"over the {poses} common frames"}
         rows.append(cells)
     known = {"name": branch.name, "colour": branch.colour, "hidden": branch.hidden, "held": branch.held.sentence}
-    return known | {"shown": branch.number == state.branch, "origin": origin, "methods": rows}
+    return known | {"shown": branch.number == state[Branches].shown, "origin": origin, "methods": rows}
 
 
 def _row(method: str, branch: Branch, unit: Unit, has_truth: bool) -> dict[str, Any]:
@@ -188,3 +194,10 @@ def _row(method: str, branch: Branch, unit: Unit, has_truth: bool) -> dict[str, 
 
 def _ate(error: TrajectoryError, unit: Unit) -> str:
     return f"{length(error.ate_m, unit)} {ALIGNED[error.alignment]}"
+
+
+PANELS = (
+    Panel("Compare", 400, BranchesPanel),
+    Panel("Compare", 410, ErrorCurvesPanel),
+    Panel("Compare", 420, DifferencesPanel),
+)

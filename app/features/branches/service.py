@@ -7,43 +7,54 @@ from dataclasses import replace
 from ispom.errors import InputError
 from ispom.methods import Config, in_order
 
+from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.state import Event, Resumed, changed
-from ...session.store import Store
+from ...session.service import Service
+from ...session.state import Resumed
 from ..flicker.flicker import Side, sides
+from ..flicker.state import Flickering
+from ..recording.service import RecordingService
+from .accuracy import Accuracy
 from .branches import MOST, NAME_LENGTH, STORED, Branch, changes
 from .comparison import advanced, begin
+from .state import Branches
 
 
-class BranchDesk:
+class BranchService(Service):
     """Branches by number; the one that is shown has memory, the others rest."""
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+    place = 10
+
+    def __init__(self, session: Controller) -> None:
+        super().__init__(session)
+        self._accuracy = Accuracy(self.store, self.run_of)
         self._runs: dict[int, CurrentRun] = {}
         self._next = 0
 
-    def begin(self, run: CurrentRun) -> None:
-        """Another run from the first exposure on: the branches of the one before are gone."""
+    def opened(self, run: CurrentRun) -> None:
+        """The branches of the run before are gone; one that is over is shown at its end."""
         self._runs, self._next = {0: run}, 1
+        if run.stored is not None:
+            known = {"name": STORED, "computed": len(run.history), "tally": run.tally}
+            self.store.put(self._branches.with_branch(0, **known))
+            self.session.player.move(Resumed(run.opened, 0, len(run.history), run.history.last, run.done))
 
-    def reviewed(self) -> tuple[Event, ...]:
-        """How the first run, which is over, is shown: at its end."""
-        run, first = self._found(0), self._store.state.branches[0]
-        known = replace(first, name=STORED, computed=len(run.history), tally=run.tally)
-        return changed(branches=(known,)), Resumed(run.opened, 0, len(run.history), run.history.last, run.done)
-
-    def run(self, number: int) -> CurrentRun | None:
+    def run_of(self, number: int) -> CurrentRun | None:
+        """For any thread."""
         return self._runs.get(number)
+
+    @property
+    def _branches(self) -> Branches:
+        return self.state[Branches]
 
     @property
     def sides(self) -> tuple[Side, ...]:
         """What can flicker: the methods of each branch."""
-        return sides(self._store.state.branches, lambda number: self._found(number).opened.methods)
+        return sides(self._branches.all, lambda number: self._found(number).opened.methods)
 
-    def fork(self, methods: tuple[str, ...], config: Config, name: str) -> tuple[CurrentRun, Resumed]:
-        """From the state after the exposure that is shown; as `show`. InputError where that cannot be."""
-        state = self._store.state
+    def fork(self, methods: tuple[str, ...], config: Config, name: str) -> None:
+        """From the state after the frame that is shown, which is shown then. InputError if that is not possible."""
+        state = self.state
         run = self._shown()
         if not methods:
             raise InputError("no method is chosen: switch on at least one")
@@ -55,30 +66,30 @@ class BranchDesk:
         methods = in_order(methods)
         fork = run.forked(state.index + 1, methods, config)
         differences = changes((before.methods, before.config), (methods, config))
-        return self.add(fork, name, state.index + 1, differences)
+        self.add(fork, name, state.index + 1, differences)
 
     def add(
         self, run: CurrentRun, name: str, at: int, differences: tuple[str, ...], *, reproducible: bool = False
-    ) -> tuple[CurrentRun, Resumed]:
-        """A run as a branch of the one that is shown, from exposure `at` on; as `show`. InputError beyond MOST."""
-        state = self._store.state
+    ) -> None:
+        """A run as a branch of the one that is shown, from frame `at` on; it is shown then. InputError beyond MOST."""
         if len(self._runs) >= MOST:
             raise InputError(f"there are {MOST} branches: delete one first")
         number, self._next = self._next, self._next + 1
         self._runs[number] = run
         named = _name(name) or f"branch {number}"
-        branch = Branch(number, named, state.branch, at, differences, len(run.history), run.tally)
-        self._store.set(branches=(*state.branches, replace(branch, reproducible=reproducible)))
-        return self.show(number)
+        branch = Branch(number, named, self._branches.shown, at, differences, len(run.history), run.tally)
+        branch = replace(branch, reproducible=reproducible)
+        self.store.put(replace(self._branches, all=(*self._branches.all, branch)))
+        self.show(number)
 
-    def show(self, number: int) -> tuple[CurrentRun, Resumed]:
-        """The run of a branch, with its memory; and how it is shown, at the exposure that is shown now or its last."""
-        run, state = self._found(number), self._store.state
+    def show(self, number: int) -> None:
+        """A branch, at the frame that is shown now or its last. InputError for an unknown one."""
+        run, state = self._found(number), self.state
         self._shown().rest()
         run.wake()
         last = len(run.history) - 1
         displayed = run.history[min(state.index, last)] if last >= 0 and state.index >= 0 else None
-        return run, Resumed(run.opened, number, last + 1, displayed, run.done)
+        self.session.show(run, Resumed(run.opened, number, last + 1, displayed, run.done))
 
     def rename(self, number: int, name: str) -> None:
         self._found(number)
@@ -93,43 +104,55 @@ class BranchDesk:
     def delete(self, number: int) -> None:
         """InputError for the one that is shown."""
         self._found(number)
-        if number == self._store.state.branch:
+        if number == self._branches.shown:
             raise InputError("the branch that is shown cannot be deleted: show another one first")
         del self._runs[number]
-        compared = self._store.state.comparison
+        compared = self._branches.comparison
         if compared is not None and number in (compared.shown, compared.other):
-            self._store.set(comparison=None)
-        flicker = self._store.state.flicker
+            compared = None
+        left = tuple(b for b in self._branches.all if b.number != number)
+        self.store.put(replace(self._branches, all=left, comparison=compared))
+        flicker = self.state[Flickering].between
         if flicker is not None and number in (flicker.a.branch, flicker.b.branch):
-            self._store.set(flicker=None)
-        self._store.set(branches=tuple(b for b in self._store.state.branches if b.number != number))
+            self.store.put(Flickering())
 
     def compare(self, number: int) -> None:
         """The branch that is shown with another one, from now on. InputError where there is nothing to compare."""
-        state, other = self._store.state, self._found(number)
-        self._store.set(comparison=begin(state.branches, state.branch, number, self._shown(), other))
+        known, other = self._branches, self._found(number)
+        begun = begin(known.all, known.shown, number, self._shown(), other)
+        self.store.put(replace(known, comparison=begun))
 
     @property
-    def comparing(self) -> bool:
-        compared = self._store.state.comparison
+    def impatient(self) -> bool:
+        """While something is left to compare."""
+        compared = self._branches.comparison
         return compared is not None and not compared.finished
 
-    def compare_on(self) -> None:
-        """A little of it, where there is something left."""
-        compared = self._store.state.comparison
+    def watch(self) -> None:
+        """Compares a little, and measures what changed."""
+        compared = self._branches.comparison
         if compared is not None and not compared.finished:
             found = None  # where this fails, it is not tried again
             try:
                 found = advanced(compared, self._found(compared.shown), self._found(compared.other))
             finally:
-                self._store.set(comparison=found)
+                self.store.put(replace(self._branches, comparison=found))
+        self._accuracy.watch()
+
+    def loss(self) -> list[str]:
+        """Forks that can be had again neither from a file nor by the same steps."""
+        recorded = self.session.service(RecordingService).recorded
+        own = [
+            b for b in self._branches.all if b.parent is not None and not b.reproducible and b.number not in recorded
+        ]
+        names = ", ".join(f"“{branch.name}”" for branch in own)
+        return [f"the branch {names}" if len(own) == 1 else f"the {len(own)} branches {names}"] if own else []
 
     def _change(self, number: int, **values: object) -> None:
-        branches = self._store.state.branches
-        self._store.set(branches=tuple(replace(b, **values) if b.number == number else b for b in branches))  # type: ignore[arg-type]
+        self.store.put(self._branches.with_branch(number, **values))
 
     def _shown(self) -> CurrentRun:
-        return self._found(self._store.state.branch)
+        return self._found(self._branches.shown)
 
     def _found(self, number: int) -> CurrentRun:
         if number not in self._runs:

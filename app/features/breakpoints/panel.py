@@ -14,9 +14,10 @@ from ...engine.conditions.parser import Expression, parse
 from ...engine.conditions.until import shown
 from ...engine.history.quantities import Quantity
 from ...engine.history.series import Series
-from ...session import commands as do
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
+from .commands import FindMatch, RunUntil
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -46,7 +47,7 @@ class BreakPointPanel:
 
     def _clicked(self, _: object) -> None:
         condition, button = self._condition.value, self._buttons.value
-        self._session.post(do.RunUntil(condition) if button == UNTIL else do.FindMatch(condition, button == NEXT))
+        self._session.post(RunUntil(condition) if button == UNTIL else FindMatch(condition, button == NEXT))
 
     def show(self, state: State) -> None:
         self._state = state
@@ -107,3 +108,6 @@ def _fitting(condition: str, series: Series) -> list[Quantity]:
 def _entry(quantity: Quantity, series: Series, index: int | None) -> dict[str, str]:
     value = "" if index is None else shown(series.value(quantity, index), quantity.unit)
     return {"name": quantity.name, "help": quantity.help, "text": value}
+
+
+PANELS = (Panel("Breakpoints", 500, BreakPointPanel),)

@@ -13,9 +13,9 @@ from ispom.errors import InputError, printable
 from ispom.io.files import exists
 from ispom.types import Frame
 
+from ...engine.differences.compare import Divergence, divergences
 from ...engine.run_folder.run_file import read_run_file
 from ...engine.run_folder.run_folder import MARKER
-from .compare import Divergence, divergences
 from .final import final_divergences
 from .folder import run_rows
 from .options import Diff

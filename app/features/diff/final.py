@@ -9,8 +9,8 @@ from ispom.io.files import exists
 from ispom.io.tum import read_tum
 from ispom.types import Frame, Trajectory
 
+from ...engine.differences.compare import ORIENTATION, Difference, Divergence, distance, further
 from ...engine.run_folder.run_folder import trajectory_file
-from .compare import ORIENTATION, Difference, Divergence, distance, further
 
 
 def final_divergences(

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from ...engine.differences.compare import MethodRow
+from ...engine.differences.order import in_order, stored_pose
 from ...engine.run_folder.step_reader import StoredStep, stored_steps
-from .compare import MethodRow
-from .order import in_order, stored_pose
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .compare import DIGEST, ORIENTATION, POSITION, Difference, Divergence
+from ...engine.differences.compare import DIGEST, ORIENTATION, POSITION, Difference, Divergence
 
 MOST = 8
 """Quantities that are shown of an exposure."""

@@ -15,11 +15,15 @@ from ...engine.run_events.event import RunEvent
 from ...engine.run_events.find import with_bookmarks
 from ...engine.run_events.registry import event_kinds
 from ...presentation import colours
-from ...session import commands as do
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
+from ..bookmarks.state import Bookmarks
 from ..branches.branches import changes
+from ..events.commands import StepToEvent
+from ..lessons.state import Lessons
+from ..plots.state import Plots
 from .card import Card, cards
 
 if TYPE_CHECKING:
@@ -42,7 +46,7 @@ class ExplainPanel:
                 self._details[template] = gui.add_html("")
         hint = "The next frame with a warning or a loss. Frames are computed until there is one."
         self._next = gui.add_button("Run to the next anomaly", icon=viser.Icon.ALERT_TRIANGLE, hint=hint, color="gray")
-        self._next.on_click(lambda _: session.post(do.StepToEvent(alarming=True)))
+        self._next.on_click(lambda _: session.post(StepToEvent(alarming=True)))
         self._events = gui.add_html("")
         self._shown: tuple[object, ...] = ()
         """What the texts were made from."""
@@ -52,11 +56,20 @@ class ExplainPanel:
     def show(self, state: State) -> None:
         run = self._session.run
         count = 0 if run is None else len(run.events)
-        shown = (state.displayed, state.plots, state.methods, state.config, _coming(state), count, state.bookmarks)
+        shown = (
+            state.displayed,
+            state[Plots].names,
+            state.methods,
+            state.config,
+            _coming(state),
+            count,
+            state[Bookmarks].marks,
+            state.notes,
+        )
         if shown == self._shown:
             return
         self._shown = shown
-        open_question = state.lesson is not None and state.lesson.covers
+        open_question = state[Lessons].covers
         latest = {} if run is None or open_question else self._latest_records(run, state)
         values = report_values(state, latest, () if open_question else state.methods)
         _put(self._verdicts, "verdicts.html", values | {"ongoing": {} if open_question else ongoing(run, state.index)})
@@ -90,8 +103,9 @@ def report_values(state: State, latest: Mapping[str, ExposureRecord], methods: t
         "time_s": f"{state.time_s:.2f}",
         "cards": found,
         "settings": changes((state.methods, Config()), (state.methods, state.config)),
-        "plotted": state.plots,
+        "plotted": state[Plots].names,
         "coming": _coming(state),
+        "notes": (state.failure,) if state.phase == "failed" else state.notes,
     }
 
 
@@ -107,7 +121,7 @@ def ongoing(run: CurrentRun | None, index: int) -> dict[str, list[Any]]:
 
 def event_values(state: State, run: CurrentRun | None) -> dict[str, Any]:
     """What the template of the events takes."""
-    events = [] if run is None else with_bookmarks(run.events.events, state.bookmarks)
+    events = [] if run is None else with_bookmarks(run.events.events, state[Bookmarks].marks)
     first = next((i for i, event in enumerate(events) if event.frame >= state.index), len(events))
     start, stop = max(0, first - AROUND), first + AROUND
     return {
@@ -143,3 +157,6 @@ def _put(handle: viser.GuiHtmlHandle, template: str, values: Mapping[str, Any]) 
 
 def _coming(state: State) -> bool:
     return state.displayed is None and (state.playing or state.activity is not None)
+
+
+PANELS = (Panel(TAB, 100, ExplainPanel),)

@@ -11,12 +11,16 @@ from ispom.errors import InputError
 from ispom.types import Image
 
 from ...presentation import colours
-from ...session import commands as do
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
 from ...views.viser.track_picture import image_of, picture, tracks_of
+from ..branches.service import BranchService
+from ..branches.state import Branches
+from .commands import Flick, FlickerBetween, StopFlicker
 from .flicker import Flicker, Side, sides
+from .state import Flickering
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -51,26 +55,27 @@ class FlickerPanel:
         a, b = (self._sides.get(choice.value) for choice in self._choices.values())
         before = (self._shown.a, self._shown.b) if self._shown is not None else None
         if a is not None and b is not None and a != b and (a, b) != before:
-            self._session.post(do.FlickerBetween(a, b))
+            self._session.post(FlickerBetween(a, b))
 
     def _clicked(self, _: object) -> None:
-        self._session.post({TURN: do.Flick(), OFF: do.StopFlicker()}[self._buttons.value])
+        self._session.post({TURN: Flick(), OFF: StopFlicker()}[self._buttons.value])
 
     def show(self, state: State) -> None:
         self._offer(state)
-        said = self._draw(state) if state.flicker is not None else ""
+        between = state[Flickering].between
+        said = self._draw(state) if between is not None else ""
         for name, drawn in self._pictures.items():
-            visible = state.flicker is not None and not said and name == ("b" if state.flicker.on_b else "a")
+            visible = between is not None and not said and name == ("b" if between.on_b else "a")
             if drawn.visible != visible:
                 drawn.visible = visible
         if (text := _text(state, said)) != self._text.content:
             self._text.content = text
 
     def _offer(self, state: State) -> None:
-        self._sides = {_label(side, state): side for side in sides(state.branches, self._methods)}
+        self._sides = {_label(side, state): side for side in sides(state[Branches].all, self._methods)}
         options = (*NONE, *self._sides)
-        self._shown = state.flicker
-        chosen = (state.flicker.a, state.flicker.b) if state.flicker is not None else (None, None)
+        self._shown = between = state[Flickering].between
+        chosen = (between.a, between.b) if between is not None else (None, None)
         for choice, side in zip(self._choices.values(), chosen, strict=True):
             if tuple(choice.options) != options:
                 choice.options = options
@@ -79,12 +84,12 @@ class FlickerPanel:
                 choice.value = value
 
     def _methods(self, number: int) -> tuple[str, ...]:
-        run = self._session.branch(number)
+        run = self._session.service(BranchService).run_of(number)
         return run.opened.methods if run is not None else ()
 
     def _draw(self, state: State) -> str:
         """Both pictures of the exposure shown; what keeps them from being drawn, where something does."""
-        flicker, run = state.flicker, self._session.run
+        flicker, run = state[Flickering].between, self._session.run
         wanted = (run, state.index, flicker and flicker.a, flicker and flicker.b)
         if wanted == self._drawn or flicker is None or run is None or state.index < 0:
             return ""
@@ -97,7 +102,8 @@ class FlickerPanel:
             self._drawn = ()
             return str(fault)
         for name, side in (("a", flicker.a), ("b", flicker.b)):
-            self._put(name, _picture(self._session.branch(side.branch), side.method, state.index, camera, image))
+            shown = self._session.service(BranchService).run_of(side.branch)
+            self._put(name, _picture(shown, side.method, state.index, camera, image))
         return ""
 
     def _put(self, name: str, image: Image) -> None:
@@ -114,12 +120,16 @@ def _picture(run: CurrentRun | None, method: str, index: int, camera: str, image
 
 
 def _label(side: Side, state: State) -> str:
-    names = {branch.number: branch.name for branch in state.branches}
+    names = {branch.number: branch.name for branch in state[Branches].all}
     return f"{side.branch} {names.get(side.branch, '')}: {colours.label(side.method)}"
 
 
 def _text(state: State, said: str) -> str:
-    if state.flicker is None:
+    between = state[Flickering].between
+    if between is None:
         return render("flicker.html", side=None, label="", said="")
-    side = "B" if state.flicker.on_b else "A"
-    return render("flicker.html", side=side, label=_label(state.flicker.shown, state), said=said)
+    side = "B" if between.on_b else "A"
+    return render("flicker.html", side=side, label=_label(between.shown, state), said=said)
+
+
+PANELS = (Panel("Compare", 430, FlickerPanel),)

@@ -57,13 +57,13 @@ def shown(state: State, run: CurrentRun | None, method: str) -> Integration | No
     return Integration(method)
 
 
-def moved(state: State, run: CurrentRun | None, by: int) -> Integration:
+def moved(state: State, run: CurrentRun | None, now: Integration | None, by: int) -> Integration:
     """So many stages on; at either end it stays. InputError where nothing is looked at."""
-    if state.integration is None:
+    if now is None:
         raise InputError("no integration is shown: choose one under Steps")
-    step = _fit(state, run, state.integration.method)
-    stage = min(max(state.integration.stage + by, 0), max(stage_count(step) - 1, 0))
-    return Integration(state.integration.method, stage)
+    step = _fit(state, run, now.method)
+    stage = min(max(now.stage + by, 0), max(stage_count(step) - 1, 0))
+    return Integration(now.method, stage)
 
 
 def _fit(state: State, run: CurrentRun | None, method: str) -> Step:

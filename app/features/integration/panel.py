@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
 import viser
 
-from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.types import Step
 
 from ...presentation import colours
-from ...session import commands as do
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
-from .drawing import drawing, extent
+from ...views.viser.panels import Panel
+from .commands import ShowIntegration, StepIntegration
 from .integration import Integration, latest_fit
 from .numbers import table
+from .state import IntegrationSteps
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -27,41 +25,30 @@ if TYPE_CHECKING:
 render = renderer(__package__)
 
 OFF: tuple[str, ...] = ("off",)
-PREVIOUS, NEXT, LOOK = "◀ Previous step", "Next step ▶", "Look at it"
-STEP_HINT = (
-    "The step before or after, in the 3-D view at the right of this pane; Look at it turns that view to the fit."
-)
-VIEWED_FROM = np.array([-0.5, -0.9, -1.0])
-"""The camera's place, relative to what it looks at, in sizes of that."""
+PREVIOUS, NEXT = "◀ Previous step", "Next step ▶"
+STEP_HINT = "The step before or after, in the 3-D view."
 
 
 class IntegrationPanel:
-    def __init__(self, gui: viser.GuiApi, session: Session, look: Callable[[Array, Array], None]) -> None:
-        """`look(position, target)` moves the viewers' cameras."""
-        self._session, self._look, self._state = session, look, session.state
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session, self._state = session, session.state
         self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
         with gui.add_folder("Integration, step by step", expand_by_default=False):
             hint = "How the latest fit up to the exposure shown came about, in the 3-D view beside."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
-            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT, LOOK), visible=False, hint=STEP_HINT)
+            self._buttons = gui.add_button_group("", (PREVIOUS, NEXT), visible=False, hint=STEP_HINT)
             self._buttons.on_click(self._clicked)
             self._text = gui.add_html("", visible=False)
 
     def _chosen(self, _: object) -> None:
         wanted = next((m for m in _methods(self._state) if colours.label(m) == self._method.value), "")
-        shown = self._state.integration
+        shown = self._state[IntegrationSteps].shown
         if wanted != (shown.method if shown is not None else ""):
-            self._session.post(do.ShowIntegration(wanted))
+            self._session.post(ShowIntegration(wanted))
 
     def _clicked(self, _: object) -> None:
-        if self._buttons.value != LOOK:
-            self._session.post(do.StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
-            return
-        fit, shown = self.fit, self._state.integration
-        if fit is not None and shown is not None:
-            centre, size = extent(drawing(fit, shown.stage))
-            self._look(centre + size * VIEWED_FROM, centre)
+        self._session.post(StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
 
     @property
     def fit(self) -> Step | None:
@@ -70,7 +57,7 @@ class IntegrationPanel:
 
     def show(self, state: State) -> None:
         self._state = state
-        shown = state.integration
+        shown = state[IntegrationSteps].shown
         options = (*OFF, *map(colours.label, _methods(state)))
         if tuple(self._method.options) != options:
             self._method.options = options
@@ -100,3 +87,6 @@ def _text(found: tuple[int, Step] | None, stage: int) -> str:
     if found is None:
         return render("integration.html", index=None, found={})
     return render("integration.html", index=found[0], found=table(found[1], stage))
+
+
+PANELS = (Panel("View", 600, IntegrationPanel),)

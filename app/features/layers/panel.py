@@ -10,10 +10,12 @@ from ispom.methods import names
 from ispom.types import TrackStatus
 
 from ...presentation import colours
-from ...session import commands as do
 from ...session.state import State
 from ...views.rerun.layers import HINTS, LAYERS
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
+from .commands import Hide
+from .state import Layers
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -25,7 +27,7 @@ METHOD_HINT = "Draws what the method made: path, camera, key frames, points."
 
 class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._showing, self._seen = session, False, session.state.hidden
+        self._session, self._showing, self._seen = session, False, session.state[Layers].hidden
         self._asked: set[frozenset[str]] = set()
         """What was asked for here, and is not shown yet."""
         self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT) for m in names()}
@@ -42,15 +44,15 @@ class ViewPanel:
     def _clicked(self) -> None:
         if not self._showing:
             self._asked.add(self.hidden)
-            self._session.post(do.Hide(self.hidden))
+            self._session.post(Hide(self.hidden))
 
     def show(self, state: State) -> None:
-        if state.hidden != self._seen:
-            self._seen = state.hidden
-            if state.hidden in self._asked:
+        if state[Layers].hidden != self._seen:
+            self._seen = state[Layers].hidden
+            if state[Layers].hidden in self._asked:
                 self._asked.clear()
             else:
-                self._follow(state.hidden)
+                self._follow(state[Layers].hidden)
         for name, box in self._boxes.items():
             absent = name not in LAYERS and name not in state.methods
             if box.disabled != absent:
@@ -75,3 +77,6 @@ def legend() -> str:
     tracks = [(colour, "; ".join(found)) for colour, found in reasons.items()]
     paths = [*methods, (colours.css(colours.TRUTH), "truth")]
     return render("legend.html", groups=[("Paths", paths), ("Tracks", tracks)])
+
+
+PANELS = (Panel("View", 610, ViewPanel),)

@@ -1,17 +1,14 @@
-"""Where a lesson is, as a value; and what may be seen of the session while its question is open."""
+"""Where a lesson is, as a value."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 from ispom.types import Tracks
 
 from .lesson import Lesson, Step
 from .reveal import Revealed
-
-if TYPE_CHECKING:
-    from ...session.state import State
 
 Phase = Literal["preparing", "asking", "running", "revealed"]
 
@@ -41,25 +38,3 @@ class Learning:
     def covers(self) -> bool:
         """Whether numbers, checks and settings are out of sight."""
         return self.open and not self.step.tools
-
-
-def covered(state: State) -> State:
-    """The state as people may see it: while a question is open, nothing in it gives the answer away."""
-    learning = state.lesson
-    if learning is None or not learning.covers:
-        return state
-    record = state.displayed and replace(state.displayed, steps=(), errors_m={}, statuses={})
-    activity = state.activity and replace(state.activity, text="getting the question ready")
-    if learning.phase == "running":
-        activity = state.activity and replace(state.activity, text="running")
-    return replace(
-        state,
-        source="",
-        name=learning.lesson.title,
-        notes=(),
-        displayed=record,
-        activity=activity,
-        plots=(),
-        sweep=None,
-        branches=state.branches[:1],
-    )

@@ -18,6 +18,7 @@ from .learning import Learning
 from .lesson import Ask, Choose, Draw, Number, Point
 from .markdown import html
 from .reveal import Revealed, sampled
+from .state import Lessons
 
 WIDTH = 640
 """Of the picture that is pointed at [px]."""
@@ -35,7 +36,7 @@ class LessonNews:
 
     def since(self, state: State, run: CurrentRun | None, answers: Answers, person: str) -> dict[str, Any]:
         """The lesson, where there is something new of it: None for none any more."""
-        learning = state.lesson
+        learning = state[Lessons].now
         now = (learning, answers.version if learning is not None else 0)
         if now == self._sent:
             return {}

@@ -12,7 +12,9 @@ from ...presentation import colours
 from ...session import commands as do
 from ...session.state import State
 from ...views.viser.controls import ConfigForm
+from ...views.viser.panels import Panel
 from ..branches.branches import differences
+from ..branches.commands import Fork
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -38,7 +40,7 @@ class MethodsPanel:
         self._apply.on_click(lambda _: session.post(do.Restart(self._chosen, self._config)))
         hint = "Keeps this run, and runs on from the exposure shown with these methods and settings, as a branch."
         self._fork = gui.add_button(FORK, icon=viser.Icon.GIT_FORK, hint=hint, disabled=True)
-        self._fork.on_click(lambda _: session.post(do.Fork(self._chosen, self._config)))
+        self._fork.on_click(lambda _: session.post(Fork(self._chosen, self._config)))
         restore = gui.add_button("Restore defaults", icon=viser.Icon.RESTORE, color="gray", hint=RESTORE_HINT)
         restore.on_click(self._defaults)
         for name in names():
@@ -100,3 +102,6 @@ class MethodsPanel:
             box.value = name in state.methods
         self._show(state.config)
         self._arrange()
+
+
+PANELS = (Panel("Methods", 300, MethodsPanel),)

@@ -19,7 +19,9 @@ from ...presentation.texts import ALIGNED
 from ...session.current_run import CurrentRun
 from ...session.state import State
 from ..branches.branches import Measured
+from ..branches.state import Branches
 from .plotting import ERROR
+from .state import Plots
 
 SLICE = 4000
 """Most values of one curve in one message."""
@@ -82,9 +84,10 @@ class PlotNews:
         if run is not self._run:
             self._run, self._plots, self._sent, self._measured = run, None, {}, None
             news["choices"] = [[name, title] for name, title in choices(run.series.quantities)]
-        measured = next((b.measured for b in state.branches if b.number == state.branch), None)
+        measured = next((b.measured for b in state[Branches].all if b.number == state[Branches].shown), None)
         found = (
-            error_plot(measured) if name == ERROR else plot_of(name, run.series.quantities) for name in state.plots
+            error_plot(measured) if name == ERROR else plot_of(name, run.series.quantities)
+            for name in state[Plots].names
         )
         plots = tuple(plot for plot in found if plot is not None)
         if plots != self._plots:

@@ -16,9 +16,9 @@ from ispom.io.whole import part_of
 
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL
-from ...session.state import Kept
 from ..bookmarks.notes import notes_of, tidy
 from .companions import picture_of
+from .state import Kept
 
 MOST_READ = 500
 _PLAIN = re.compile(r"[\w][\w .()+-]{0,99}")

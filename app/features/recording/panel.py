@@ -10,9 +10,12 @@ import viser
 
 from ...presentation.texts import size
 from ...session import commands as do
-from ...session.state import Kept, State
+from ...session.state import State
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
 from ..bookmarks.notes import NOTE_LENGTH
+from .commands import PutNote, Record, RepairRecordings, StopRecording
+from .state import Kept, Recordings
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -34,10 +37,10 @@ class RecordPanel:
         self._button.on_click(self._clicked)
         self._repair = gui.add_button(
             "Repair unfinished recordings",
-            visible=bool(session.state.unfinished),
+            visible=bool(session.state[Recordings].unfinished),
             hint="An app that was stopped left them without an index: they become readable up to where it came.",
         )
-        self._repair.on_click(lambda _: session.post(do.RepairRecordings()))
+        self._repair.on_click(lambda _: session.post(RepairRecordings()))
         self._text = gui.add_html(_text(session.state))
         self._kept: tuple[Kept, ...] = ()
         with gui.add_folder("Review", visible=False) as self._folder:
@@ -47,20 +50,20 @@ class RecordPanel:
             review.on_click(lambda _: session.post(do.OpenNamed(self._choice.value)))
             self._note = gui.add_text("its note", "", hint=f"Kept with the run or recording; {NOTE_LENGTH} characters.")
             keep = gui.add_button("Keep note", icon=viser.Icon.PENCIL, hint="Writes it; an empty note is removed.")
-            keep.on_click(lambda _: session.post(do.PutNote(self._choice.value, self._note.value)))
+            keep.on_click(lambda _: session.post(PutNote(self._choice.value, self._note.value)))
 
     def _clicked(self, _: object) -> None:
-        recording = self._session.state.recording
-        self._session.post(do.StopRecording() if recording else do.Record(self._name.value))
+        recording = self._session.state[Recordings].current
+        self._session.post(StopRecording() if recording else Record(self._name.value))
 
     def show(self, state: State) -> None:
-        label = STOP if state.recording else START
+        label = STOP if state[Recordings].current else START
         if self._button.label != label:
             self._button.label = label
-            self._name.disabled = state.recording is not None
-        self._offer(state.recordings)
-        if self._repair.visible != bool(state.unfinished):
-            self._repair.visible = bool(state.unfinished)
+            self._name.disabled = state[Recordings].current is not None
+        self._offer(state[Recordings].listed)
+        if self._repair.visible != bool(state[Recordings].unfinished):
+            self._repair.visible = bool(state[Recordings].unfinished)
         if (text := _text(state)) != self._text.content:
             self._text.content = text
 
@@ -82,16 +85,19 @@ class RecordPanel:
 def _text(state: State) -> str:
     """What is recorded now, and links to the files, as HTML."""
     text = f"Records the run from its first exposure, whenever you start. The file opens in any Rerun {VIEWER} viewer."
-    if state.recording:
-        recording = state.recording
+    recordings = state[Recordings]
+    if recording := recordings.current:
         doing = "Closing" if recording.closing else "Recording"
         done = f"{recording.written} of {state.computed} exposures"
         text = f"{doing} {recording.name}: {done}, {size(recording.size_bytes)}"
-    files = [asdict(kept) | {"size": size(kept.size_bytes), "about": _about(kept)} for kept in state.recordings]
-    return render("recordings.html", text=text, files=files, unfinished=state.unfinished)
+    files = [asdict(kept) | {"size": size(kept.size_bytes), "about": _about(kept)} for kept in recordings.listed]
+    return render("recordings.html", text=text, files=files, unfinished=recordings.unfinished)
 
 
 def _about(kept: Kept) -> str:
     """What it is of, and how long."""
     length = f"{kept.exposures} exposures" if kept.exposures else ""
     return ", ".join(filter(None, (kept.source, length, f"{kept.duration_s:.1f} s" if kept.duration_s else "")))
+
+
+PANELS = (Panel("Files", 700, RecordPanel),)

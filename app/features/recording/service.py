@@ -1,73 +1,111 @@
-"""The recordings that are being written: one of the run on the screen, and those that are still being closed."""
+"""The recordings of a session: the one that is being made, and the list of those that are there."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 from ispom.errors import InputError
 
-from ...engine.events import Bookmark, Finished, Stepped
+from ...engine.events import Stepped
+from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.state import Recording
-from .listing import recording_path
-from .writer import RecordingWriter
+from ...session.service import Service
+from ...session.state import NoticeAdded
+from ..bookmarks.notes import notes_of, put
+from ..bookmarks.state import Bookmarks
+from ..branches.state import Branches
+from .listing import list_recordings
+from .repairs import Repairs
+from .state import Recordings
+from .writers import Writers
+
+CLOSE_S = 1.0
+"""For a recording to be closed at the end."""
 
 
-class RecordingDesk:
-    """Each writer holds its own run: another run may begin while its file is being closed."""
+class RecordingService(Service):
+    """The recording that is being made, and the list of those that are there."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._open: RecordingWriter | None = None
-        self._closing: list[RecordingWriter] = []
+    place = 50
+
+    def __init__(self, session: Controller) -> None:
+        super().__init__(session)
+        self._writers, self._repairs = Writers(session.recordings), Repairs(session.recordings)
+        self.recorded: set[int] = set()
+        """Branches of the run on the screen that are, or were, recorded."""
 
     @property
     def busy(self) -> bool:
-        return self._open is not None or bool(self._closing)
+        """Whether something is being written or repaired."""
+        return self._writers.busy or self._repairs.busy
 
-    def start(self, name: str, run: CurrentRun) -> None:
-        """Begins to record a run from its first exposure on. InputError where a recording is open, the name is none, or
-        the file cannot be written."""
-        if self._open is not None:
-            raise InputError(f"{self._open.path.name} is being recorded: stop it before the next one")
-        try:
-            path = recording_path(self.folder, name, run.opened.sequence.name)
-            self._open = RecordingWriter(path, run.opened, run.history)
-        except OSError as fault:
-            raise InputError(
-                f"{self.folder} cannot be written ({fault.strerror}): free it or choose another"
-            ) from fault
+    def begin(self) -> None:
+        self.show()
 
-    def offer(self, event: Stepped) -> None:
-        """The newest exposure of the run that is being recorded."""
-        if self._open is not None:
-            self._open.offer(event)
+    def opened(self, run: CurrentRun) -> None:
+        self.recorded = set()
 
     @property
-    def recording(self) -> bool:
-        """Whether new exposures are being recorded."""
-        return self._open is not None
+    def keeps_run(self) -> bool:
+        return 0 in self.recorded
 
-    def stop(self, finished: Finished | None, bookmarks: tuple[Bookmark, ...] = ()) -> None:
-        """The file is closed when all of the run so far, and its bookmarks, are written, which may take a while."""
-        writer, self._open = self._open, None  # by the worker, or by whoever closes the session without it
-        if writer is not None:
-            self._closing.append(writer)
-            writer.stop(finished, bookmarks)
+    def computed(self, event: Stepped) -> None:
+        self._writers.offer(event)
 
-    def info(self) -> Recording | None:
-        """How it goes: the open recording's, else the oldest of those that are being closed."""
-        writers = [*filter(None, [self._open]), *self._closing]
-        return writers[0].info if writers else None
+    def record(self, name: str) -> None:
+        """InputError if there is nothing to record, or not under this name."""
+        run = self.run
+        if run is None:
+            raise InputError("there is nothing to record yet: open a source first")
+        if run.stored is not None:
+            raise InputError("a run that is over is not recorded: fork it, and record the branch")
+        self._writers.start(name, run)
+        self.recorded.add(self.state[Branches].shown)
+        self._show_current()
 
-    def ended(self) -> list[RecordingWriter]:
-        """Those whose files were closed since this was asked last."""
-        found = [writer for writer in [self._open, *self._closing] if writer is not None and writer.done]
-        self._closing = [writer for writer in self._closing if writer not in found]
-        self._open = None if self._open in found else self._open
-        return found
+    def leave(self, run: CurrentRun | None) -> None:
+        """The file is closed when all of the run so far is written, which may take a while."""
+        if self._writers.recording and run is not None:
+            self._writers.stop(run.finish() if run.history else None, self.state[Bookmarks].marks)
 
-    def close(self, timeout_s: float) -> None:
-        """Closes all files within about this time."""
-        for writer in [*filter(None, [self._open]), *self._closing]:
-            writer.close(timeout_s)
+    def watch(self) -> None:
+        """Shows how a recording goes, and what became of it."""
+        ended = self._writers.ended()
+        self._show_current()
+        for writer in ended:
+            if writer.failure:
+                self.store.emit(NoticeAdded(f"recording {writer.path.name} stopped: {writer.failure}"))
+        problems = self._repairs.ended()
+        for problem in problems or ():
+            self.store.emit(NoticeAdded(problem))
+        if ended or problems is not None:
+            self.show()
+
+    def put_note(self, name: str, note: str) -> None:
+        """Of a run or recording in the list."""
+        if name not in [kept.name for kept in self.state[Recordings].listed]:
+            raise InputError(f"there is no run or recording {name[:60]!r} in the list: choose one of it")
+        put(notes_of(self.session.recordings / name), note=note)
+        self.show()
+
+    def repair(self) -> None:
+        """Makes what was never finished readable, beside all else."""
+        self._repairs.start()
+
+    def show(self) -> None:
+        """The list, as the folder is now."""
+        listed, unfinished = list_recordings(self.session.recordings), self._repairs.found()
+        self.store.put(replace(self.state[Recordings], listed=listed, unfinished=unfinished))
+
+    def close(self) -> None:
+        self._writers.close(CLOSE_S)
+
+    def close_now(self) -> None:
+        """Closes the recordings while the worker is busy, from another thread, within about CLOSE_S."""
+        if self._writers.busy:
+            finished = self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None
+            self._writers.stop(finished, self.state[Bookmarks].marks)
+            self._writers.close(0.6 * CLOSE_S)
+
+    def _show_current(self) -> None:
+        self.store.put(replace(self.state[Recordings], current=self._writers.info()))

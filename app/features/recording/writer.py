@@ -11,10 +11,10 @@ from ispom.errors import InputError
 from ...engine.events import Bookmark, Finished, Opened, Stepped
 from ...engine.history.feed import Feed
 from ...engine.history.history import History
-from ...session.state import Recording
 from ...views.rerun.file_recording import FileRecording
 from ...views.rerun.streams import release_streams
 from .companions import write_companions
+from .state import Recording
 
 log = logging.getLogger(__name__)
 

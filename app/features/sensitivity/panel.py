@@ -11,11 +11,13 @@ from ispom.types import Rig
 
 from ...presentation import colours
 from ...presentation.texts import Unit
-from ...session import commands as do
 from ...session.state import State
 from ...views.viser.controls import ConfigForm
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
+from .commands import Predict, RunPerturbed
 from .rerun import CLOSE, Compared
+from .state import CalibrationEffect
 from .words import cell, said, unit_of
 
 if TYPE_CHECKING:
@@ -37,15 +39,15 @@ class EffectPanel:
         with gui.add_folder(TITLE, expand_by_default=False):
             # Above the sliders: what they do stays in sight while they are drawn.
             self._text = gui.add_html(_text(session.state))
-            self._form = ConfigForm(gui, Perturbation(), lambda wrong: session.post(do.Predict(wrong)))
+            self._form = ConfigForm(gui, Perturbation(), lambda wrong: session.post(Predict(wrong)))
             self._rerun = gui.add_button(RERUN, icon=viser.Icon.GIT_FORK, hint=RERUN_HINT, disabled=True)
-            self._rerun.on_click(lambda _: session.post(do.RunPerturbed()))
+            self._rerun.on_click(lambda _: session.post(RunPerturbed()))
             nothing = gui.add_button(NOTHING, icon=viser.Icon.RESTORE, color="gray", hint=NOTHING_HINT)
             nothing.on_click(lambda _: self._reset())
 
     def _reset(self) -> None:
         self._form.show(Perturbation())
-        self._session.post(do.Predict(Perturbation()))
+        self._session.post(Predict(Perturbation()))
 
     def show(self, state: State) -> None:
         if state.run != self._run:
@@ -54,7 +56,8 @@ class EffectPanel:
                 self._form.offer(offered(opened.sequence.rig))
         if (text := _text(state)) != self._text.content:
             self._text.content = text
-        disabled = state.effect is None or not state.effect.wrong.said
+        effect = state[CalibrationEffect].effect
+        disabled = effect is None or not effect.wrong.said
         if self._rerun.disabled != disabled:
             self._rerun.disabled = disabled
 
@@ -67,7 +70,7 @@ def offered(rig: Rig) -> frozenset[str]:
 
 
 def _text(state: State) -> str:
-    effect = state.effect
+    effect = state[CalibrationEffect].effect
     if effect is None:
         return render("effect.html", effect=None)
     unit = unit_of(effect.predictions, effect.outcomes)
@@ -92,3 +95,6 @@ def _outcome(outcome: Compared | None, unit: Unit) -> dict[str, Any]:
     if outcome is None:
         return {"rerun": "", "rerun_ate": "", "held": True}
     return {"rerun": cell(outcome.shift_m, unit), "rerun_ate": cell(outcome.ate_m, unit), "held": outcome.held}
+
+
+PANELS = (Panel("Compare", 450, EffectPanel),)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ispom.errors import InputError
 from ispom.evaluation.ate import placed
@@ -17,88 +16,75 @@ from ispom.types import Sequence
 from ...engine.external_trajectories.given import Given
 from ...engine.external_trajectories.placed import Beside, beside_run
 from ...engine.playback import Playback, truth_from_start
+from ...session.controller import Controller
 from ...session.current_run import CurrentRun
+from ...session.service import Service
+from ..branches.service import BranchService
 from .predictor import Prediction, Predictor
 from .ran import Ran, ran_here, ran_in
-from .rerun import Compared, at_own_stamps, compared
+from .rerun import at_own_stamps, compared
+from .state import CalibrationEffect, Effect
 from .words import said
-
-if TYPE_CHECKING:
-    from ...session.state import State
-    from ...session.store import Store
 
 PREDICTED = "predicted-"
 """The beginning of the names of predictions beside a rerun."""
 
 
-@dataclass(frozen=True, eq=False)
-class Effect:
-    """What is shown of a wrong calibration."""
-
-    wrong: Perturbation
-    computed: int
-    """Exposures of the run that the prediction is made of."""
-    predictions: tuple[Prediction, ...]
-    rerun: bool = False
-    """Whether a branch runs, or ran, with it."""
-    outcomes: tuple[Compared, ...] = ()
-    """What came out there; empty until it has ended."""
-
-
-class EffectDesk:
+class EffectService(Service):
     """Keeps what is linearised of a run, for as long as that is the one asked about."""
 
-    def __init__(self) -> None:
+    place = 20
+
+    def __init__(self, session: Controller) -> None:
+        super().__init__(session)
         self._of: tuple[CurrentRun, int] | None = None
         self._predictor: Predictor | None = None
         self._again: CurrentRun | None = None
 
-    def predict(self, store: Store, run: CurrentRun | None, wrong: Perturbation) -> None:
+    def predict(self, wrong: Perturbation) -> None:
         """Of the exposures computed by now. InputError where they say too little, or a value is out of its range."""
         check(wrong, "")
-        run, predictor = self._asked(run), self._predictor
+        run, predictor = self._asked(), self._predictor
         now = run, len(run.history)
         if predictor is None or self._of != now:
-            store.busy("linearising the run")
+            self.store.busy("linearising the run")
             try:
                 predictor = Predictor.of(_ran(run))
             finally:
-                store.set(activity=None)
+                self.store.set(activity=None)
             self._predictor, self._of, self._again = predictor, now, None
-        store.set(effect=Effect(wrong, now[1], predictor.predict(wrong)))
+        self.store.put(CalibrationEffect(Effect(wrong, now[1], predictor.predict(wrong))))
 
-    def perturbed(self, state: State, run: CurrentRun | None, memory_bytes: int) -> tuple[CurrentRun, str]:
-        """The run from its first exposure on with the wrong calibration, its prediction beside it; and its name."""
-        effect = state.effect
+    def rerun(self) -> None:
+        """The run from its first frame on with the wrong calibration, as a branch, its prediction drawn with it."""
+        effect = self.state[CalibrationEffect].effect
         if effect is None or not effect.wrong.said:
             raise InputError("nothing is wrong with the calibration yet: move a slider first")
-        run = self._asked(run)
+        run = self._asked()
         run.require_source()
         before = run.playback
         sequence = effect.wrong.of_sequence(before.sequence)
         shown = tuple(_beside(n, each, run, sequence, effect.wrong) for n, each in enumerate(effect.predictions))
         playback = Playback(sequence, before.methods, before.config, before.builder, before.earlier, shown)
-        return CurrentRun(playback, memory_bytes), said(effect.wrong)
-
-    def began(self, store: Store, again: CurrentRun) -> None:
-        """The rerun that the prediction will be compared with."""
-        effect = store.state.effect
-        assert effect is not None
+        again, name = CurrentRun(playback, self.session.history_bytes), said(effect.wrong)
+        self.session.service(BranchService).add(again, name, 0, (name,))
         self._again = again
-        store.set(effect=replace(effect, rerun=True, outcomes=()))
+        self.store.put(CalibrationEffect(replace(effect, rerun=True, outcomes=())))
 
-    def watch(self, store: Store) -> None:
+    def watch(self) -> None:
         """Compares, once the rerun is over."""
-        effect, again, predictor = store.state.effect, self._again, self._predictor
+        effect, again, predictor = self.state[CalibrationEffect].effect, self._again, self._predictor
         if again is None or not again.done:
             return
         self._again = None
         if effect is not None and effect.rerun and predictor is not None:
             found = again.finish().trajectories
-            store.set(effect=replace(effect, outcomes=compared(predictor, effect.predictions, found, effect.wrong)))
+            outcomes = compared(predictor, effect.predictions, found, effect.wrong)
+            self.store.put(CalibrationEffect(replace(effect, outcomes=outcomes)))
 
-    def _asked(self, run: CurrentRun | None) -> CurrentRun:
+    def _asked(self) -> CurrentRun:
         """The run that is asked about: while the branch with the wrong calibration is shown, the one before it."""
+        run = self.run
         if run is None:
             raise InputError("there is no run yet: open a source first")
         if run.live:

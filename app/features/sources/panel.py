@@ -14,6 +14,7 @@ from ...session import commands as do
 from ...session.sources.folders import Entry
 from ...session.state import State
 from ...views.viser.controls import ConfigForm
+from ...views.viser.panels import Panel
 
 if TYPE_CHECKING:
     from ...session.session import Session
@@ -91,3 +92,6 @@ class SourcePanel:
         up = (UP,) if folders.above(folder) else ()
         self._browse.options = (f"in {as_text(folder.name or folder)}: choose …", *up, *self._entries)
         self._browse.value = self._browse.options[0]
+
+
+PANELS = (Panel("", 10, SourcePanel),)

@@ -1,13 +1,15 @@
-"""What a person may ask of sweeps."""
+"""Running a method with several values of a setting."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from ...session.commands import Command
+from ...session.controller import Controller
+from ...session.registry import handles
+from .service import SweepService
 
 
-@dataclass(frozen=True)
-class RunSweep:
-    """Run a method of the source with each of a few values of a setting, beside what goes on in the page."""
+class RunSweep(Command, frozen=True):
+    """Run a method of the source with each of a few values of a setting, while the page goes on."""
 
     method: str
     setting: str
@@ -16,17 +18,27 @@ class RunSweep:
     """As they were written: `100, 200, 400`."""
 
 
-@dataclass(frozen=True)
-class CancelSweep:
+class CancelSweep(Command, frozen=True):
     """No further; what was computed stays."""
 
 
-@dataclass(frozen=True)
-class ShowSwept:
+class ShowSwept(Command, frozen=True):
     """Show the run of a value as a branch of the run that is shown."""
 
     place: int
     """Of the value, counted from 0."""
 
 
-OfSweeps = RunSweep | CancelSweep | ShowSwept
+@handles(RunSweep)
+def run_sweep(session: Controller, command: RunSweep) -> None:
+    session.service(SweepService).start(command.method, command.setting, command.values)
+
+
+@handles(CancelSweep)
+def cancel_sweep(session: Controller, command: CancelSweep) -> None:
+    session.service(SweepService).cancel()
+
+
+@handles(ShowSwept)
+def show_swept(session: Controller, command: ShowSwept) -> None:
+    session.service(SweepService).show(command.place)

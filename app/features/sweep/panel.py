@@ -13,8 +13,10 @@ from ...presentation.texts import Unit, digits, duration, length, length_unit
 from ...session.state import State
 from ...views.viser.controls import hint_of, label_of
 from ...views.viser.markup import renderer
+from ...views.viser.panels import Panel
 from .commands import CancelSweep, RunSweep, ShowSwept
 from .plot import SweepPlot
+from .state import SweepState
 from .sweep import Outcome, Sweep
 from .values import FEWEST, MOST, offered, proposed, shown
 
@@ -35,7 +37,7 @@ SHOW_HINT = "The run of the value above as a branch: in the views, the error cur
 
 class SweepPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._run, self._sweep = session, -1, session.state.sweep
+        self._session, self._run, self._sweep = session, -1, session.state[SweepState].sweep
         with gui.add_folder(TITLE, expand_by_default=False):
             self._method = gui.add_dropdown("method", NONE, hint="What is run: a method that the source allows.")
             self._method.on_update(lambda _: self._offer_settings())
@@ -109,7 +111,7 @@ class SweepPanel:
         if state.run != self._run:
             self._run = state.run
             self._offer_methods(state)
-        sweep = state.sweep
+        sweep = state[SweepState].sweep
         if sweep is self._sweep:
             return
         self._sweep = sweep
@@ -160,3 +162,6 @@ def _row(value: Any, outcome: Outcome | None, under_way: float | None, unit: Uni
         "located": "n/a" if located is None else f"{located:.0f} %",
         "ms": "" if outcome.ms is None else digits(outcome.ms),
     }
+
+
+PANELS = (Panel("Compare", 440, SweepPanel),)

@@ -4,30 +4,36 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 from ispom.errors import InputError
 from ispom.sequences.address import is_address, is_device
 
 from ...engine.options import SourceOptions
 from ...engine.run_folder.run_file import read_run_file
+from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.review.origin import source_of, source_options
-from ...session.store import Store
-from .commands import RunSweep
+from ...session.service import Service
+from ...session.sources.opening import stored_at
+from ..branches.service import BranchService
+from ..branches.state import Branches
+from ..recording.service import RecordingService
 from .plan import plan_text
 from .process import SweepProcess
+from .state import SweepState
 from .sweep import Sweep, workers
 from .values import parsed, shown
 
 CANCELLED = "cancelled"
 
 
-class SweepDesk:
-    """One sweep at a time; `recordings` is the folder in which each gets its own."""
+class SweepService(Service):
+    """One sweep at a time; each gets a folder of its own among the recordings."""
 
-    def __init__(self, store: Store, recordings: Path) -> None:
-        self._store, self._recordings = store, recordings
+    place = 60
+
+    def __init__(self, session: Controller) -> None:
+        super().__init__(session)
         self._process: SweepProcess | None = None
         self._cancelled = False
 
@@ -35,28 +41,28 @@ class SweepDesk:
     def busy(self) -> bool:
         return self._process is not None
 
-    def begin(self, asked: RunSweep, run: CurrentRun | None) -> None:
+    def start(self, method: str, setting: str, values: str) -> None:
         """Over the source of the run that is shown, with its settings but the one. InputError where that cannot be."""
         if self._process is not None:
             raise InputError("a sweep runs already: cancel it first")
-        source, options = self._origin(run)
-        swept = parsed(asked.method, asked.setting, asked.values)
-        text = plan_text(swept, source, options, self._store.state.config)
+        source, options = self._origin()
+        swept = parsed(method, setting, values)
+        text = plan_text(swept, source, options, self.state.config)
         name = self._free()
-        self._process = SweepProcess(text, self._recordings / name, workers(len(swept.values)))
+        self._process = SweepProcess(text, self.session.recordings / name, workers(len(swept.values)))
         self._cancelled = False
-        self._store.set(sweep=Sweep.begun(name, swept, source, options, time.monotonic()))
+        self.store.put(SweepState(Sweep.begun(name, swept, source, options, time.monotonic())))
 
     def cancel(self) -> None:
         if self._process is not None:
             self._cancelled = True
             self._process.cancel()
 
-    def watch(self) -> bool:
-        """Takes what the process told; whether it has just ended."""
-        process, sweep = self._process, self._store.state.sweep
+    def watch(self) -> None:
+        """Takes the messages of the process."""
+        process, sweep = self._process, self.state[SweepState].sweep
         if process is None or sweep is None:
-            return False
+            return
         over = not process.running  # before it is asked what it told: what it told last is not missed
         now_s = time.monotonic()
         for told in process.told():
@@ -69,32 +75,42 @@ class SweepDesk:
             problem = CANCELLED if cancelled else sweep.problem or (failure and f"the sweep {failure}")
             process.stop()
             sweep = replace(sweep, ended=True, problem=problem, under_way={}, left_s=None)
-        if sweep is not self._store.state.sweep:
-            self._store.set(sweep=sweep)
-        return over
+        if sweep is not self.state[SweepState].sweep:
+            self.store.put(SweepState(sweep))
+        if over:
+            self.session.service(RecordingService).show()
 
-    def folder(self, place: int, run: CurrentRun | None) -> tuple[Path, str, str]:
-        """Of the run of a value: its folder, what it is called as a branch, and what it differs in.
+    def show(self, place: int) -> None:
+        """The run of a value, as it was computed, as a branch; one that is a branch already is shown again.
 
-        InputError where there is none, or another source is shown.
+        InputError if there is none, or another source is shown.
         """
-        sweep = self._store.state.sweep
+        sweep = self.state[SweepState].sweep
         outcome = sweep.outcomes.get(place) if sweep is not None else None
         if sweep is None or outcome is None or outcome.failure is not None:
             raise InputError("this value has no run that came to its end: choose another one")
-        if self._origin(run) != (sweep.source, sweep.options):
+        if self._origin() != (sweep.source, sweep.options):
             raise InputError(f"the sweep is over {sweep.source} as it was opened then: open that source first")
         value = f"{sweep.swept.setting.replace('_', '-')} {shown(outcome.value)}"
-        changed = f"{sweep.swept.method} alone, {value}"
-        return self._recordings / sweep.name / outcome.folder, f"{value}, {sweep.name}", changed
+        name, branches = f"{value}, {sweep.name}", self.session.service(BranchService)
+        known = next((b.number for b in self.state[Branches].all if b.name == name), None)
+        if known is not None:
+            branches.show(known)
+            return
+        path = self.session.recordings / sweep.name / outcome.folder
+        stored = stored_at(str(path), self.session.opener.opener, self.session.opener.builder)
+        if stored is None:
+            raise InputError(f"{path} holds no run any more: run the sweep again")
+        found = CurrentRun.of_stored(stored, self.session.history_bytes)
+        branches.add(found, name, 0, (f"{sweep.swept.method} alone, {value}",), reproducible=True)
 
     def close(self) -> None:
         if self._process is not None:
             self._process.stop()
 
-    def _origin(self, run: CurrentRun | None) -> tuple[str, SourceOptions]:
+    def _origin(self) -> tuple[str, SourceOptions]:
         """The source of the run that is shown, and how it was opened."""
-        state = self._store.state
+        state, run = self.state, self.run
         if run is None:
             raise InputError("there is no run yet: open a source first")
         if run.live or is_device(state.source) or is_address(state.source):
@@ -107,4 +123,4 @@ class SweepDesk:
 
     def _free(self) -> str:
         """A name that nothing in the folder has."""
-        return next(name for n in range(1, 100_000) if not (self._recordings / (name := f"sweep-{n}")).exists())
+        return next(name for n in range(1, 100_000) if not (self.session.recordings / (name := f"sweep-{n}")).exists())

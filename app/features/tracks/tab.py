@@ -13,12 +13,16 @@ import viser
 from ...engine.inspection.colouring import COLOURINGS
 from ...engine.inspection.looked import Looked
 from ...engine.inspection.selection import parsed
-from ...session import commands as do
-from ...session.state import Look, State
+from ...session.commands import Command
+from ...session.state import State
 from ...views.viser.markup import renderer
+from ..layers.commands import ColourBy
+from ..layers.state import Layers
+from .commands import LookAt
 from .geometry import geometry_report
 from .key_frames import key_frames_report
 from .residuals import residuals_report
+from .state import Inspection, Panel
 from .track import TrackChips, track_report
 from .track_picture import track_picture
 from .tracks import lifetimes_chart, tracks_table
@@ -28,7 +32,7 @@ if TYPE_CHECKING:
 
 render = renderer(__package__)
 
-NAME = "Look"
+NAME = "Tracks"
 PANEL_HINT = (
     "What stands below: the selected track, a table of all, their lifetimes, key frames by shared tracks, residuals "
     "[px], or the geometry of the latest triple and pair."
@@ -43,18 +47,18 @@ class LookTab:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._chips, self._showing = session, TrackChips(), False
         self._camera = gui.add_button_group("image", tuple(CAMERAS.values()), hint="Whose picture is shown.")
-        self._camera.on_click(lambda _: session.post(do.LookAt(camera=_key(CAMERAS, self._camera.value))))
+        self._camera.on_click(lambda _: session.post(LookAt(camera=_key(CAMERAS, self._camera.value))))
         hint = "What the colours of tracks mean, here and in the images at the right."
         self._colour_by = gui.add_dropdown("colour by", COLOURINGS, initial_value="state", hint=hint)
-        self._colour_by.on_update(lambda _: self._post(do.ColourBy(self._colour_by.value)))
+        self._colour_by.on_update(lambda _: self._post(ColourBy(self._colour_by.value)))
         self._picture = gui.add_html(EMPTY)
-        self._panel = gui.add_dropdown("show", get_args(Look), initial_value="track", hint=PANEL_HINT)
-        self._panel.on_update(lambda _: self._post(do.LookAt(panel=self._panel.value)))
+        self._panel = gui.add_dropdown("show", get_args(Panel), initial_value="track", hint=PANEL_HINT)
+        self._panel.on_update(lambda _: self._post(LookAt(panel=self._panel.value)))
         self._text = gui.add_html("")
         self._drawn: tuple[Any, ...] = ()
         self._due_s = 0.0
 
-    def _post(self, command: do.OfLook) -> None:
+    def _post(self, command: Command) -> None:
         if not self._showing:
             self._session.post(command)
 
@@ -62,28 +66,39 @@ class LookTab:
         """The controls alone: see `refresh` for what takes longer."""
         self._showing = True
         try:
-            if self._colour_by.value != state.colour_by:
-                self._colour_by.value = state.colour_by
-            if self._panel.value != state.look:
-                self._panel.value = state.look
+            if self._colour_by.value != state[Layers].colour_by:
+                self._colour_by.value = state[Layers].colour_by
+            if self._panel.value != state[Inspection].panel:
+                self._panel.value = state[Inspection].panel
         finally:
             self._showing = False
 
     def refresh(self, state: State) -> None:
         """Draws what the state shows, where that has changed and it is time."""
-        values = (state.run, state.displayed, state.selected, state.camera, state.colour_by, state.look)
+        values = (
+            state.run,
+            state.displayed,
+            state[Inspection].selected,
+            state[Inspection].camera,
+            state[Layers].colour_by,
+            state[Inspection].panel,
+        )
         if values == self._drawn or (state.playing and time.monotonic() < self._due_s):
             return
         self._drawn = values
         looked = looked_at(self._session, state)
         recorded = self._session.run.recorded if self._session.run is not None else None
-        texts = (EMPTY, "") if looked is None else (track_picture(looked, recorded), self._report(state.look, looked))
+        texts = (
+            (EMPTY, "")
+            if looked is None
+            else (track_picture(looked, recorded), self._report(state[Inspection].panel, looked))
+        )
         for handle, text in zip((self._picture, self._text), texts, strict=True):
             if handle.content != text:
                 handle.content = text
         self._due_s = time.monotonic() + PLAYING_S
 
-    def _report(self, look: Look, looked: Looked) -> str:
+    def _report(self, look: str, looked: Looked) -> str:
         if looked.missing:
             return render("note.html", text=looked.missing)
         if look == "track":
@@ -104,9 +119,9 @@ def looked_at(session: Session, state: State) -> Looked | None:
         run.series,
         run.known_at,
         state.displayed,
-        parsed(state.selected),
-        state.camera,
-        state.colour_by,
+        parsed(state[Inspection].selected),
+        state[Inspection].camera,
+        state[Layers].colour_by,
         run.stored.unavailable if run.stored is not None else "",
     )
 

@@ -14,54 +14,30 @@ from ispom.geometry import Array
 from ispom.types import Sequence, Trajectory
 
 from ...engine.model.drawn_size import drawn_truth
-from ...features.bookmarks.panel import BookmarksPanel
-from ...features.branches.differences import DifferencesPanel
-from ...features.branches.error_curves import ErrorCurvesPanel
-from ...features.branches.panel import BranchesPanel
-from ...features.breakpoints.panel import BreakPointPanel
-from ...features.explain.panel import TAB as EXPLAIN
-from ...features.explain.panel import ExplainPanel
-from ...features.flicker.panel import FlickerPanel
+from ...features.branches.beside import branches_beside
+from ...features.branches.service import BranchService
+from ...features.branches.state import Branches
+from ...features.flicker.state import Flickering
 from ...features.integration.panel import IntegrationPanel
-from ...features.layers.panel import ViewPanel
-from ...features.lessons.learning import covered
-from ...features.lessons.panel import NAME as LEARN
-from ...features.lessons.panel import LearnPanel
-from ...features.methods.panel import MethodsPanel
-from ...features.playback.panel import RunPanel
-from ...features.recording.panel import RecordPanel
-from ...features.sensitivity.panel import EffectPanel
-from ...features.sources.panel import SourcePanel
-from ...features.sweep.panel import SweepPanel
+from ...features.integration.state import IntegrationSteps
+from ...features.layers.state import Layers
+from ...features.lessons.state import covered
+from ...features.tracks.commands import Select
 from ...features.tracks.scene import LookScene, clicked
-from ...features.tracks.tab import NAME, LookTab, looked_at
+from ...features.tracks.state import Inspection
+from ...features.tracks.tab import looked_at
 from ...session import commands as do
+from ...session.actions import Action, actions
 from ...session.session import Session
 from ...session.state import State
 from ..rerun.blueprint import looking_at
+from .panels import PanelView, panels
 from .portless import PortlessViser
 from .scene import Scene
 
 log = logging.getLogger(__name__)
-Panel = (
-    RunPanel
-    | SourcePanel
-    | MethodsPanel
-    | BranchesPanel
-    | DifferencesPanel
-    | EffectPanel
-    | ErrorCurvesPanel
-    | FlickerPanel
-    | SweepPanel
-    | IntegrationPanel
-    | LearnPanel
-    | BreakPointPanel
-    | ViewPanel
-    | ExplainPanel
-    | LookTab
-    | RecordPanel
-    | BookmarksPanel
-)
+NOTICE_S = 6.0
+"""How long the sentence that nothing is open yet stays, as in the page (notices.js)."""
 PAINT_S = 1 / 30
 PLAYING_S = 0.1
 """Between two pictures of the panels while it plays: each is a new picture of the whole page to the browser."""
@@ -84,9 +60,15 @@ class Screen:
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(52, 148, 208))
         self.server.gui.main_panel.dock_left()
         self.server.gui.main_panel.set_width(380)
-        self.panels = self._panels(self.server.gui)
+        self.panels: list[PanelView] = []
+        self._by_tab: dict[str, list[PanelView]] = {}
+        self._open_tabs = frozenset[str]()
+        self._tabs = self._add_panels(self.server.gui)
+        self._commands = [self._add_action(self.server.gui, action) for action in actions()]
         self.server.scene.world_axes.visible = False
-        self._scene = Scene(self.server.scene, lambda index: session.post(do.Seek(index)), session.branch)
+        self._scene = Scene(
+            self.server.scene, lambda index: session.post(do.Seek(index)), session.service(BranchService).run_of
+        )
         self._closely, self._closely_shown, self._closely_due_s = LookScene(self.server.scene), (), 0.0
         self.server.scene.on_click()(self._clicked)
         self._run, self._painted, self._due_s, self._scene_due_s = -1, None, 0.0, 0.0
@@ -95,7 +77,6 @@ class Screen:
         self._scene_shown: tuple[object, ...] = ()
         """What the scene was drawn from."""
         self.scene_wanted = True
-        self._look_wanted = False
         self._stop = Event()
         self._thread = Thread(target=self._paint_on, name="screen", daemon=True)
 
@@ -108,52 +89,47 @@ class Screen:
 
     def show_tabs(self, open_tabs: frozenset[str]) -> None:
         """Which tabs anybody has open: what takes long is drawn for those only."""
-        self._look_wanted = NAME in open_tabs
+        self._open_tabs = open_tabs
 
     def close(self) -> None:
         self._stop.set()
         self._thread.join(1.0)
         self.server.stop()
 
-    def _panels(self, gui: viser.GuiApi) -> list[Panel]:
-        run = RunPanel(gui, self._session)
-        source = SourcePanel(gui, self._session)
+    def _add_panels(self, gui: viser.GuiApi) -> viser.GuiTabGroupHandle:
+        """The panels of all features, those without a tab above the tabs."""
+        found = panels(self._session)
+        for panel in found.pop("", []):
+            self._add("", panel.make(gui, self._session))
         tabs = gui.add_tab_group()
-        self._covered = (source.folder, tabs)
-        learn = self._learn_panel(gui, tabs) if self._session.library.leads else None
-        with tabs.add_tab(EXPLAIN):
-            explain = ExplainPanel(gui, self._session)
-        with tabs.add_tab(NAME):
-            self._look = LookTab(gui, self._session)
-        with tabs.add_tab("Methods"):
-            methods = MethodsPanel(gui, self._session)
-        with tabs.add_tab("Branches"):
-            branches = BranchesPanel(gui, self._session)
-            curves = ErrorCurvesPanel(gui, self._session)
-            differences = DifferencesPanel(gui, self._session)
-            flicker = FlickerPanel(gui, self._session)
-            sweep = SweepPanel(gui, self._session)
-            effect = EffectPanel(gui, self._session)
-        with tabs.add_tab("Break"):
-            break_point = BreakPointPanel(gui, self._session)
-        with tabs.add_tab("View"):
-            self._steps = IntegrationPanel(gui, self._session, self._aim)
-            view = ViewPanel(gui, self._session)
-        with tabs.add_tab("Record"):
-            record = RecordPanel(gui, self._session)
-            bookmarks = BookmarksPanel(gui, self._session)
-        learn = learn or self._learn_panel(gui, tabs)
-        of_branches: list[Panel] = [branches, curves, differences, flicker, sweep, effect]
-        of_views: list[Panel] = [self._steps, view, record, bookmarks, learn]
-        return [run, source, explain, self._look, methods, *of_branches, break_point, *of_views]
+        for name, inside in found.items():
+            with tabs.add_tab(name):
+                for panel in inside:
+                    self._add(name, panel.make(gui, self._session))
+        return tabs
 
-    def _learn_panel(self, gui: viser.GuiApi, tabs: viser.GuiTabGroupHandle) -> LearnPanel:
-        with tabs.add_tab(LEARN):
-            return LearnPanel(gui, self._session)
+    def _add(self, tab: str, view: PanelView) -> None:
+        self.panels.append(view)
+        self._by_tab.setdefault(tab, []).append(view)
+
+    def _add_action(self, gui: viser.GuiApi, action: Action) -> viser.CommandHandle:
+        """An entry of the palette. Its key is the page's (keyboard.js): two that listen would step twice."""
+        entry = gui.add_command(action.label, description=f"{action.hint} Key: {action.key}")
+        entry.on_trigger(lambda event: self._act(event, action))
+        return entry
+
+    def _act(self, event: viser.CommandEvent, action: Action) -> None:
+        """While a source is being opened there is nothing to move in yet; later it would come as a surprise."""
+        if self._session.state.phase != "opening":
+            self._session.post(action.command)
+        elif event.client is not None:
+            text = "The source is still being opened: moves work once it is."
+            event.client.add_notification("Not open yet", text, auto_close_seconds=NOTICE_S)
 
     def _cover(self, covers: bool) -> None:
         """What gives the answer to an open question is out of sight."""
-        for handle in self._covered:
+        folders = [getattr(view, "folder", self._tabs) for view in self._by_tab.get("", [])]
+        for handle in (*folders, self._tabs):
             if handle.visible == covers:
                 handle.visible = not covers
 
@@ -193,9 +169,11 @@ class Screen:
             self._cover(seen is not state)
             for panel in self.panels:
                 panel.show(seen)
-        if self._look_wanted and covered(state) is state:
-            self._look.refresh(state)
-        self._scene.turn(state.flicker)
+        if covered(state) is state:
+            for view in (view for tab in self._open_tabs for view in self._by_tab.get(tab, [])):
+                if (refresh := getattr(view, "refresh", None)) is not None:
+                    refresh(state)
+        self._scene.turn(state[Flickering].between)
         if not self.scene_wanted or time.monotonic() < self._scene_due_s:
             return
         self._scene_due_s = time.monotonic() + SCENE_S
@@ -207,29 +185,30 @@ class Screen:
             if opened.sequence is not self._looked_at:  # of another branch, the person's view stays
                 self._looked_at = opened.sequence
                 self._look_at(drawn_truth(opened.truth, opened.methods))
-        drawn = tuple(branch.number for branch in state.branches if not branch.hidden)
-        beside = (state.flicker and (state.flicker.a, state.flicker.b), state.integration)
-        shown = (state.displayed, state.computed, state.hidden, drawn, beside)
+        drawn = tuple(branch.number for branch in state[Branches].all if not branch.hidden)
+        flicker, steps = state[Flickering].between, state[IntegrationSteps].shown
+        beside = (flicker and (flicker.a, flicker.b), steps)
+        shown = (state.displayed, state.computed, state[Layers].hidden, drawn, beside)
         if state.displayed is not None and shown != self._scene_shown:
             self._scene_shown = shown
-            alone = state.flicker is not None
-            hidden = state.hidden | frozenset(state.methods if alone else ())
-            hidden |= IN_THE_WAY if state.integration is not None else frozenset()
+            alone = flicker is not None
+            hidden = state[Layers].hidden | frozenset(state.methods if alone else ())
+            hidden |= IN_THE_WAY if steps is not None else frozenset()
             self._scene.show(self._session.known_at(state.index), state.displayed, hidden)
-            self._scene.show_beside({} if alone else self._session.beside(state), hidden)
-            self._scene.show_flicker(state.flicker, state.index, state.hidden)
-            stage = state.integration.stage if state.integration is not None else 0
-            self._scene.show_integration(self._steps.fit if state.integration is not None else None, stage)
+            self._scene.show_beside({} if alone else branches_beside(self._session, state), hidden)
+            self._scene.show_flicker(flicker, state.index, state[Layers].hidden)
+            fit = next((view.fit for view in self.panels if isinstance(view, IntegrationPanel)), None)
+            self._scene.show_integration(fit if steps is not None else None, steps.stage if steps is not None else 0)
         self._show_closely(state)
 
     def _show_closely(self, state: State) -> None:
         """The selected track, triple and pair in the scene: while the run plays once a second, for they take long."""
-        geometry = state.look == "geometry"
-        shown = (state.run, state.displayed, state.selected, geometry)
+        geometry = state[Inspection].panel == "geometry"
+        shown = (state.run, state.displayed, state[Inspection].selected, geometry)
         if shown == self._closely_shown or (state.playing and time.monotonic() < self._closely_due_s):
             return
         self._closely_shown, self._closely_due_s = shown, time.monotonic() + CLOSELY_S
-        looked = looked_at(self._session, state) if state.selected or geometry else None
+        looked = looked_at(self._session, state) if state[Inspection].selected or geometry else None
         self._closely.show(looked, geometry)
 
     def _clicked(self, event: viser.SceneClickEvent) -> None:
@@ -239,4 +218,4 @@ class Screen:
             ray = np.array(event.ray_origin), np.array(event.ray_direction)
             found = clicked(looked, looked.known_at(looked.record.index), *ray)
             if found is not None:
-                self._session.post(do.Select(str(found)))
+                self._session.post(Select(str(found)))

@@ -60,7 +60,7 @@ def open_page(command: Serve, builder: Builder) -> int:
             folders=Folders(None if command.root is None else command.root.expanduser()),
             recent=RecentSources(user_config_path("ispom") / "recent.json"),
             beside=beside,
-            lessons=library,
+            extras=(library,),
             autoplay=begun is None,
         )
         if begun is not None and isinstance(command, Learn) and command.lesson:

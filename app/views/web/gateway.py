@@ -19,6 +19,7 @@ from ...engine.model.corrections import corrected_by
 from ...engine.run_folder.run_folder import CORRECTED_RIG
 from ...features.calibration.job import Job
 from ...features.calibration.page_routes import CalibrationPage
+from ...features.lessons.state import Lessons
 from ...session.people import People, Person
 from ...session.session import Session
 from ...session.sources.known import run_name
@@ -193,7 +194,7 @@ class Gateway:
         state, run = session.state, session.run
         if run is None or state.index < 0 or what not in ("exposure", "run", "rig"):
             raise web.HTTPNotFound
-        if state.lesson is not None and state.lesson.covers:
+        if state[Lessons].covers:
             raise web.HTTPForbidden(text="A question of the lesson is open: the numbers are there when it is answered.")
         if what == "rig":
             text = await asyncio.to_thread(corrected_by, run.history, state.index, run.opened.sequence.rig)

@@ -14,7 +14,13 @@ import numpy as np
 from ispom.errors import InputError
 
 from ...features.events import moves as event_moves
+from ...features.events.commands import StepToEvent
+from ...features.layers.commands import Hide, known
+from ...features.layers.state import Layers
+from ...features.lessons.state import Lessons
+from ...features.plots.commands import Plot, SetPlots
 from ...features.plots.plotting import chosen, toggled
+from ...features.plots.state import Plots
 from ...session import commands as do
 from ...session import moves
 from ...session.current_run import CurrentRun
@@ -24,7 +30,7 @@ MAX_SPEED_HZ = 120
 """Frames a second of "as fast as possible": eyes follow no faster."""
 PLAYING_S = 0.03
 """Between two looks at the clock while it plays."""
-OF_A_RUN = ("displayed", "playing", "loop", "plots")
+OF_A_RUN = ("displayed", "playing", "loop", Plots)
 """What means nothing in another run; layers and speed stay."""
 
 
@@ -33,7 +39,8 @@ class Looking:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._own: dict[str, Any] = {}
+        self._own: dict[Any, Any] = {}
+        """By field of the core, or by feature."""
         self._run = -1
         self._began = (0.0, 0)
         """When the local playback began, and at which frame."""
@@ -63,24 +70,27 @@ class Looking:
                 self.version += 1
         if not self._own or state.phase != "ready":
             return state
-        return replace(state, **self._own, **({"target": None} if "displayed" in self._own else {}))
+        core = {name: value for name, value in self._own.items() if isinstance(name, str)}
+        core |= {"target": None} if "displayed" in self._own else {}
+        features = [value for name, value in self._own.items() if not isinstance(name, str)]
+        return replace(state, **core).having(*features)
 
     def obey(self, command: object, state: State, run: CurrentRun | None) -> bool:
         """Does what only looks, and returns whether it was that. InputError where there is nothing to look at."""
-        if not isinstance(command, do.Moves | do.Hide | do.Plot | do.SetPlots):
+        if not isinstance(command, do.Moves | StepToEvent | Hide | Plot | SetPlots):
             return False
         if run is None or state.phase != "ready" or not len(run.history):
             raise InputError("there is no frame to look at yet: wait for the first one")
-        if isinstance(command, do.Plot | do.SetPlots) and state.lesson is not None and state.lesson.covers:
+        if isinstance(command, Plot | SetPlots) and state[Lessons].covers:
             raise InputError("a question of the lesson is open: plots are there when it is answered")
         here = self.shown(state)
         match command:
-            case do.Hide(names):
-                self._own["hidden"] = names
-            case do.Plot(name):
-                self._own["plots"] = toggled(here.plots, run, name)
-            case do.SetPlots(names):
-                self._own["plots"] = chosen(run, names)
+            case Hide(names):
+                self._own[Layers] = replace(here[Layers], hidden=known(names))
+            case Plot(name):
+                self._own[Plots] = Plots(toggled(here[Plots].names, run, name))
+            case SetPlots(names):
+                self._own[Plots] = Plots(chosen(run, names))
             case do.Speed(factor):
                 self._own["speed"] = factor
             case do.NoLoop():
@@ -97,7 +107,7 @@ class Looking:
                 self._show(run, len(run.history) - 1)
             case do.StepTo(kind, forwards):
                 self._take(moves.step_to(here, run, kind, forwards=forwards))
-            case do.StepToEvent(forwards, alarming):
+            case StepToEvent(forwards, alarming):
                 self._take(event_moves.to_event(here, run, forwards=forwards, alarming=alarming))
         self._began = (self._clock(), self.shown(state).index)
         self.version += 1

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from ipaddress import ip_address
 
+from ...features.recording.state import Recordings
 from ...session.session import Session
 from ..rerun.live import LiveStream
 from ..viser.screen import Screen
@@ -103,7 +104,7 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
         server.close()
     finally:
         _print("closing …")
-        recording = backends.session.state.recording
+        recording = backends.session.state[Recordings].current
         if not await asyncio.to_thread(backends.session.close, CLOSE_S) and recording is not None:
             _print(f"The worker was still busy: {recording.name} ends with what was written so far.")
         with contextlib.suppress(TimeoutError):

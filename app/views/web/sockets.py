@@ -12,8 +12,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from ispom.errors import InputError
 
-from ...features.lessons.learning import covered
 from ...features.lessons.page_message import LessonNews
+from ...features.lessons.state import Lessons, covered
 from ...features.plots.page_message import PlotNews
 from ...session.people import People, Person
 from ...session.session import Session
@@ -21,7 +21,7 @@ from ..viser.portless import PortlessViser, understood
 from .answers import Answers
 from .looking import PLAYING_S as LOOKING_S
 from .looking import Looking
-from .messages import KEYS, FollowAgain, Given, Pane, Wheel, command_of, message_of, own_view
+from .messages import Answer, Follow, Pane, TakeControl, command_of, keys, message_of, own_view
 from .time_axis import AxisNews
 from .wakeup import Wakeup
 
@@ -82,14 +82,14 @@ class Talk:
     def _obey(self, heard: object) -> None:
         if isinstance(heard, Pane):
             self._see(self, heard)
-        elif isinstance(heard, Wheel):
+        elif isinstance(heard, TakeControl):
             if heard.to is None:
                 self._people.take_over(self._person)
             else:
                 self._people.hand_over(self._person, heard.to)
-        elif isinstance(heard, Given):
-            self._answers.put(self._person.key, self._session.state.lesson, heard.answer)
-        elif isinstance(heard, FollowAgain):
+        elif isinstance(heard, Answer):
+            self._answers.put(self._person.key, self._session.state[Lessons].now, heard.given)
+        elif isinstance(heard, Follow):
             self._looking.follow()
             self._news.ring()
         elif heard is not None and self._people.drives(self._person):
@@ -107,7 +107,7 @@ class Talk:
         self._news.ring()
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
-        shown, keys, axis, plots, lesson = (), KEYS, AxisNews(), PlotNews(), LessonNews()
+        shown, listed, axis, plots, lesson = (), keys(), AxisNews(), PlotNews(), LessonNews()
         looking = self._looking
         with suppress(ConnectionError):  # the browser went away
             while True:
@@ -120,11 +120,11 @@ class Talk:
                 now = (state, looking.version, seen, self._answers.version, self._refused)
                 if now != shown or axis.behind or plots.behind:
                     shown = now
-                    message = message_of(state) | {"keys": keys, "people": seen}
+                    message = message_of(state) | {"keys": listed, "people": seen}
                     message |= {"axis": axis.since(state, run), "plots": plots.since(covered(local), run)}
                     message |= {"looking": looking.index, "own": own_view(local, state), "refused": self._refused}
                     message |= lesson.since(state, run, self._answers, self._person.key)
-                    keys = None
+                    listed = None
                     await socket.send_str(json.dumps(message))
                     await asyncio.sleep(PLAYING_S if local.playing else REFRESH_S)
                 else:

@@ -13,7 +13,11 @@ from ...engine.conditions.parser import Expression
 from ...engine.events import Bookmark
 from ...engine.history.series import Series
 from ...engine.run_events.event import RunEvent
+from ...features.bookmarks.state import Bookmarks
 from ...features.branches.branches import Branch
+from ...features.branches.state import Branches
+from ...features.breakpoints.state import Breakpoints
+from ...features.lessons.state import Lessons
 from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.state import State
@@ -41,20 +45,22 @@ class AxisNews:
         if run is None:
             return None
         news: dict[str, Any] = {}
-        covers = state.lesson is not None and state.lesson.covers
+        covers = state[Lessons].covers
         methods = () if covers else run.opened.methods
         if (run, covers) != self._run:
             self._run, self._marked, self._branches, self._bookmarks = (run, covers), None, (), ()
             self._read = self._computed = self._asked = self._told = 0
             news["methods"] = [{"label": colours.label(m), "colour": colours.css(colours.of(m))} for m in methods]
-        news |= self._exposures(run) | self._results(run, methods) | self._matches(state.marked, run.series)
+        news |= (
+            self._exposures(run) | self._results(run, methods) | self._matches(state[Breakpoints].marked, run.series)
+        )
         news |= {} if covers else self._events(run)
-        if state.branches != self._branches:
-            before, self._branches = self._points(), state.branches
+        if state[Branches].all != self._branches:
+            before, self._branches = self._points(), state[Branches].all
             news |= {"branches": self._points()} if self._points() != before else {}
-        if state.bookmarks != self._bookmarks:
-            self._bookmarks = state.bookmarks
-            news["bookmarks"] = [{"at": b.exposure, "note": b.note} for b in state.bookmarks]
+        if state[Bookmarks].marks != self._bookmarks:
+            self._bookmarks = state[Bookmarks].marks
+            news["bookmarks"] = [{"at": b.exposure, "note": b.note} for b in state[Bookmarks].marks]
         return news or None
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ispom_app.features.diff.compare import Compared, MethodRow, distance, divergences
+from ispom_app.engine.differences.compare import Compared, MethodRow, distance, divergences
 
 from ispom.geometry import Pose
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from ispom_app.engine.differences.order import step_row
 from ispom_app.engine.history.quantities import by_method
 from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_folder.run_folder import DECISIONS, STEPS, RunFolder
 from ispom_app.engine.run_folder.step_log import StepLog
 from ispom_app.features.diff.folder import run_rows
-from ispom_app.features.diff.order import step_row
 
 from ispom.errors import InputError
 from tests import doubles

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ispom_app.features.diff.compare import Difference, Divergence
+from ispom_app.engine.differences.compare import Difference, Divergence
 from ispom_app.features.diff.text import MOST, lines
 
 

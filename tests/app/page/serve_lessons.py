@@ -29,7 +29,7 @@ if __name__ == "__main__":
     sys.exit(
         serve(
             lambda live: Session(
-                opener, source, folder, live=live, builder=builder, methods=methods, lessons=library, autoplay=False
+                opener, source, folder, live=live, builder=builder, methods=methods, extras=(library,), autoplay=False
             ),
             Serving(port=0, base="/ispom/", open_browser=False),
         )

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.views.web.server import Serving, serve
@@ -32,10 +34,10 @@ def serve_soak(folder: Path, source: str, count: int, branch_at: int | None = No
 
         def fork() -> None:
             state = found.state
-            if branch_at is not None and state.ended and state.branch == 0 and len(state.branches) == 1:
+            if branch_at is not None and state.ended and state[Branches].shown == 0 and len(state[Branches].all) == 1:
                 found.changes.remove(fork)
                 found.post(do.Seek(branch_at - 1))
-                found.post(do.Fork(state.methods, state.config))
+                found.post(Fork(state.methods, state.config))
 
         found.changes.add(fork)
         return found

@@ -100,8 +100,8 @@ def test_a_run_that_plays_goes_on_over_a_reload(page: Page) -> None:
     before = page.tab.evaluate("location.hash")
     page.until(f"location.hash !== '{before}'", "an address that follows the page")
     assert page.state["playing"]
-    page.send("{do: 'no_loop'}")
-    page.send("{do: 'play'}")
+    page.send("action('no_loop')")
+    page.send("action('play')")
     page.until("!state.playing && state.loop === null", "the pause")
 
 

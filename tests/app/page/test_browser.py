@@ -140,7 +140,7 @@ class Page:
 
     def send(self, message: str) -> None:
         """As the page's own keys and bar do it."""
-        self.tab.evaluate(f"window.ispom.send({message})")
+        self.tab.evaluate(f"{{ const {{ send, action }} = window.ispom; send({message}); }}")
 
     @property
     def controls(self):
@@ -263,7 +263,7 @@ def test_a_second_browser_shows_the_same(page: Page, browser, app: App):
     page.until("state.index === 17", "the seek")
     other = Page(browser, app.url, viewer="")
     other.until("state.index === 17 && state.computed === 44", "the same state")
-    other.send("{do: 'take_over'}")
+    other.send("{do: 'take_control'}")
     other.send("{do: 'seek', index: 5}")
     page.until("state.index === 5", "the other's seek")
     assert not other.faults

@@ -335,8 +335,11 @@ def test_a_reader_that_takes_a_file_too_slowly_is_cut_off(tmp_path: Path, monkey
     ("text", "command"),
     [
         ('{"do": "play"}', do.Play()),
-        ('{"do": "back"}', do.StepBy(-1)),
-        ('{"do": "stereo_back"}', do.StepTo("stereo", forwards=False)),
+        ('{"do": "step_by", "count": -1}', do.StepBy(-1)),
+        ('{"do": "step_to", "kind": "stereo", "forwards": false}', do.StepTo("stereo", forwards=False)),
+        ('{"do": "step_to", "kind": "car"}', None),
+        ('{"do": "play", "how": "fast"}', None),
+        ('{"do": "speed", "factor": 1e9}', None),
         ('{"do": ["back"]}', None),
         ('{"do": "pane", "wide": false}', Pane(False)),
         ('{"do": "seek"}', None),

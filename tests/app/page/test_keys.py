@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ispom_app.session.actions import ACTIONS, BY_NAME
+from ispom_app.session.actions import actions
 
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
 
@@ -32,17 +32,8 @@ CONSEQUENCES = {
     "flick": "['a', 'b'].includes(state.flicker?.[0]) && state.flicker[1] === 0",
 }
 """Of each action at exposure 20, where the first and every fifth exposure of a method is a key frame."""
-BUTTONS = {
-    "key_frame_back": ("key frame", "◀"),
-    "key_frame": ("key frame", "▶"),
-    "stereo_back": ("stereo", "◀"),
-    "stereo": ("stereo", "▶"),
-    "start": ("go to", "Start"),
-    "end": ("go to", "End"),
-    "loop_start": ("loop", "From here"),
-    "loop_end": ("loop", "To here"),
-    "no_loop": ("loop", "Off"),
-}
+BUTTONS = ("back", "forward", "start", "end", "loop_start", "loop_end", "no_loop", "bookmark")
+"""Those of the time dock."""
 
 
 @pytest.fixture(scope="module")
@@ -56,51 +47,49 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
 
 def begin(page: Page, name: str) -> None:
     """At exposure 20, without a bookmark; with a loop, where it is to be taken away."""
-    page.send("{do: 'no_loop'}")
+    page.send("action('no_loop')")
     page.send(f"{{do: 'seek', index: {FROM}}}")
     page.until(f"state.index === {FROM} && state.loop === null && !state.playing", "the beginning")
     if name == "bookmark" and page.tab.evaluate("window.ispom.axis.bookmarks.length"):
-        page.send("{do: 'bookmark'}")
+        page.send("action('bookmark')")
         page.until("window.ispom.axis.bookmarks.length === 0", "the bookmark to be gone")
     if name == "no_loop":
-        page.send("{do: 'loop_start'}")
+        page.send("action('loop_start')")
         page.until("state.loop !== null", "a loop")
 
 
 def pressed(page: Page) -> None:
-    """Its click goes through viser's connection, what `begin` sends through the page's: so the step is awaited here."""
     begin(page, "back")
-    page.controls.get_by_role("button", name="Step ▶").click()
+    page.tab.get_by_role("button", name="One frame on").click()
     page.until(f"state.index === {FROM + 1}", "the step")
-
-
-FOCUSED = {
-    "the page": lambda page: page.tab.locator("#bar").click(position={"x": 600, "y": 15}),
-    "Rerun's canvas": lambda page: page.tab.locator("#canvas").click(),
-    "viser's panel": lambda page: page.controls.get_by_text("computed 44 of 44").click(),
-    "a pressed button": pressed,
-    "the slider of exposures": lambda page: page.controls.get_by_role("slider").first.focus(),
-}
-
-
-@pytest.mark.parametrize("where", FOCUSED)
-def test_every_key_does_what_the_list_says_wherever_the_focus_is(page: Page, where: str):
-    FOCUSED[where](page)
-    for action in ACTIONS:
-        begin(page, action.name)
-        page.tab.keyboard.press(action.key)
-        page.until(CONSEQUENCES[action.name], f"{action.key} with the focus on {where}")
 
 
 def opened_tab(page: Page, name: str) -> None:
     page.controls.get_by_role("tab", name=name, exact=True).click()
 
 
+FOCUSED = {
+    "the page": lambda page: page.tab.locator("#bar").click(position={"x": 600, "y": 15}),
+    "Rerun's canvas": lambda page: page.tab.locator("#canvas").click(),
+    "viser's panel": lambda page: page.controls.get_by_text("Frame ").first.click(),
+    "a pressed button": pressed,
+}
+
+
+@pytest.mark.parametrize("where", FOCUSED)
+def test_every_key_does_what_the_list_says_wherever_the_focus_is(page: Page, where: str):
+    FOCUSED[where](page)
+    for action in actions():
+        begin(page, action.name)
+        page.tab.keyboard.press(action.key)
+        page.until(CONSEQUENCES[action.name], f"{action.key} with the focus on {where}")
+
+
 def clicked_slider(page: Page) -> None:
     opened_tab(page, "Methods")
-    if page.controls.get_by_role("slider").count() < 2:
+    if not page.controls.get_by_role("slider").count():
         page.controls.get_by_text("Stereo settings", exact=True).click()
-    page.controls.get_by_role("slider").nth(1).click()
+    page.controls.get_by_role("slider").first.click()
 
 
 def clicked_box(page: Page) -> None:
@@ -110,16 +99,17 @@ def clicked_box(page: Page) -> None:
 
 
 def chosen_from_a_list(page: Page) -> None:
-    page.controls.get_by_label("speed", exact=True).click()
-    page.controls.get_by_role("option", name="1 x", exact=True).click()
+    opened_tab(page, "Tracks")
+    page.controls.get_by_label("colour by", exact=True).click()
+    page.controls.get_by_role("option", name="state", exact=True).click()
 
 
 CLICKED = {
-    "a tab": lambda page: opened_tab(page, "Branches"),
+    "a tab": lambda page: opened_tab(page, "Compare"),
     "the slider of a setting": clicked_slider,
     "a checkbox": clicked_box,
     "a list, and one of its entries": chosen_from_a_list,
-    "a folder": lambda page: page.controls.get_by_text("Moves and loop", exact=True).click(),
+    "a folder": lambda page: page.controls.get_by_text("Source", exact=True).click(),
     "the splitter": lambda page: page.tab.locator("#splitter").click(),
 }
 
@@ -133,7 +123,7 @@ def test_a_key_is_the_runs_after_a_click_on_anything_that_is_no_text_field(page:
     tab = page.controls.locator("[role=tab][aria-selected=true]").inner_text()
     for name in ("forward", "back", "start", "stereo", "key_frame", "play"):
         begin(page, name)
-        key = next(action.key for action in ACTIONS if action.name == name)
+        key = next(action.key for action in actions() if action.name == name)
         page.tab.keyboard.press(key)
         page.until(CONSEQUENCES[name], f"{key} after a click on {where}")
     assert page.controls.locator("[role=tab][aria-selected=true]").inner_text() == tab
@@ -143,30 +133,24 @@ def test_a_key_is_the_runs_after_a_click_on_anything_that_is_no_text_field(page:
 
 def test_what_was_reached_by_key_keeps_the_keys_that_move_or_press_it(page: Page):
     """Who has no mouse changes tabs, sliders and boxes by key."""
-    opened_tab(page, "Branches")
+    opened_tab(page, "Compare")
     page.tab.locator("#splitter").focus()
     begin(page, "play")
-    page.controls.get_by_role("tab", name="Branches", exact=True).focus()
+    page.controls.get_by_role("tab", name="Compare", exact=True).focus()
     page.tab.keyboard.press("Shift+Tab")
     page.tab.keyboard.press("Tab")
     page.tab.keyboard.press("ArrowRight")
-    page.controls.locator("[role=tab][aria-selected=true]", has_text="Break").wait_for()
+    page.controls.locator("[role=tab][aria-selected=true]", has_text="Breakpoints").wait_for()
     assert page.state["index"] == FROM
     page.tab.keyboard.press("k")
     page.until("state.index === 22", "the key frame")
 
 
 @pytest.mark.parametrize("name", BUTTONS)
-def test_every_button_of_the_moves(page: Page, name: str):
+def test_every_button_of_the_time_dock(page: Page, name: str):
     begin(page, name)
-    folder = page.controls.get_by_text("Moves and loop", exact=True)
-    row, text = BUTTONS[name]
-    button = page.controls.get_by_role("button", name=text, exact=True)
-    if not button.first.is_visible():
-        folder.click()
-    among = {"key frame": 0, "stereo": 1}.get(row, 0)
-    button.nth(among).click()
-    page.until(CONSEQUENCES[name], text)
+    page.tab.locator(f"#transport [data-do={name}]").click()
+    page.until(CONSEQUENCES[name], name)
 
 
 def test_question_mark_lists_every_key_and_escape_closes_the_list(page: Page):
@@ -177,7 +161,7 @@ def test_question_mark_lists_every_key_and_escape_closes_the_list(page: Page):
         page.tab.keyboard.press("?")
         dialog.wait_for()
         text = dialog.inner_text()
-        assert all(action.label in text and action.hint in text for action in ACTIONS)
+        assert all(action.label in text and action.hint in text for action in actions())
         page.tab.keyboard.press("Escape")
         dialog.wait_for(state="hidden")
     page.tab.locator("#help").click()
@@ -188,7 +172,7 @@ def test_question_mark_lists_every_key_and_escape_closes_the_list(page: Page):
 
 def test_a_text_field_keeps_all_keys(page: Page):
     begin(page, "play")
-    page.controls.get_by_role("tab", name="Record").click()
+    page.controls.get_by_role("tab", name="Files").click()
     field = page.controls.get_by_role("textbox").last
     field.fill("")
     field.focus()
@@ -199,12 +183,12 @@ def test_a_text_field_keeps_all_keys(page: Page):
 
 
 def test_the_palette_has_every_action(page: Page):
-    page.controls.get_by_text("computed 44 of 44").click()
+    page.controls.get_by_text("Frame ").first.click()
     search = page.controls.get_by_placeholder("Search")
-    for action in ACTIONS:
+    for action in actions():
         begin(page, action.name)
         page.tab.keyboard.press("Control+k")
-        search.fill(BY_NAME[action.name].label)
+        search.fill(action.label)
         page.controls.get_by_text(action.hint).first.click()
         page.until(CONSEQUENCES[action.name], action.label)
         search.wait_for(state="hidden")

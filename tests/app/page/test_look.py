@@ -52,7 +52,7 @@ def test_a_chip_shows_its_exposure(page: Page):
     index = chip.get_attribute("data-seek")
     chip.click()
     page.until(f"state.index === {index}", "the exposure of the chip")
-    page.send("{do: 'end'}")
+    page.send("action('end')")
     page.until("state.index === state.computed - 1", "the end")
 
 
@@ -105,7 +105,7 @@ def test_who_walks_the_rows_by_key_keeps_his_place_when_the_table_is_drawn_anew(
 
 
 def test_where_its_row_is_gone_the_focus_is_in_its_place_until_the_row_is_back(page: Page):
-    go_on = "{do: 'end'}"
+    go_on = "action('end')"
     rows, focus = page.controls.locator("tr[data-select]"), page.controls.locator("tr[data-select]:focus")
     rows.nth(3).focus()
     wanted, at_end = focus.get_attribute("data-select"), page.state["index"]

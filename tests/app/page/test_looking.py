@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from ispom_app.engine.events import Bookmark
 from ispom_app.engine.playback import Playback
+from ispom_app.features.bookmarks.commands import ToggleBookmark
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.layers.commands import Hide
+from ispom_app.features.layers.state import Layers
+from ispom_app.features.plots.commands import Plot
 from ispom_app.features.plots.plotting import DEFAULT_PLOTS
+from ispom_app.features.plots.state import Plots
+from ispom_app.features.tracks.commands import Select
 from ispom_app.session import commands as do
-from ispom_app.session.actions import BY_NAME
+from ispom_app.session.actions import actions
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import Computed, State, changed, reduce
 from ispom_app.views.web.looking import Looking
@@ -18,6 +23,7 @@ from ispom_app.views.web.messages import own_view
 from ispom.errors import InputError
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 
 COMPUTED = 30
 
@@ -51,7 +57,7 @@ def state(run: CurrentRun) -> State:
 
 def pressed(looking: Looking, state: State, run: CurrentRun, *names: str) -> State:
     for name in names:
-        assert looking.obey(BY_NAME[name].command, state, run)
+        assert looking.obey(next(a.command for a in actions() if a.name == name), state, run)
     return looking.shown(state)
 
 
@@ -115,7 +121,7 @@ def test_it_plays_at_the_recorded_speed_up_to_the_last_computed_frame(state: Sta
 
 
 def test_it_waits_at_the_newest_frame_of_a_run_that_goes_on(state: State, run: CurrentRun) -> None:
-    clock, going = Clock(), replace(state, playing=True)
+    clock, going = Clock(), with_values(state, playing=True)
     looking = Looking(clock)
     looking.obey(do.StepBy(-1), going, run)
     assert not looking.shown(going).playing  # the session plays, this page does not
@@ -143,17 +149,19 @@ def test_it_goes_round_in_a_loop_of_its_own(state: State, run: CurrentRun) -> No
 
 def test_layers_and_plots_are_the_pages_own(state: State, run: CurrentRun) -> None:
     looking = Looking(Clock())
-    looking.obey(do.Hide(frozenset({"stereo"})), state, run)
-    looking.obey(do.Plot("stereo.inliers"), state, run)
+    looking.obey(Hide(frozenset({"stereo"})), state, run)
+    looking.obey(Plot("stereo.inliers"), state, run)
     view = own_view(looking.shown(state), state)
     assert view is not None and view["address"]["plots"] == "error,inliers,stereo.inliers"
     assert any("stereo" in path for path in view["hidden"])
-    assert looking.index is None and not state.hidden and state.plots == DEFAULT_PLOTS  # it still follows the frames
+    assert (
+        looking.index is None and not state[Layers].hidden and state[Plots].names == DEFAULT_PLOTS
+    )  # it still follows the frames
     looking.follow()
     assert looking.shown(state) is state
 
 
-@pytest.mark.parametrize("command", [do.ToggleBookmark(), do.Fork(("stereo",), None), do.Select("track:stereo:5")])  # type: ignore[arg-type]
+@pytest.mark.parametrize("command", [ToggleBookmark(), Fork(("stereo",), None), Select("track:stereo:5")])  # type: ignore[arg-type]
 def test_what_others_would_see_is_not_obeyed(state: State, run: CurrentRun, command: do.Command) -> None:
     looking = Looking(Clock())
     assert not looking.obey(command, state, run) and looking.shown(state) is state
@@ -163,10 +171,10 @@ def test_another_run_is_followed_from_its_beginning(state: State, run: CurrentRu
     looking = Looking(Clock())
     looking.shown(state)
     looking.obey(do.Seek(3), state, run)
-    looking.obey(do.Hide(frozenset({"stereo"})), state, run)
+    looking.obey(Hide(frozenset({"stereo"})), state, run)
     other = reduce(state, run.opened)
     assert looking.shown(other).index == other.index and looking.index is None
-    assert looking.shown(other).hidden == {"stereo"}
+    assert looking.shown(other)[Layers].hidden == {"stereo"}
 
 
 def test_before_the_first_frame_there_is_nothing_to_look_at(state: State) -> None:
@@ -175,10 +183,10 @@ def test_before_the_first_frame_there_is_nothing_to_look_at(state: State) -> Non
 
 
 def test_events_are_stepped_through_among_the_frames_that_are_computed(state: State, run: CurrentRun) -> None:
-    looking, marked = Looking(Clock()), replace(state, bookmarks=(Bookmark(12, 12, ""),))
+    looking, marked = Looking(Clock()), with_values(state, bookmarks=(Bookmark(12, 12, ""),))
     assert pressed(looking, marked, run, "event_back").index == 12
     with pytest.raises(InputError, match="computed"):
-        looking.obey(BY_NAME["event"].command, marked, run)
+        looking.obey(next(a.command for a in actions() if a.name == "event"), marked, run)
     with pytest.raises(InputError, match="No event before"):
-        looking.obey(BY_NAME["event_back"].command, marked, run)
+        looking.obey(next(a.command for a in actions() if a.name == "event_back"), marked, run)
     assert looking.index == 12

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,16 +10,18 @@ from ispom_app.engine.playback import Playback
 from ispom_app.features.plots import page_message as quantity_plots
 from ispom_app.features.plots.page_message import PlotNews, choices, plot_of
 from ispom_app.features.plots.plotting import ERROR
+from ispom_app.features.plots.state import Plots
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State
 
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
 
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
 NAME = "monocular.parallax"
-STATE = State("double:40", plots=(NAME, "inliers"))
+STATE = State("double:40").having(Plots((NAME, "inliers")))
 
 
 def build(config, methods, rig):
@@ -64,7 +65,7 @@ def test_a_curve_that_is_added_later_comes_whole_and_the_others_do_not_come_agai
     for _ in range(10):
         run.step()
     news = PlotNews()
-    news.since(replace(STATE, plots=("inliers",)), run)
+    news.since(with_values(STATE, plots=("inliers",)), run)
     added = news.since(STATE, run)
     assert added is not None and set(curves_of([added])) == {NAME, f"{NAME}.threshold"}
     assert "choices" not in added
@@ -186,7 +187,7 @@ def test_by_keyboard_a_check_is_closed_and_another_opened_and_keeps_the_focus(pa
 
 @in_chromium
 def test_a_press_counts_once_where_the_cards_are_drawn_again_before_the_button_is_let_go(page: Page) -> None:
-    page.send("{do: 'plots', names: ''}")
+    page.send("{do: 'set_plots', names: null}")
     go_to(page, 15)
     page.until("state.address.plots === ''", "the usual plots")
     row(page).hover()
@@ -216,10 +217,10 @@ def test_a_quantity_is_added_by_its_name(page: Page) -> None:
 
 @in_chromium
 def test_the_address_names_the_plots_and_reopens_them(page: Page) -> None:
-    page.send("{do: 'plots', names: ''}")
+    page.send("{do: 'set_plots', names: null}")
     page.until("state.address.plots === '' && !location.hash.includes('plot')", "the usual plots")
     page.tab.evaluate("location.hash += '&plot=monocular.alive'")
     page.until(
         "state.address.plots === 'monocular.alive' && location.hash.includes('plot=monocular.alive')", "the plot"
     )
-    page.send("{do: 'plots', names: ''}")
+    page.send("{do: 'set_plots', names: null}")

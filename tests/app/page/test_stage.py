@@ -117,15 +117,15 @@ def test_any_exposure_is_drawn_when_it_is_sought_however_little_memory_the_viewe
 
 def test_after_a_loop_the_images_are_still_those_of_their_exposures(stage: Stage, views):
     seek(stage, 10)
-    stage.send("{do: 'loop_start'}")
+    stage.send("action('loop_start')")
     seek(stage, 20)
-    stage.send("{do: 'loop_end'}")
-    stage.send("{do: 'play'}")
+    stage.send("action('loop_end')")
+    stage.send("action('play')")
     for _ in range(3):
         stage.until("state.index > 16", "the loop's end")
         stage.until("state.index < 14", "the loop's beginning")
     stage.send("{do: 'pause'}")
-    stage.send("{do: 'no_loop'}")
+    stage.send("action('no_loop')")
     stage.until("!state.playing", "a pause")
     assert_drawn(stage, views, 33)
     assert_drawn(stage, views, 15)
@@ -144,7 +144,7 @@ def assert_named(stage: Stage, views: dict[str, View]) -> str:
 def test_while_it_plays_each_image_is_that_of_the_exposure_which_the_views_name(stage: Stage, views):
     """The views leave out exposures where they are slow, and never show one under the name of another."""
     seek(stage, 0)
-    stage.send("{do: 'play'}")
+    stage.send("action('play')")
     until = time.monotonic() + PATIENCE_MS / 1000
     while not assert_named(stage, views).endswith(f" {TOTAL - 1}"):
         assert time.monotonic() < until, "timed out waiting for the end"

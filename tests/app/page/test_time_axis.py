@@ -17,6 +17,7 @@ from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 from tests.app.page.test_browser import CHROMIUM, App, Page, app, browser  # noqa: F401 - fixtures
 
 FAKE = Path(__file__).with_name("fake_viewer.js").read_text()
@@ -65,24 +66,24 @@ def test_matches_come_in_slices(run: CurrentRun, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(time_axis, "SLICE", 10)
     while not run.playback.done:
         run.step()
-    state = replace(State("double:40"), marked=parse('monocular.status == "lost"', run.series.quantities))
+    state = with_values(State("double:40"), marked=parse('monocular.status == "lost"', run.series.quantities))
     news, found, messages = AxisNews(), [], 0
     while messages == 0 or news.behind:
         found += (news.since(state, run) or {}).get("matches", [])
         messages += 1
     assert messages == 5
     assert found == [r.index for r in run.history for s in r.steps if s.method == "monocular" and s.status == "lost"]
-    assert news.since(replace(state, marked=None), run) == {"condition": ""}
+    assert news.since(with_values(state, marked=None), run) == {"condition": ""}
 
 
 def test_branches_are_told_where_they_begin_and_only_when_that_changes(run: CurrentRun) -> None:
     run.step()
     news, first = AxisNews(), Branch(0, "first run")
-    state = replace(State("double:40"), branches=(first, Branch(1, "other", 0, 9)))
+    state = with_values(State("double:40"), branches=(first, Branch(1, "other", 0, 9)))
     assert (news.since(state, run) or {})["branches"] == [{"name": "other", "at": 9, "colour": "#56b4e9"}]
-    longer = replace(state, branches=(replace(first, computed=7), Branch(1, "other", 0, 9)))
+    longer = with_values(state, branches=(replace(first, computed=7), Branch(1, "other", 0, 9)))
     assert news.since(longer, run) is None
-    assert news.since(replace(state, branches=(first,)), run) == {"branches": []}
+    assert news.since(with_values(state, branches=(first,)), run) == {"branches": []}
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ import pytest
 import rerun as rr
 from ispom_app.cli.main import main
 from ispom_app.engine.history.series import Series
-from ispom_app.session import commands as do
+from ispom_app.features.breakpoints.commands import FindMatch
+from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recording import read_recording
 from ispom_app.views.rerun.live import LiveStream
@@ -69,7 +70,7 @@ def test_another_programs_trajectory_is_beside_a_recording_at_the_times_of_its_s
     orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
     session = started(tmp_path / "recordings", str(recording), beside=(orb,))
     wait_for(lambda: session.state.index >= 0, "the recording")
-    (beside,) = session.state.beside
+    (beside,) = session.state[ExternalPaths].all
     assert beside.of_truth is not None and "(14 poses)" in beside.of_truth.alignment
     assert np.nanmax(beside.errors_m) < 1e-5
     screen = Screen(session)
@@ -89,7 +90,7 @@ def test_without_truth_in_a_recording_the_page_says_so_and_goes_on(tmp_path: Pat
     wait_for(lambda: session.state.index >= 0, "the recording")
     screen = Screen(session)
     screen.paint()
-    assert session.state.beside[0].of_truth is None and not session.state.notices[1:]
+    assert session.state[ExternalPaths].all[0].of_truth is None and not session.state.notices[1:]
     screen.server.stop()
     session.close(5)
 
@@ -106,7 +107,7 @@ def test_the_page_shows_it_and_its_bytes_go_to_the_viewer(recording: Path, tmp_p
     assert {"/video/image", "/left/image", "/decisions"} <= {path for path, _ in tape.scene(20).versions}
     screen = Screen(session)
     screen.paint()
-    session.post(do.FindMatch("stereo.inliers > 0", forwards=False))
+    session.post(FindMatch("stereo.inliers > 0", forwards=False))
     wait_for(lambda: session.state.index < 20, "the match")
     screen.paint()
     screen.server.stop()

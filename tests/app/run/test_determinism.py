@@ -8,6 +8,7 @@ import pytest
 from ispom_app.engine.events import Finished, Opened, Stepped
 from ispom_app.engine.history.history import History
 from ispom_app.engine.playback import Playback
+from ispom_app.features.recording.commands import Record
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
@@ -69,7 +70,7 @@ def test_in_the_app_with_a_viewer_a_recording_and_a_restless_person(
     session.start()
     try:
         wait_for(lambda: session.state.phase == "ready", "opening")
-        for command in (do.Speed(None), do.Record("while"), do.Seek(9), do.Seek(3), do.StepBy(1), do.Play(True)):
+        for command in (do.Speed(None), Record("while"), do.Seek(9), do.Seek(3), do.StepBy(1), do.Play(True)):
             session.post(command)
         wait_for(lambda: viewer.finished is not None, "the end", 60)
         assert viewer.finished is not None

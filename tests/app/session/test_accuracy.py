@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.branches.accuracy import measured, over_common_frames
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.error_curves import aligned_curves, live_curves
 from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.features.branches.service import BranchService
+from ispom_app.features.branches.state import Branches
 from ispom_app.presentation.texts import length, lengths
 from ispom_app.session import commands as do
-from ispom_app.session.accuracy import measured, over_common_frames
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
 from ispom_app.views.web.messages import message_of
@@ -24,6 +25,7 @@ from ispom_app.views.web.messages import message_of
 from ispom.sequences import open_sequence
 from ispom.types import Sequence
 from tests.app import helpers
+from tests.app.helpers import with_values
 from tests.app.viser_ui.conftest import server  # noqa: F401  (a fixture)
 
 METHODS = ("monocular", "stereo", "integrated")
@@ -53,7 +55,7 @@ def metrics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def shown(state: State) -> Branch:
-    return next(b for b in state.branches if b.number == state.branch)
+    return next(b for b in state[Branches].all if b.number == state[Branches].shown)
 
 
 def test_the_table_of_branches_agrees_with_metrics_json(tiny: Session, metrics: dict[str, Any], server) -> None:  # noqa: F811
@@ -79,11 +81,11 @@ def test_the_chips_say_the_same_and_name_the_alignment(tiny: Session) -> None:
 
 
 def test_the_error_curve_is_aligned_and_the_live_one_has_no_provisional_poses(tiny: Session) -> None:
-    curves = {curve.label: curve.values for curve in aligned_curves(tiny.state, tiny.branch)}
+    curves = {curve.label: curve.values for curve in aligned_curves(tiny.state, tiny.service(BranchService).run_of)}
     assert list(curves) == ["Monocular, Sim(3)", "Stereo, SE(3)", "Integrated, SE(3)"]
     for curve, error in zip(curves.values(), shown(tiny.state).measured.errors.values(), strict=True):
         assert np.sqrt(np.nanmean(curve**2)) == pytest.approx(error.ate_m, rel=1e-9)
-    live = {curve.label: curve.values for curve in live_curves(tiny.state, tiny.branch)}
+    live = {curve.label: curve.values for curve in live_curves(tiny.state, tiny.service(BranchService).run_of)}
     assert "Integrated, live" in live
     assert np.isnan(live["Integrated, live"][:12]).all() and np.nanmax(live["Integrated, live"]) < 0.01
 
@@ -103,7 +105,7 @@ def test_before_the_first_fit_the_table_and_the_chip_say_provisional(tiny: Sessi
     while early.catching_up:
         early.catch_up()
     branch = Branch(0, "first run", computed=8, tally=early.tally, measured=measured(early))
-    state = replace(tiny.state, branches=(branch,), branch=0, computed=8, displayed=run.history[7])
+    state = with_values(tiny.state, branches=(branch,), branch=0, computed=8, displayed=run.history[7])
     chip = next(c for c in message_of(state)["methods"] if c["label"] == "Integrated")
     assert chip["error"] == "provisional" and "provisional" in chip["hint"]
     session: Any = type("S", (), {"state": state, "branch": lambda self, number: early, "post": None})()

@@ -6,6 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from ispom_app.features.bookmarks.commands import ToggleBookmark
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.breakpoints.commands import FindMatch, RunUntil
+from ispom_app.features.events.commands import StepToEvent
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
@@ -45,20 +50,20 @@ def lost(session: Session) -> list[int]:
 
 
 def test_it_runs_on_to_each_exposure_at_which_the_condition_holds(session: Session) -> None:
-    told = asked(session, do.RunUntil(LOST))
+    told = asked(session, RunUntil(LOST))
     first = session.state.index
     assert lost(session) == [first] and session.state.computed == first + 1 and not session.state.playing
-    assert told == f"stopped at exposure {first}: monocular.status lost"
-    asked(session, do.RunUntil(LOST))
+    assert told == f"stopped at frame {first}: monocular.status lost"
+    asked(session, RunUntil(LOST))
     assert lost(session) == [first, session.state.index] and session.state.index > first
 
 
 def test_what_is_computed_already_is_not_computed_again(session: Session) -> None:
-    asked(session, do.RunUntil(LOST))
+    asked(session, RunUntil(LOST))
     first, computed = session.state.index, session.state.computed
     session.post(do.Seek(0))
     wait_for(lambda: session.state.index == 0, "the start")
-    asked(session, do.RunUntil(LOST))
+    asked(session, RunUntil(LOST))
     assert (session.state.index, session.state.computed) == (first, computed)
 
 
@@ -67,19 +72,19 @@ def test_next_and_previous_match(session: Session) -> None:
     wait_for(lambda: session.state.computed == 41, "exposure 40")
     found = lost(session)
     assert len(found) >= 2
-    session.post(do.FindMatch(LOST, forwards=False))
+    session.post(FindMatch(LOST, forwards=False))
     wait_for(lambda: session.state.index == found[-1], "the last one")
-    session.post(do.FindMatch(LOST, forwards=False))
+    session.post(FindMatch(LOST, forwards=False))
     wait_for(lambda: session.state.index == found[-2], "the one before")
-    session.post(do.FindMatch(LOST))
+    session.post(FindMatch(LOST))
     wait_for(lambda: session.state.index == found[-1], "the last one again")
-    assert "holds at no computed exposure after" in asked(session, do.FindMatch(LOST))
+    assert "holds at no computed frame after" in asked(session, FindMatch(LOST))
 
 
 def test_a_condition_that_never_holds_is_said_at_the_end(session: Session) -> None:
-    assert "held at no exposure up to the end" in asked(session, do.RunUntil("stereo.error_m > 1e6"))
+    assert "held at no frame up to the end" in asked(session, RunUntil("stereo.error_m > 1e6"))
     assert session.state.ended
-    assert "holds at no exposure after" in asked(session, do.RunUntil("stereo.error_m > 1e6"))
+    assert "holds at no frame after" in asked(session, RunUntil("stereo.error_m > 1e6"))
 
 
 @pytest.mark.parametrize(
@@ -87,11 +92,11 @@ def test_a_condition_that_never_holds_is_said_at_the_end(session: Session) -> No
     [("", "there is no condition"), ("stereo.sattus == 3", "column 1"), ("__import__('os')", "column 1")],
 )
 def test_a_mistake_is_a_sentence(session: Session, condition: str, sentence: str) -> None:
-    assert sentence in asked(session, do.RunUntil(condition)) and session.state.computed == 0
+    assert sentence in asked(session, RunUntil(condition)) and session.state.computed == 0
 
 
 def test_another_move_ends_the_search(session: Session) -> None:
-    session.post(do.RunUntil("stereo.error_m > 1e6"))
+    session.post(RunUntil("stereo.error_m > 1e6"))
     session.post(do.Seek(3))
     session.post(do.Seek(30))
     wait_for(lambda: session.state.index >= 30 and session.state.target is None, "exposure 30")
@@ -99,34 +104,34 @@ def test_another_move_ends_the_search(session: Session) -> None:
 
 
 def test_it_runs_on_to_the_next_event_and_says_in_words_what_happened(session: Session) -> None:
-    said = asked(session, do.StepToEvent(alarming=True))
+    said = asked(session, StepToEvent(alarming=True))
     first = session.state.index
     found = [e for e in (session.run.events.events if session.run else ()) if e.severity.alarming]
     assert [e.frame for e in found] == [first] and session.state.computed == first + 1 and not session.state.playing
     assert said.startswith(f"Frame {first} · ") and found[0].sentence in said and "==" not in said
-    asked(session, do.StepToEvent(alarming=True))
+    asked(session, StepToEvent(alarming=True))
     second = session.state.index
     assert second > first
-    asked(session, do.StepToEvent(forwards=False, alarming=True))
+    asked(session, StepToEvent(forwards=False, alarming=True))
     assert session.state.index == first and session.state.computed == second + 1
 
 
 def test_the_end_of_the_events_is_said_with_how_many_there_were(session: Session) -> None:
     session.post(do.Seek(43))
     wait_for(lambda: session.state.computed == 44, "the end")
-    said = asked(session, do.StepToEvent())
+    said = asked(session, StepToEvent())
     assert said.startswith("No event after frame 43.") and "earlier" in said
     assert session.state.index == 43
-    session.post(do.ToggleBookmark())
+    session.post(ToggleBookmark())
     session.post(do.Seek(42))
-    session.post(do.StepToEvent())
+    session.post(StepToEvent())
     wait_for(lambda: session.state.index == 43, "the bookmark")
 
 
 def test_a_run_that_ends_without_another_event_says_so(session: Session) -> None:
     session.post(do.Seek(40))
     wait_for(lambda: session.state.computed == 41, "exposure 40")
-    while not (said := asked(session, do.StepToEvent(alarming=True))).startswith("No anomaly after"):
+    while not (said := asked(session, StepToEvent(alarming=True))).startswith("No anomaly after"):
         assert said.startswith("Frame ")
     assert session.state.ended and session.state.until is None
 
@@ -137,8 +142,8 @@ def test_a_fork_and_its_parent_have_the_same_events_before_it(session: Session) 
     parent = session.run
     session.post(do.Seek(20))
     wait_for(lambda: session.state.index == 20, "exposure 20")
-    session.post(do.Fork(METHODS, Config()))
-    wait_for(lambda: session.state.branch == 1 and session.state.computed == 44, "the fork")
+    session.post(Fork(METHODS, Config()))
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.computed == 44, "the fork")
     fork = session.run
     assert parent is not None and fork is not None and fork.events is not parent.events
     assert fork.events.events == parent.events.events and len(fork.events) > 2
@@ -151,8 +156,8 @@ def test_a_fork_has_the_quantities_of_its_past(session: Session) -> None:
     assert first is not None
     session.post(do.Seek(20))
     wait_for(lambda: session.state.index == 20, "exposure 20")
-    session.post(do.Fork(METHODS, Config()))
-    wait_for(lambda: session.state.branch == 1 and session.state.computed == 44, "the fork")
+    session.post(Fork(METHODS, Config()))
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.computed == 44, "the fork")
     fork = session.run
     assert fork is not None and fork is not first
     for name in first.series.quantities:

@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ispom_app.features.branches.branches import Branch
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.branches.service import BranchService
+from ispom_app.features.branches.state import Branches
 from ispom_app.features.lessons.commands import Learn
 from ispom_app.features.lessons.library import Library
+from ispom_app.features.lessons.state import Lessons
+from ispom_app.features.recording.commands import Record
+from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
-from ispom_app.session.closing import loss
 from ispom_app.session.session import Session
 from ispom_app.session.state import State
+from ispom_app.session.store import Store
 
 from ispom.methods import Config
 from tests import doubles
@@ -36,8 +43,8 @@ def session(tmp_path: Path) -> Iterator[Session]:
     wait_for(lambda: found.state.ended, "the run")
     found.post(do.Seek(8))
     wait_for(lambda: found.state.index == 8, "frame 8")
-    found.post(do.Fork(("stereo",), CHANGED, "fewer tracks"))
-    wait_for(lambda: found.state.branch == 1 and found.state.ended, "the fork")
+    found.post(Fork(("stereo",), CHANGED, "fewer tracks"))
+    wait_for(lambda: found.state[Branches].shown == 1 and found.state.ended, "the fork")
     yield found
     found.close(2)
 
@@ -63,12 +70,12 @@ def test_a_branch_is_not_lost_without_a_question(session: Session, way: str) -> 
     number = asked(session, CLOSING[way])
     session.post(do.Confirm(number, False))
     wait_for(lambda: session.state.question is None, "the answer")
-    assert (session.state.run, len(session.state.branches), session.state.branch) == (run, 2, 1)
-    assert session.state.lesson is None and not session.state.notices
+    assert (session.state.run, len(session.state[Branches].all), session.state[Branches].shown) == (run, 2, 1)
+    assert session.state[Lessons].now is None and not session.state.notices
     session.post(do.Confirm(number, True))  # of a question that was answered
     number = asked(session, CLOSING[way])
     session.post(do.Confirm(number, True))
-    wait_for(lambda: session.state.run > run and len(session.state.branches) == 1, "the other run")
+    wait_for(lambda: session.state.run > run and len(session.state[Branches].all) == 1, "the other run")
     assert session.state.question is None
 
 
@@ -92,35 +99,35 @@ def test_a_run_without_branches_is_closed_without_a_question(tmp_path: Path, com
 
 
 def test_a_branch_that_is_recorded_is_kept(session: Session) -> None:
-    session.post(do.Record("mine"))
-    wait_for(lambda: session.state.recording or session.state.recordings, "the recording")
+    session.post(Record("mine"))
+    wait_for(lambda: session.state[Recordings].current or session.state[Recordings].listed, "the recording")
     session.post(do.Open("double:15"))
     wait_for(lambda: session.state.source == "double:15" or session.state.question, "the source")
     assert session.state.question is None
 
 
+def lost(*branches: Branch, recorded: set[int] = frozenset()) -> list[str]:  # type: ignore[assignment]
+    """What the service of the branches says would be lost."""
+    recordings = SimpleNamespace(recorded=recorded)
+    state = State("double:20", phase="ready", computed=5).having(Branches(branches))
+    session = SimpleNamespace(store=Store(state), service=lambda kind: recordings)
+    return BranchService(session).loss()  # type: ignore[arg-type]
+
+
 def test_what_can_be_had_again_is_not_asked_about() -> None:
-    first = Branch(0, "first run")
-    state = State("double:20", phase="ready", computed=5, branches=(first,))
-    fork = Branch(1, "mine", 0, 4)
-    assert not loss(state, ())
-    assert "mine" in loss(replace(state, branches=(first, fork)), ())
-    assert not loss(replace(state, branches=(first, replace(fork, reproducible=True))), ())
-    assert not loss(replace(state, branches=(first, fork)), {1})
-    assert "mine" in loss(replace(state, branches=(fork,)), ())  # the first one was deleted
-
-
-@pytest.mark.parametrize("source", ["camera:0", "rtsp://10.0.0.2/live"])
-def test_a_live_run_is_asked_about_unless_it_is_recorded(source: str) -> None:
-    state = State(source, phase="ready", computed=5, branches=(Branch(0, "first run"),))
-    assert source in loss(state, ()) and not loss(state, {0}) and not loss(replace(state, computed=0), ())
+    first, fork = Branch(0, "first run"), Branch(1, "mine", 0, 4)
+    assert not lost(first)
+    assert "mine" in lost(first, fork)[0]
+    assert not lost(first, replace(fork, reproducible=True))
+    assert not lost(first, fork, recorded={1})
+    assert "mine" in lost(fork)[0], "the first one was deleted"
 
 
 def test_settings_and_methods_of_a_fork_or_a_restart_stay_with_their_run(session: Session) -> None:
     """They applied silently to whatever was opened next."""
     assert session.state.config == CHANGED and session.state.methods == ("stereo",)
     session.post(do.Confirm(asked(session, do.Restart(("stereo",), CHANGED)), True))
-    wait_for(lambda: len(session.state.branches) == 1 and session.state.ended, "the new run")
+    wait_for(lambda: len(session.state[Branches].all) == 1 and session.state.ended, "the new run")
     assert session.state.config == CHANGED
     session.post(do.Open("double:15"))
     wait_for(lambda: session.state.source == "double:15" and session.state.phase == "ready", "the source")

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.sensitivity.commands import Predict, RunPerturbed
+from ispom_app.features.sensitivity.state import CalibrationEffect
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
@@ -30,43 +33,55 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 
 
 def test_before_anything_is_seen_nothing_is_predicted(session: Session) -> None:
-    session.post(do.Predict(WRONG))
+    session.post(Predict(WRONG))
     wait_for(lambda: session.state.notices, "the refusal")
     assert "let the run go on" in session.state.notices[-1].text
-    session.post(do.RunPerturbed())
+    session.post(RunPerturbed())
     wait_for(lambda: "move a slider" in session.state.notices[-1].text, "the refusal of a rerun")
 
 
 def test_the_rerun_is_a_branch_with_the_prediction_beside_it(session: Session) -> None:
     session.post(do.Seek(session.state.total - 1))
     wait_for(lambda: session.state.ended, "the end", 120.0)
-    session.post(do.Predict(WRONG))
-    wait_for(lambda: session.state.effect is not None, "the prediction", 60.0)
-    effect = session.state.effect
+    session.post(Predict(WRONG))
+    wait_for(lambda: session.state[CalibrationEffect].effect is not None, "the prediction", 60.0)
+    effect = session.state[CalibrationEffect].effect
     assert effect is not None and effect.computed == session.state.total
     (prediction,) = effect.predictions
     assert prediction.linear and prediction.ate_m is not None and prediction.predicted_ate_m is not None
-    session.post(do.RunPerturbed())
-    wait_for(lambda: session.state.branch == 1, "the branch")
+    session.post(RunPerturbed())
+    wait_for(lambda: session.state[Branches].shown == 1, "the branch")
     opened = session.opened
     assert opened is not None
     assert opened.sequence.rig.baseline_m == pytest.approx(1.02 * 0.4)
     assert [beside.name for beside in opened.beside] == ["predicted-stereo"]
     session.post(do.Seek(session.state.total - 1))
-    wait_for(lambda: session.state.effect is not None and session.state.effect.outcomes, "the outcome", 120.0)
-    assert session.state.effect is not None
-    (outcome,) = session.state.effect.outcomes
+    wait_for(
+        lambda: (
+            session.state[CalibrationEffect].effect is not None and session.state[CalibrationEffect].effect.outcomes
+        ),
+        "the outcome",
+        120.0,
+    )
+    assert session.state[CalibrationEffect].effect is not None
+    (outcome,) = session.state[CalibrationEffect].effect.outcomes
     assert outcome.held and outcome.ratio == pytest.approx(1, abs=0.3)
     beside = opened.beside[0].of_truth
     assert beside is not None and np.isfinite(beside.errors_m).any()
 
 
 def test_while_the_rerun_is_shown_predictions_are_of_the_run_before_it(session: Session) -> None:
-    assert session.state.branch == 1
-    session.post(do.Predict(Perturbation(baseline_percent=-2)))
-    wait_for(lambda: session.state.effect and session.state.effect.wrong.baseline_percent == -2, "the prediction")
-    assert session.state.effect is not None and not session.state.effect.rerun
-    (prediction,) = session.state.effect.predictions
+    assert session.state[Branches].shown == 1
+    session.post(Predict(Perturbation(baseline_percent=-2)))
+    wait_for(
+        lambda: (
+            session.state[CalibrationEffect].effect
+            and session.state[CalibrationEffect].effect.wrong.baseline_percent == -2
+        ),
+        "the prediction",
+    )
+    assert session.state[CalibrationEffect].effect is not None and not session.state[CalibrationEffect].effect.rerun
+    (prediction,) = session.state[CalibrationEffect].effect.predictions
     assert prediction.shift_m > 0
 
 
@@ -74,11 +89,13 @@ def test_another_run_has_no_prediction_yet(session: Session) -> None:
     session.post(do.Restart(("stereo",), session.state.config))
     wait_for(lambda: session.state.question, "the question")
     session.post(do.Confirm(session.state.question.number, True))  # type: ignore[union-attr]
-    wait_for(lambda: len(session.state.branches) == 1 and session.state.effect is None, "the new run")
+    wait_for(
+        lambda: len(session.state[Branches].all) == 1 and session.state[CalibrationEffect].effect is None, "the new run"
+    )
 
 
 def test_a_value_out_of_its_range_is_refused(session: Session, tmp_path: Path) -> None:
     before = session.state.notice_count
-    session.post(do.Predict(Perturbation(baseline_percent=80)))
+    session.post(Predict(Perturbation(baseline_percent=80)))
     wait_for(lambda: session.state.notice_count > before, "the refusal")
     assert "baseline" in session.state.notices[-1].text

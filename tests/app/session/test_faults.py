@@ -12,7 +12,11 @@ import pytest
 from ispom_app.engine.events import Opened, Stepped
 from ispom_app.engine.history.history import History
 from ispom_app.engine.playback import Playback
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.recording.commands import Record, RepairRecordings, StopRecording
 from ispom_app.features.recording.listing import list_recordings
+from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.views.rerun.file_recording import FileRecording
@@ -78,15 +82,15 @@ def test_a_run_that_begins_while_a_recording_is_closed_is_not_in_it(
         write(self, event)
 
     monkeypatch.setattr(FileRecording, "write", slow)
-    paused.post(do.Record("first"))
-    wait_for(lambda: paused.state.recording is not None, "recording")
+    paused.post(Record("first"))
+    wait_for(lambda: paused.state[Recordings].current is not None, "recording")
     paused.post(do.Restart(("stereo",), Config()))
     wait_for(lambda: paused.state.run == 2 and paused.state.ended, "the second run")
-    paused.post(do.Record("second"))
+    paused.post(Record("second"))
     disk.set()
-    wait_for(lambda: len(paused.state.recordings) == 1, "the first file")
-    paused.post(do.StopRecording())
-    wait_for(lambda: len(paused.state.recordings) == 2, "the second file")
+    wait_for(lambda: len(paused.state[Recordings].listed) == 1, "the first file")
+    paused.post(StopRecording())
+    wait_for(lambda: len(paused.state[Recordings].listed) == 2, "the second file")
     assert exposures_in(tmp_path / "first.rrd") == set(range(9))
     assert {"/world/monocular/final", "/world/integrated/final"} <= entities_in(tmp_path / "first.rrd")
     assert exposures_in(tmp_path / "second.rrd") == set(range(22)) and not paused.state.notices
@@ -114,8 +118,8 @@ def test_a_failed_opening_leaves_the_live_camera_recording(tmp_path: Path) -> No
 
 def test_closing_writes_the_final_trajectories(paused: Session, tmp_path: Path) -> None:
     paused.post(do.Seek(12))
-    paused.post(do.Record("last"))
-    wait_for(lambda: paused.state.recording is not None and paused.state.computed == 13, "recording")
+    paused.post(Record("last"))
+    wait_for(lambda: paused.state[Recordings].current is not None and paused.state.computed == 13, "recording")
     assert paused.close(5.0)
     assert exposures_in(tmp_path / "last.rrd") == set(range(13))
     assert "/world/stereo/final" in entities_in(tmp_path / "last.rrd")
@@ -124,7 +128,7 @@ def test_closing_writes_the_final_trajectories(paused: Session, tmp_path: Path) 
 def test_closing_while_an_exposure_takes_long_writes_what_there_is(tmp_path: Path) -> None:
     gate = Gate(9)
     session = started(tmp_path, opener=gate, autoplay=False)
-    session.post(do.Record("busy"))
+    session.post(Record("busy"))
     session.post(do.Seek(15))
     assert gate.reached.wait(20)
     assert not session.close(0.1)
@@ -141,9 +145,9 @@ def test_closing_during_a_replay_leaves_the_playback_to_the_worker(
     session = started(tmp_path, autoplay=False)
     session.post(do.Seek(9))
     wait_for(lambda: session.state.index == 9, "some exposures")
-    session.post(do.Fork(METHODS, Config()))
+    session.post(Fork(METHODS, Config()))
     session.post(do.Play(False))
-    wait_for(lambda: len(session.state.branches) == 2, "a branch")
+    wait_for(lambda: len(session.state[Branches].all) == 2, "a branch")
     run = session.run
     assert run is not None
     monkeypatch.setattr(type(run), "catching_up", property(lambda _: not opened.is_set()))
@@ -155,7 +159,7 @@ def test_closing_during_a_replay_leaves_the_playback_to_the_worker(
         return ""
 
     monkeypatch.setattr(type(run), "catch_up", catch_up)
-    session.post(do.Record("busy"))
+    session.post(Record("busy"))
     session.post(do.Seek(15))
     assert inside.wait(20)
     assert not session.close(0.1)
@@ -188,10 +192,10 @@ def test_what_a_stopped_app_left_unfinished_is_listed_and_repaired(tmp_path: Pat
     with FileRecording(running, run.opened):
         session = started(tmp_path, autoplay=False)
         wait_for(lambda: session.state.phase == "ready", "opening")
-        assert session.state.unfinished == (".part-empty.rrd", ".part-foreign.rrd", ".part-left.rrd")
-        session.post(do.RepairRecordings())
-        wait_for(lambda: session.state.unfinished == (".part-foreign.rrd",), "the repair")
-        assert [file.name for file in session.state.recordings] == ["left.rrd"] and exposures_in(left) == {0}
+        assert session.state[Recordings].unfinished == (".part-empty.rrd", ".part-foreign.rrd", ".part-left.rrd")
+        session.post(RepairRecordings())
+        wait_for(lambda: session.state[Recordings].unfinished == (".part-foreign.rrd",), "the repair")
+        assert [file.name for file in session.state[Recordings].listed] == ["left.rrd"] and exposures_in(left) == {0}
         assert ".part-foreign.rrd" in session.state.notices[-1].text and session.close(5.0)
     assert foreign.read_bytes() == b"somebody else's, or another version's"
 
@@ -202,10 +206,10 @@ def test_a_fault_anywhere_in_the_worker_is_told_and_survived(
     def fault(_: Path) -> None:
         raise PermissionError("the folder is not yours")
 
-    monkeypatch.setattr("ispom_app.features.recording.library.list_recordings", fault)
-    paused.post(do.Record("r"))
-    wait_for(lambda: paused.state.recording is not None, "recording")
-    paused.post(do.StopRecording())
+    monkeypatch.setattr("ispom_app.features.recording.service.list_recordings", fault)
+    paused.post(Record("r"))
+    wait_for(lambda: paused.state[Recordings].current is not None, "recording")
+    paused.post(StopRecording())
     wait_for(lambda: paused.state.notices, "a notice")
     assert "the folder is not yours" in paused.state.notices[-1].text
     paused.post(do.Seek(2))

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from ispom_app.engine.playback import Playback
+from ispom_app.features.integration.commands import ShowIntegration, StepIntegration
 from ispom_app.features.integration.integration import Integration, latest_fit, stage_count
-from ispom_app.session import commands as do
+from ispom_app.features.integration.state import IntegrationSteps
 from ispom_app.session.current_run import CurrentRun
 
 from tests import doubles
@@ -39,20 +40,25 @@ def test_the_latest_fit_up_to_an_exposure_is_found(run: CurrentRun) -> None:
 def test_its_stages_are_stepped_through_and_end_at_both_ends(tmp_path: Path) -> None:
     session = started(tmp_path, "double:40", methods=METHODS)
     wait_for(lambda: session.state.ended, "the end")
-    session.post(do.StepIntegration(1))
+    session.post(StepIntegration(1))
     wait_for(lambda: session.state.notices, "the mistake")
     assert "no integration is shown" in session.state.notices[-1].text
-    session.post(do.ShowIntegration("integrated.paper"))
-    wait_for(lambda: session.state.integration == Integration("integrated.paper", 0), "the first stage")
+    session.post(ShowIntegration("integrated.paper"))
+    wait_for(lambda: session.state[IntegrationSteps].shown == Integration("integrated.paper", 0), "the first stage")
     for stage in (1, 2, 3, 4):
-        session.post(do.StepIntegration(1))
-        wait_for(lambda stage=stage: session.state.integration == Integration("integrated.paper", stage), "a stage")
-    session.post(do.StepIntegration(1))
-    session.post(do.StepIntegration(-1))
-    wait_for(lambda: session.state.integration == Integration("integrated.paper", 3), "one back from the last")
-    session.post(do.ShowIntegration("monocular"))
+        session.post(StepIntegration(1))
+        wait_for(
+            lambda stage=stage: session.state[IntegrationSteps].shown == Integration("integrated.paper", stage),
+            "a stage",
+        )
+    session.post(StepIntegration(1))
+    session.post(StepIntegration(-1))
+    wait_for(
+        lambda: session.state[IntegrationSteps].shown == Integration("integrated.paper", 3), "one back from the last"
+    )
+    session.post(ShowIntegration("monocular"))
     wait_for(lambda: len(session.state.notices) > 1, "the mistake")
     assert "monocular has fitted nothing up to exposure 43" in session.state.notices[-1].text
-    session.post(do.ShowIntegration(""))
-    wait_for(lambda: session.state.integration is None, "the end of looking")
+    session.post(ShowIntegration(""))
+    wait_for(lambda: session.state[IntegrationSteps].shown is None, "the end of looking")
     assert session.close(5)

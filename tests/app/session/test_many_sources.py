@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.recording.commands import Record, StopRecording
 from ispom_app.session import commands as do
 from ispom_app.views.rerun.live import LiveStream
 
@@ -38,8 +39,8 @@ def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path) ->
     def record() -> None:
         session.post(do.Seek(3))
         wait_for(lambda: session.state.computed >= 3, "some exposures")
-        session.post(do.Record(""))
-        session.post(do.StopRecording())
+        session.post(Record(""))
+        session.post(StopRecording())
         wait_for(lambda: len(list((tmp_path / "recordings").glob("*.rrd"))) == len(sequences), "a recording")
 
     most = (0, 0)

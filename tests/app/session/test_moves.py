@@ -46,10 +46,10 @@ def test_it_steps_from_stereo_exposure_to_stereo_exposure_and_computes_up_to_the
     for index in pairs:
         goes(session, do.StepTo("stereo"), index)
     assert session.state.computed == pairs[-1] + 1
-    assert "no stereo exposure after" in refused(session, do.StepTo("stereo"))
+    assert "no stereo frame after" in refused(session, do.StepTo("stereo"))
     for index in pairs[-2::-1]:
         goes(session, do.StepTo("stereo", forwards=False), index)
-    assert "no stereo exposure before" in refused(session, do.StepTo("stereo", forwards=False))
+    assert "no stereo frame before" in refused(session, do.StepTo("stereo", forwards=False))
 
 
 def test_it_steps_to_the_exposures_at_which_any_method_made_a_key_frame(session: Session) -> None:
@@ -58,7 +58,7 @@ def test_it_steps_to_the_exposures_at_which_any_method_made_a_key_frame(session:
     assert len(found) > 4 and any(i not in stereo(session) for i in found)
     for index in found[-2::-1] if found[-1] == 30 else found[::-1]:
         goes(session, do.StepTo("key_frame", forwards=False), index)
-    assert "no key frame before" in refused(session, do.StepTo("key_frame", forwards=False))
+    assert "no keyframe before" in refused(session, do.StepTo("key_frame", forwards=False))
     for index in found[1:]:
         goes(session, do.StepTo("key_frame"), index)
     session.post(do.StepTo("key_frame"))
@@ -107,9 +107,9 @@ def test_an_edge_beyond_the_other_begins_another_loop_and_one_exposure_is_none(s
         session.post(do.LoopEdge(edge))  # type: ignore[arg-type]
         wait_for(lambda loop=loop: session.state.loop == loop, "the loop")
     goes(session, do.Seek(0), 0)
-    assert "needs two exposures" in refused(session, do.LoopEdge("end"))
+    assert "needs two frames" in refused(session, do.LoopEdge("end"))
     goes(session, do.Seek(LAST), LAST)
-    assert "needs two exposures" in refused(session, do.LoopEdge("start"))
+    assert "needs two frames" in refused(session, do.LoopEdge("start"))
 
 
 def test_another_source_has_no_loop(session: Session) -> None:

@@ -13,7 +13,16 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.bookmarks.commands import PutBookmark
+from ispom_app.features.bookmarks.state import Bookmarks
+from ispom_app.features.branches.commands import CompareBranch, Fork, ShowBranch
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.breakpoints.commands import FindMatch
+from ispom_app.features.recording.commands import PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
+from ispom_app.features.recording.state import Kept, Recordings
+from ispom_app.features.tracks.commands import Pick
+from ispom_app.features.tracks.state import Inspection
 from ispom_app.features.tracks.tab import LookTab, looked_at
 from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.session import commands as do
@@ -22,7 +31,6 @@ from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
 from ispom_app.session.sources.known import run_name
-from ispom_app.session.state import Kept
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.rerun.stored_tape import StoredTape
 from ispom_app.views.viser.screen import Screen
@@ -66,11 +74,11 @@ def session(run: Path, tmp_path: Path) -> Iterator[Session]:
 def test_it_is_shown_at_its_end_and_nothing_is_computed(session: Session) -> None:
     state = session.state
     assert (state.index, state.computed, state.total, state.ended) == (20, 21, 21, True) and not state.playing
-    assert state.branches[0].name == "stored run" and state.branches[0].tally.methods["stereo"].exposures == 7
+    assert state[Branches].all[0].name == "stored run" and state[Branches].all[0].tally.methods["stereo"].exposures == 7
     assert session.run is not None and session.run.playback.position == 0
     session.post(do.Seek(4))
     wait_for(lambda: session.state.index == 4, "the exposure")
-    session.post(do.FindMatch('monocular.status == "lost"'))
+    session.post(FindMatch('monocular.status == "lost"'))
     wait_for(lambda: session.state.index > 4, "the loss")
     assert session.state.statuses["monocular"].status == "lost"
     assert session.run.playback.position == 0
@@ -88,13 +96,16 @@ def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
     session.post(do.Seek(9))
     wait_for(lambda: session.state.index == 9, "the exposure")
     state = session.state
-    session.post(do.Fork(state.methods, state.config))
+    session.post(Fork(state.methods, state.config))
     session.post(do.Speed(None))
-    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the fork")
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     assert not [n.text for n in session.state.notices if "not the stored run" in n.text]
-    session.post(do.CompareBranch(0))
-    wait_for(lambda: session.state.comparison is not None and session.state.comparison.finished, "the comparison")
-    comparison = session.state.comparison
+    session.post(CompareBranch(0))
+    wait_for(
+        lambda: session.state[Branches].comparison is not None and session.state[Branches].comparison.finished,
+        "the comparison",
+    )
+    comparison = session.state[Branches].comparison
     assert comparison is not None and (comparison.start, comparison.stop, comparison.apart) == (10, 21, 0)
 
 
@@ -106,8 +117,8 @@ def test_a_replay_that_is_another_run_is_noticed_once(run: Path, tmp_path: Path)
     wait_for(lambda: session.state.index == 20, "the run")
     session.post(do.Seek(15))
     wait_for(lambda: session.state.index == 15, "the exposure")
-    session.post(do.Fork(session.state.methods, session.state.config))
-    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the fork")
+    session.post(Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     said = [n.text for n in session.state.notices if "the replay is not the stored run" in n.text]
     assert len(said) == 1 and "at exposure 0" in said[0]
     session.close(5)
@@ -124,14 +135,14 @@ def test_without_its_source_all_but_computing_works(run: Path, tmp_path: Path) -
     session.post(do.Seek(3))
     wait_for(lambda: session.state.index == 3, "the exposure")
     for command in (
-        do.Fork(session.state.methods, session.state.config),
+        Fork(session.state.methods, session.state.config),
         do.Restart(session.state.methods, session.state.config),
     ):
         count = session.state.notice_count
         session.post(command)
         wait_for(lambda count=count: session.state.notice_count > count, "the refusal")
         assert "nothing can be computed anew" in session.state.notices[-1].text
-    assert session.state.index == 3 and len(session.state.branches) == 1
+    assert session.state.index == 3 and len(session.state[Branches].all) == 1
     session.close(5)
 
 
@@ -179,11 +190,11 @@ def test_other_sources_are_opened_as_ever(run: Path, tmp_path: Path) -> None:
 
 
 def test_bookmarks_of_a_run_that_is_over_are_kept_in_its_folder(session: Session, run: Path, tmp_path: Path) -> None:
-    session.post(do.PutBookmark("the end"))
-    wait_for(lambda: session.state.bookmarks, "the bookmark")
+    session.post(PutBookmark("the end"))
+    wait_for(lambda: session.state[Bookmarks].marks, "the bookmark")
     try:
         again = opened(tmp_path / "other", run)
-        wait_for(lambda: again.state.bookmarks == session.state.bookmarks, "the bookmark")
+        wait_for(lambda: again.state[Bookmarks].marks == session.state[Bookmarks].marks, "the bookmark")
         again.close(5)
     finally:
         (run / "notes.yaml").unlink()
@@ -205,7 +216,7 @@ def test_an_address_opens_known_runs_by_name_and_nothing_else(session: Session, 
 def test_the_list_says_what_a_run_was_on_and_opens_it_by_name(session: Session, run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "listed")
     again = opened(tmp_path, run)
-    (kept,) = again.state.recordings
+    (kept,) = again.state[Recordings].listed
     assert (kept.name, kept.recording, kept.picture) == ("listed", "listed/run.rrd", "listed/thumbnail.jpg")
     assert (kept.source, kept.exposures, kept.duration_s) == (again.state.name, 21, 1.3)
     assert kept.size_bytes == sum(path.stat().st_size for path in (tmp_path / "listed").iterdir())
@@ -219,17 +230,17 @@ def test_the_list_says_what_a_run_was_on_and_opens_it_by_name(session: Session, 
 def test_a_note_is_kept_with_the_run_beside_its_bookmarks_and_is_removed(run: Path, tmp_path: Path) -> None:
     shutil.copytree(run, tmp_path / "noted")
     session = opened(tmp_path, tmp_path / "noted")
-    session.post(do.PutBookmark("here"))
+    session.post(PutBookmark("here"))
     for note, kept in (("jumps\nat 9 ", "jumps at 9"), ("", "")):
-        session.post(do.PutNote("noted", note))
-        wait_for(lambda kept=kept: session.state.recordings[0].note == kept, "the note")
-    session.post(do.PutNote("noted", "jumps at 9"))
-    session.post(do.PutNote("../noted", "x"))
+        session.post(PutNote("noted", note))
+        wait_for(lambda kept=kept: session.state[Recordings].listed[0].note == kept, "the note")
+    session.post(PutNote("noted", "jumps at 9"))
+    session.post(PutNote("../noted", "x"))
     wait_for(lambda: any("'../noted' in the list" in n.text for n in session.state.notices), "the refusal")
     session.close(5)
     again = opened(tmp_path, tmp_path / "noted")
-    assert again.state.recordings[0].note == "jumps at 9"
-    wait_for(lambda: [b.note for b in again.state.bookmarks] == ["here"], "the bookmark")
+    assert again.state[Recordings].listed[0].note == "jumps at 9"
+    wait_for(lambda: [b.note for b in again.state[Bookmarks].marks] == ["here"], "the bookmark")
     again.close(5)
 
 
@@ -245,22 +256,22 @@ def test_a_run_without_a_recording_is_listed_and_one_that_is_being_written_is_no
 def test_a_recording_of_the_page_has_its_picture_length_and_bookmarks_beside_it(run: Path, tmp_path: Path) -> None:
     session = opened(tmp_path, run)
     session.post(do.Seek(9))
-    session.post(do.Fork(session.state.methods, session.state.config))
-    wait_for(lambda: session.state.branch == 1, "the fork")
+    session.post(Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state[Branches].shown == 1, "the fork")
     session.post(do.Speed(None))
-    session.post(do.Record("mine"))
+    session.post(Record("mine"))
     wait_for(lambda: session.state.ended, "the end")
-    session.post(do.PutBookmark("end"))
-    session.post(do.StopRecording())
-    wait_for(lambda: session.state.recordings, "the file")
-    (kept,) = session.state.recordings
+    session.post(PutBookmark("end"))
+    session.post(StopRecording())
+    wait_for(lambda: session.state[Recordings].listed, "the file")
+    (kept,) = session.state[Recordings].listed
     assert kept == Kept(
         "mine.rrd", (tmp_path / "mine.rrd").stat().st_size, "mine.rrd", "mine.jpg", session.state.name, 21, 1.3
     )
-    session.post(do.PutNote("mine.rrd", "x"))
-    wait_for(lambda: session.state.recordings[0].note == "x", "the note")
+    session.post(PutNote("mine.rrd", "x"))
+    wait_for(lambda: session.state[Recordings].listed[0].note == "x", "the note")
     session.post(do.OpenNamed("mine.rrd"))
-    wait_for(lambda: [b.note for b in session.state.bookmarks] == ["end"], "its bookmarks")
+    wait_for(lambda: [b.note for b in session.state[Bookmarks].marks] == ["end"], "its bookmarks")
     session.close(5)
 
 
@@ -280,11 +291,11 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
     assert isinstance(live.tape, StoredTape)
     recorded = live.tape.read(0, 1), live.tape.end, live.tape.recording_id
     session.post(do.Seek(8))
-    session.post(do.Fork(session.state.methods, session.state.config))
-    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the branch")
+    session.post(Fork(session.state.methods, session.state.config))
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the branch")
     assert not isinstance(live.tape, StoredTape)
-    session.post(do.ShowBranch(0))
-    wait_for(lambda: session.state.branch == 0, "the stored run")
+    session.post(ShowBranch(0))
+    wait_for(lambda: session.state[Branches].shown == 0, "the stored run")
     assert isinstance(live.tape, StoredTape)
     assert (live.tape.read(0, 1), live.tape.end, live.tape.recording_id) == recorded
     session.close(5)
@@ -320,7 +331,7 @@ def reports(session: Session) -> dict[str, str]:
 @pytest.mark.parametrize("camera", ["video", "left"])
 def test_the_closer_look_has_the_tracks_that_the_recording_has(session: Session, run: Path, camera: str) -> None:
     """It said "no tracks" beside a viewer that drew them."""
-    shown = looked_at(session, replace(session.state, displayed=session.history[15], camera=camera))
+    shown = looked_at(session, replace(session.state, displayed=session.history[15]).having(Inspection(camera=camera)))
     assert shown is not None and shown.index is not None and shown.pictured == camera
     live = computed_tracks(run, shown.index, camera)
     text = track_picture(shown, recorded(session))
@@ -333,11 +344,11 @@ def test_the_closer_look_has_the_tracks_that_the_recording_has(session: Session,
 def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(session: Session) -> None:
     session.post(do.Seek(9))
     wait_for(lambda: session.state.index == 9, "the exposure")
-    session.post(do.Fork(session.state.methods, session.state.config))
+    session.post(Fork(session.state.methods, session.state.config))
     session.post(do.Speed(None))
-    wait_for(lambda: session.state.branch == 1 and session.state.ended, "the fork")
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     before, own = (
-        looked_at(session, replace(session.state, displayed=session.history[index], camera="video"))
+        looked_at(session, replace(session.state, displayed=session.history[index]).having(Inspection(camera="video")))
         for index in (5, 20)
     )
     assert before is not None and "of the recording" in track_picture(before, recorded(session))
@@ -349,7 +360,7 @@ def test_what_a_stored_run_does_not_have_of_tracks_is_said_with_what_to_do(sessi
     shown = looked_at(session, session.state)
     assert shown is not None and "data-pick" not in track_picture(shown, recorded(session))
     count = session.state.notice_count
-    session.post(do.Pick("video", 15, 10.0, 10.0))
+    session.post(Pick("video", 15, 10.0, 10.0))
     wait_for(lambda: session.state.notice_count > count, "the refusal")
     assert "fork it at an earlier exposure" in session.state.notices[-1].text
 
@@ -372,7 +383,7 @@ def test_a_recording_alone_is_looked_at_with_its_own_images_and_tracks(run: Path
     alone = Path(shutil.copy(run / "run.rrd", tmp_path / "alone.rrd"))
     session = opened(tmp_path, alone)
     for camera in ("video", "left"):
-        shown = looked_at(session, replace(session.state, camera=camera))
+        shown = looked_at(session, session.state.having(Inspection(camera=camera)))
         assert shown is not None and shown.pictured == camera
         text = track_picture(shown, recorded(session))
         assert "<image" in text and columns(text) and "of the recording" in text

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ispom_app.features.recording.commands import Record, StopRecording
+from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
@@ -158,7 +160,7 @@ def test_a_source_that_never_opened_can_be_replaced(tmp_path: Path):
     session = started(tmp_path, "bad", opener=choosy)
     wait_for(lambda: session.state.phase == "failed", "the failure")
     session.post(do.StepBy(1))
-    session.post(do.Record(""))
+    session.post(Record(""))
     session.post(do.Open("double:10"))
     wait_for(lambda: session.state.phase == "ready", "opening")
     assert session.close(5.0)
@@ -175,24 +177,24 @@ def test_the_history_is_small(paused: Session):
 
 def test_a_recording_holds_the_run_from_its_start(paused: Session, tmp_path: Path):
     go(paused, do.Seek(8), 8)
-    paused.post(do.Record("mine"))
+    paused.post(Record("mine"))
     go(paused, do.StepBy(1), 9)
-    paused.post(do.StopRecording())
-    wait_for(lambda: paused.state.recordings, "the file")
-    assert paused.state.recording is None and paused.state.recordings[0].name == "mine.rrd"
+    paused.post(StopRecording())
+    wait_for(lambda: paused.state[Recordings].listed, "the file")
+    assert paused.state[Recordings].current is None and paused.state[Recordings].listed[0].name == "mine.rrd"
     assert exposures_in(tmp_path / "mine.rrd") == set(range(10))
 
 
 @pytest.mark.parametrize("name", ["../escape", "a/b", "a\\b", "..", ".hidden", "x" * 200, "nul\0"])
 def test_a_recording_has_a_name_not_a_path(paused: Session, tmp_path: Path, name: str):
-    paused.post(do.Record(name))
+    paused.post(Record(name))
     wait_for(lambda: paused.state.notices, "a notice")
     assert "not a plain file name" in paused.state.notices[-1].text and not list(tmp_path.rglob("*.rrd"))
 
 
 def test_a_recording_never_overwrites(paused: Session, tmp_path: Path):
     (tmp_path / "kept.rrd").write_bytes(b"precious")
-    paused.post(do.Record("kept"))
+    paused.post(Record("kept"))
     wait_for(lambda: paused.state.notices, "a notice")
     assert (tmp_path / "kept.rrd").read_bytes() == b"precious"
 
@@ -201,7 +203,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path):
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     session = started(blocked / "recordings", autoplay=False)
-    session.post(do.Record(""))
+    session.post(Record(""))
     wait_for(lambda: session.state.notices, "a notice")
     assert "cannot be written" in session.state.notices[-1].text
     assert session.close(5.0)
@@ -209,15 +211,18 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path):
 
 def test_a_full_disk_stops_the_recording_not_the_run(paused: Session, monkeypatch: pytest.MonkeyPatch):
     go(paused, do.StepBy(1), 0)
-    paused.post(do.Record("full"))
-    wait_for(lambda: paused.state.recording is not None and paused.state.recording.written == 1, "recording")
+    paused.post(Record("full"))
+    wait_for(
+        lambda: paused.state[Recordings].current is not None and paused.state[Recordings].current.written == 1,
+        "recording",
+    )
 
     def full(self, event) -> None:
         self.failure = "full.rrd could not be written on (No space left on device): free some space and record again"
 
     monkeypatch.setattr("ispom_app.views.rerun.file_recording.FileRecording.write", full)
     go(paused, do.StepBy(1), 1)
-    wait_for(lambda: paused.state.recording is None, "the end of the recording")
+    wait_for(lambda: paused.state[Recordings].current is None, "the end of the recording")
     assert "No space left" in paused.state.notices[0].text
     go(paused, do.StepBy(1), 2)
 
@@ -225,8 +230,11 @@ def test_a_full_disk_stops_the_recording_not_the_run(paused: Session, monkeypatc
 def test_shutting_down_closes_the_recording(tmp_path: Path):
     session = started(tmp_path)
     wait_for(lambda: session.state.phase == "ready", "opening")
-    session.post(do.Record("last"))
-    wait_for(lambda: session.state.recording is not None and session.state.recording.written > 3, "recording")
+    session.post(Record("last"))
+    wait_for(
+        lambda: session.state[Recordings].current is not None and session.state[Recordings].current.written > 3,
+        "recording",
+    )
     assert session.close(3.0)
     assert exposures_in(tmp_path / "last.rrd") == set(range(len(session.history)))
 

@@ -14,6 +14,8 @@ from ispom_app.engine.model.true_path import FIRST, TruePath
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.branches.error_curves import aligned_curves, live_curves
 from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.features.branches.service import BranchService
+from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.views.viser.scene import TRUE_LINE, Scene
@@ -62,7 +64,11 @@ def single(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     session = Session(opener, str(folder), tmp_path_factory.mktemp("recordings"), methods=("monocular",))
     session.start()
     session.post(do.Speed(None))
-    helpers.wait_for(lambda: session.state.ended and session.state.branches[0].measured.errors, "the end", 300)
+    helpers.wait_for(lambda: session.state.ended, "the end", 300)
+    assert session.run is not None
+    poses = len(session.run.trajectories()["monocular"])
+    errors = lambda: session.state[Branches].all[0].measured.errors  # noqa: E731
+    helpers.wait_for(lambda: errors() and len(errors()["monocular"].estimate) == poses, "its error", 30)
     yield session
     session.close(5.0)
 
@@ -70,7 +76,7 @@ def single(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 def test_its_error_is_the_ate_after_a_similarity_alignment(single: Session, server) -> None:  # noqa: F811
     run = single.run
     assert run is not None and run.opened.truth is not None
-    error = single.state.branches[0].measured.errors["monocular"]
+    error = single.state[Branches].all[0].measured.errors["monocular"]
     found = run.finish().trajectories["monocular"]
     wanted = error_against_truth(found, run.opened.truth, run.opened.sequence.rig, "sim3")
     assert error.alignment == "sim3" and wanted is not None and error.ate_m == wanted.ate_m < 0.02
@@ -80,11 +86,11 @@ def test_its_error_is_the_ate_after_a_similarity_alignment(single: Session, serv
 
 
 def test_it_has_an_error_curve_and_no_live_one(single: Session) -> None:
-    (curve,) = aligned_curves(single.state, single.branch)
-    error = single.state.branches[0].measured.errors["monocular"]
+    (curve,) = aligned_curves(single.state, single.service(BranchService).run_of)
+    error = single.state[Branches].all[0].measured.errors["monocular"]
     assert curve.label == "Monocular, Sim(3)" and np.isfinite(curve.values).sum() == len(error.estimate)
     assert np.sqrt(np.nanmean(curve.values**2)) == pytest.approx(error.ate_m)
-    assert not list(live_curves(single.state, single.branch)), "its live poses have no unit"
+    assert not list(live_curves(single.state, single.service(BranchService).run_of)), "its live poses have no unit"
 
 
 def test_the_true_path_is_drawn_along_its_own(single: Session, server) -> None:  # noqa: F811

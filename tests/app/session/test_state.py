@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from ispom_app.engine.events import Finished, Opened, Stepped
 from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.model.tally import Tally
@@ -81,8 +80,3 @@ def test_a_moment_keeps_no_image():
     assert not any(hasattr(kept, name) for name in ("exposure", "image"))
     again = kept.stepped(SEQUENCE[0])
     assert again.index == 0 and again.steps is kept.steps
-
-
-def test_only_plain_fields_can_be_set():
-    with pytest.raises(KeyError):
-        changed(computed=3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 
 import pytest
+from ispom_app.features.layers.commands import Hide
 from ispom_app.session import commands as do
 from ispom_app.session.worker import Worker, newest
 
@@ -20,7 +21,7 @@ class Job:
         raise OSError("the folder is not yours")
 
     def obey(self, command: do.Command) -> None:
-        if isinstance(command, do.Hide):
+        if isinstance(command, Hide):
             raise ZeroDivisionError("division by zero")
         self.done.append(command)
 
@@ -53,13 +54,13 @@ def run(job: Job, *commands: do.Command) -> list[object]:
 
 
 def test_what_fails_is_reported_and_all_else_is_done() -> None:
-    done = run(Job(), do.StepBy(1), do.Hide(frozenset()), do.StepBy(2))
+    done = run(Job(), do.StepBy(1), Hide(frozenset()), do.StepBy(2))
     assert done == ["begin", "the folder is not yours", do.StepBy(1), "division by zero", do.StepBy(2), "end"]
 
 
 def test_a_report_that_fails_is_logged_and_the_worker_lives_on(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.ERROR):
-        done = run(Mute(), do.Hide(frozenset()), do.StepBy(2))
+        done = run(Mute(), Hide(frozenset()), do.StepBy(2))
     assert done == ["begin", do.StepBy(2), "end"]
     assert "ZeroDivisionError" in caplog.text and "nobody listens" in caplog.text
 

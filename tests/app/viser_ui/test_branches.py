@@ -10,12 +10,13 @@ import pytest
 import viser
 from ispom_app.engine.model.tally import Tally
 from ispom_app.engine.playback import Playback
+from ispom_app.features.branches.accuracy import measured
 from ispom_app.features.branches.branches import Beside, Branch
+from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from ispom_app.features.branches.panel import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
 from ispom_app.features.branches.scene import BranchScene
 from ispom_app.presentation.texts import MILLIMETRE
 from ispom_app.session import commands as do
-from ispom_app.session.accuracy import measured
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 
@@ -23,6 +24,7 @@ from ispom.evaluation.metrics import errors
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import with_values
 
 NAME = "<img src=x onerror=alert(1)>"
 
@@ -36,7 +38,7 @@ def run() -> CurrentRun:
 
 
 def with_branches(run: CurrentRun, *branches: Branch) -> State:
-    return replace(reduce(State("double:20"), run.opened), branches=branches)
+    return with_values(reduce(State("double:20"), run.opened), branches=branches)
 
 
 @pytest.fixture
@@ -48,7 +50,9 @@ def two(run: CurrentRun) -> State:
 def made(server: viser.ViserServer, state: State) -> tuple[BranchesPanel, list[do.Command]]:
     asked: list[do.Command] = []
     run: Any = SimpleNamespace(opened=SimpleNamespace(truth=None))
-    session: Any = SimpleNamespace(state=state, post=asked.append, branch=lambda number: run)
+    session: Any = SimpleNamespace(
+        state=state, post=asked.append, service=lambda kind: SimpleNamespace(run_of=lambda number: run)
+    )
     panel = BranchesPanel(server.gui, session)
     panel.show(state)
     return panel, asked
@@ -127,18 +131,18 @@ def test_the_newest_branch_is_chosen_and_its_controls_ask_for_it(server: viser.V
     panel._buttons.value = COMPARE
     panel._buttons.value = DELETE
     press(panel._rename)
-    assert asked == [do.ShowBranch(1), do.CompareBranch(1), do.DeleteBranch(1), do.RenameBranch(1, NAME)]
+    assert asked == [ShowBranch(1), CompareBranch(1), DeleteBranch(1), RenameBranch(1, NAME)]
     panel._drawn.value = False
-    assert asked[-1] == do.HideBranch(1, True)
+    assert asked[-1] == HideBranch(1, True)
 
 
 def test_of_the_branch_that_is_shown_the_parent_is_chosen_to_compare(server: viser.ViserServer, two: State) -> None:
     panel, _ = made(server, two)
-    panel.show(replace(two, branch=1))
+    panel.show(with_values(two, branch=1))
     assert panel._choice.value == "0: first run"
-    panel.show(replace(two, branch=1, computed=two.computed))
+    panel.show(with_values(two, branch=1, computed=two.computed))
     panel._choice.value = f"1: {NAME}"
-    panel.show(replace(two, branch=1))
+    panel.show(with_values(two, branch=1))
     assert panel._choice.value == f"1: {NAME}", "a person's choice stays"
 
 

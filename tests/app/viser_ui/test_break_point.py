@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import viser
 from ispom_app.engine.playback import Playback
+from ispom_app.features.breakpoints.commands import FindMatch, RunUntil
 from ispom_app.features.breakpoints.panel import MOST_NAMES, NEXT, PREVIOUS, UNTIL, BreakPointPanel
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
@@ -76,4 +77,4 @@ def test_its_buttons_ask_for_the_condition(server: viser.ViserServer, run: Curre
     panel._condition.value = LOST
     for button in (UNTIL, NEXT, PREVIOUS):
         panel._buttons.value = button
-    assert asked == [do.RunUntil(LOST), do.FindMatch(LOST, True), do.FindMatch(LOST, False)]
+    assert asked == [RunUntil(LOST), FindMatch(LOST, True), FindMatch(LOST, False)]

@@ -9,12 +9,14 @@ from typing import Any
 
 import pytest
 import viser
+from ispom_app.engine.differences.compare import Difference, Divergence
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.comparison import Comparison
 from ispom_app.features.branches.differences import FIRST, NEXT, PREVIOUS, DifferencesPanel
-from ispom_app.features.diff.compare import Difference, Divergence
 from ispom_app.session import commands as do
 from ispom_app.session.state import State
+
+from tests.app.helpers import with_values
 
 NAME = "<img src=x onerror=alert(1)>"
 FOUND = tuple(
@@ -33,9 +35,11 @@ def server() -> Iterator[viser.ViserServer]:
 
 def made(server: viser.ViserServer, comparison: Comparison | None, index: int = 0) -> tuple[Any, list[do.Command]]:
     asked: list[do.Command] = []
-    state = State("double", branches=(Branch(0, "first run"), Branch(1, NAME, 0, 9)), comparison=comparison)
+    state = with_values(
+        State("double"), branches=(Branch(0, "first run"), Branch(1, NAME, 0, 9)), comparison=comparison
+    )
     if index:
-        state = replace(state, displayed=SimpleNamespace(index=index, statuses={}))  # type: ignore[arg-type]
+        state = with_values(state, displayed=SimpleNamespace(index=index, statuses={}))  # type: ignore[arg-type]
     session: Any = SimpleNamespace(state=state, post=asked.append)
     panel = DifferencesPanel(server.gui, session)
     panel.show(state)

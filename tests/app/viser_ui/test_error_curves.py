@@ -12,18 +12,21 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches import error_curves as panels
+from ispom_app.features.branches.accuracy import errors_beside, measured
 from ispom_app.features.branches.branches import Branch
 from ispom_app.features.branches.error_curves import ErrorCurvesPanel, aligned_curves, live_curves, thinned
 from ispom_app.features.branches.panel import BranchesPanel
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.external_paths.state import ExternalPaths
 from ispom_app.presentation import colours
 from ispom_app.presentation.texts import METRE, MILLIMETRE, length
-from ispom_app.session.accuracy import errors_beside, measured
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import with_values
 from tests.app.run.beside.made import beside, elsewhere, written
 
 SEQUENCE = doubles.sequence(20)
@@ -43,8 +46,8 @@ def state(run: CurrentRun) -> State:
     count = len(run.history)
     known = measured(run)
     branches = Branch(0, "first run", computed=count, measured=known), Branch(1, "fewer", 0, 5, (), 16, measured=known)
-    state = replace(reduce(State("double:20"), run.opened), branches=branches, computed=count)
-    return replace(state, beside_errors=errors_beside(state.beside, run))
+    state = with_values(reduce(State("double:20"), run.opened), branches=branches, computed=count)
+    return with_values(state, external_errors=errors_beside(state[ExternalPaths].all, run))
 
 
 def labels(state: State, run: CurrentRun) -> list[str]:
@@ -54,19 +57,19 @@ def labels(state: State, run: CurrentRun) -> list[str]:
 def test_every_drawn_branch_and_every_other_program_has_its_curves(state: State, run: CurrentRun) -> None:
     own = ["Monocular, Sim(3)", "Integrated, SE(3)"]  # two stereo poses fix no alignment
     assert labels(state, run) == [*own, *(f"fewer: {label}" for label in own), "orb, SE(3)"]
-    hidden = replace(state, branches=(state.branches[0], replace(state.branches[1], hidden=True)))
+    hidden = with_values(state, branches=(state[Branches].all[0], replace(state[Branches].all[1], hidden=True)))
     assert labels(hidden, run) == [*own, "orb, SE(3)"]
     live = [curve.label for curve in live_curves(hidden, lambda _: run)]
     assert live == [f"{colours.label(m)}, live" for m in METHODS], "another program has no live poses"
     curves = list(aligned_curves(state, lambda _: run))
     assert len(curves[0].values) == 22 and len(curves[len(own)].values) == 16, "each as far as it is computed"
-    assert curves[-1].colour == colours.beside(0) and curves[len(own)].colour == state.branches[1].colour
+    assert curves[-1].colour == colours.beside(0) and curves[len(own)].colour == state[Branches].all[1].colour
 
 
 def test_a_source_without_truth_has_none(run: CurrentRun) -> None:
     bare = CurrentRun(Playback(replace(SEQUENCE, truth=None), METHODS, builder=helpers.build), 10**8)
     bare.step()
-    state = replace(reduce(State("double:20"), bare.opened), computed=1)
+    state = with_values(reduce(State("double:20"), bare.opened), computed=1)
     assert not list(aligned_curves(state, lambda _: bare)) and not list(live_curves(state, lambda _: bare))
 
 
@@ -81,7 +84,7 @@ class Drawn:
     def __init__(self, server: viser.ViserServer, run: CurrentRun, monkeypatch: pytest.MonkeyPatch) -> None:
         self.clock = SimpleNamespace(now=100.0)
         monkeypatch.setattr(panels, "time", SimpleNamespace(monotonic=lambda: self.clock.now))
-        session: Any = SimpleNamespace(branch=lambda _: run)
+        session: Any = SimpleNamespace(service=lambda kind: SimpleNamespace(run_of=lambda _: run))
         self.panel = ErrorCurvesPanel(server.gui, session)
 
     @property
@@ -96,12 +99,12 @@ def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, r
     seen = []
     for computed, at_s in ((4, 100.0), (8, 100.5), (12, 101.0), (16, 101.5)):
         drawn.clock.now = at_s
-        branch = replace(state.branches[0], computed=computed)
-        drawn.panel.show(replace(state, computed=computed, playing=True, branches=(branch,)))
+        branch = with_values(state[Branches].all[0], computed=computed)
+        drawn.panel.show(with_values(state, computed=computed, playing=True, branches=(branch,)))
         seen.append(drawn.points)
     assert seen == [4, 4, 12, 12]
-    branch = replace(state.branches[0], computed=22)
-    drawn.panel.show(replace(state, ended=True, branches=(branch,)))
+    branch = with_values(state[Branches].all[0], computed=22)
+    drawn.panel.show(with_values(state, ended=True, branches=(branch,)))
     assert drawn.points == 22, "the end is drawn at once"
     plot = drawn.panel._plots[1].plot
     assert plot is not None and plot.scales is not None and plot.scales["x"]["range"] == (0.0, 21.0), "all exposures"
@@ -115,10 +118,10 @@ def test_a_long_run_has_no_more_points_than_the_plot_has_room_for(server, state,
 
 
 def test_the_table_has_a_row_for_each_other_program(server: viser.ViserServer, state: State) -> None:
-    session: Any = SimpleNamespace(state=state, post=print, branch=lambda _: None)
+    session: Any = SimpleNamespace(state=state, post=print, service=lambda kind: SimpleNamespace(run_of=lambda _: None))
     text = BranchesPanel(server.gui, session)._text.content
     assert "Other programs" in text and "orb: a.tum, aligned to the ground truth by se3" in text
-    (other,) = state.beside
-    truth = state.beside_errors["orb"]
+    (other,) = state[ExternalPaths].all
+    truth = state[ExternalPaths].errors["orb"]
     assert f"{length(truth.ate_m, METRE)} SE(3)" in text or f"{length(truth.ate_m, MILLIMETRE)} SE(3)" in text
     assert Path(other.given.file.path).name in text

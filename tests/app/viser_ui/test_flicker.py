@@ -11,6 +11,7 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.branches import Branch
+from ispom_app.features.flicker.commands import Flick, FlickerBetween, StopFlicker
 from ispom_app.features.flicker.flicker import Flicker, Side
 from ispom_app.features.flicker.panel import OFF, TURN, FlickerPanel
 from ispom_app.features.flicker.scene import FlickerScene
@@ -24,6 +25,7 @@ from ispom.types import Tracks
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
+from tests.app.helpers import with_values
 from tests.app.viser_ui.test_scene import Spy
 
 A, B = Side(0, "stereo"), Side(1, "stereo")
@@ -40,12 +42,14 @@ def run() -> CurrentRun:
 @pytest.fixture
 def state(run: CurrentRun) -> State:
     branches = (Branch(0, "first run", computed=22), Branch(1, "fewer", 0, 9, (), 22))
-    return replace(reduce(State("double:20"), run.opened), branches=branches, displayed=run.history[12])
+    return with_values(reduce(State("double:20"), run.opened), branches=branches, displayed=run.history[12])
 
 
 def made(server: viser.ViserServer, run: CurrentRun) -> tuple[FlickerPanel, list[do.Command]]:
     asked: list[do.Command] = []
-    session: Any = SimpleNamespace(state=State("double:20"), post=asked.append, run=run, branch=lambda _: run)
+    session: Any = SimpleNamespace(
+        state=State("double:20"), post=asked.append, run=run, service=lambda _: SimpleNamespace(run_of=lambda _: run)
+    )
     return FlickerPanel(server.gui, session), asked
 
 
@@ -59,7 +63,7 @@ def test_sides_are_chosen_and_turned_by_commands(server: viser.ViserServer, run:
     panel._choices["B"].value = "1 fewer: Stereo"
     panel._buttons.value = TURN
     panel._buttons.value = OFF
-    assert asked == [do.FlickerBetween(A, B), do.Flick(), do.StopFlicker()]
+    assert asked == [FlickerBetween(A, B), Flick(), StopFlicker()]
 
 
 def test_one_picture_is_seen_at_a_time_and_the_panel_says_whose(
@@ -67,11 +71,11 @@ def test_one_picture_is_seen_at_a_time_and_the_panel_says_whose(
 ) -> None:
     panel, asked = made(server, run)
     flicker = Flicker(A, replace(A, method="integrated"))
-    panel.show(replace(state, flicker=flicker))
+    panel.show(with_values(state, flicker=flicker))
     assert [panel._pictures[name].visible for name in "ab"] == [True, False]
     assert "drawn: <b>A</b>, 0 first run: Stereo" in panel._text.content
     before = panel._pictures["a"].image
-    panel.show(replace(state, flicker=flicker.turned))
+    panel.show(with_values(state, flicker=flicker.turned))
     assert [panel._pictures[name].visible for name in "ab"] == [False, True]
     assert "drawn: <b>B</b>, 0 first run: Integrated" in panel._text.content
     assert panel._pictures["a"].image is before, "nothing is drawn or sent again"
@@ -88,7 +92,7 @@ def test_a_source_that_is_gone_is_said_instead(server: viser.ViserServer, run: C
     panel, _ = made(server, run)
     sequence = replace(run.playback.sequence, load=gone)  # type: ignore[arg-type]
     panel._session.run = SimpleNamespace(playback=SimpleNamespace(sequence=sequence))  # type: ignore[misc]
-    panel.show(replace(state, flicker=Flicker(A, B)))
+    panel.show(with_values(state, flicker=Flicker(A, B)))
     assert "the images are gone" in panel._text.content and not panel._pictures
 
 

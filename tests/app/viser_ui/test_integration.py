@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 import viser
 from ispom_app.engine.playback import Playback
+from ispom_app.features.integration.commands import ShowIntegration, StepIntegration
 from ispom_app.features.integration.drawing import Dots, Line, bracket_rows, drawing, extent
 from ispom_app.features.integration.integration import Integration, latest_fit
 from ispom_app.features.integration.numbers import table
-from ispom_app.features.integration.panel import LOOK, NEXT, PREVIOUS, IntegrationPanel
+from ispom_app.features.integration.panel import NEXT, PREVIOUS, IntegrationPanel
 from ispom_app.features.integration.scene import IntegrationScene
+from ispom_app.features.integration.state import IntegrationSteps
 from ispom_app.presentation.texts import length
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
@@ -102,9 +104,8 @@ def test_what_the_history_gave_up_is_neither_drawn_nor_counted(run: CurrentRun) 
 class Panel:
     def __init__(self, server: viser.ViserServer, run: CurrentRun) -> None:
         self.asked: list[do.Command] = []
-        self.looked: list[tuple[Any, Any]] = []
         session: Any = SimpleNamespace(state=State("double:40"), post=self.asked.append, run=run)
-        self.panel = IntegrationPanel(server.gui, session, lambda *place: self.looked.append(place))
+        self.panel = IntegrationPanel(server.gui, session)
         self.state = replace(reduce(State("double:40"), run.opened), displayed=run.history[43])
 
 
@@ -114,20 +115,19 @@ def test_the_panel_offers_what_integrates_and_asks_for_steps(server: viser.Viser
     panel.show(made.state)
     assert panel._method.options == ("off", "Integrated", "Integrated (paper)") and not panel._buttons.visible
     panel._method.value = "Integrated (paper)"
-    assert made.asked == [do.ShowIntegration("integrated.paper")]
-    panel.show(replace(made.state, integration=Integration("integrated.paper", 2)))
+    assert made.asked == [ShowIntegration("integrated.paper")]
+    panel.show(made.state.having(IntegrationSteps(Integration("integrated.paper", 2))))
     assert "3 of 5: Scaled" in panel._text.content and "fitted at exposure" in panel._text.content
     panel._buttons.value = NEXT
     panel._buttons.value = PREVIOUS
-    panel._buttons.value = LOOK
-    assert made.asked[1:] == [do.StepIntegration(1), do.StepIntegration(-1)] and len(made.looked) == 1
+    assert made.asked[1:] == [StepIntegration(1), StepIntegration(-1)]
     panel._method.value = "off"
-    assert made.asked[-1] == do.ShowIntegration("")
+    assert made.asked[-1] == ShowIntegration("")
 
 
 def test_before_the_first_fit_the_panel_says_so(server: viser.ViserServer, run: CurrentRun) -> None:
     made = Panel(server, run)
-    made.panel.show(replace(made.state, displayed=run.history[2], integration=Integration("integrated")))
+    made.panel.show(replace(made.state, displayed=run.history[2]).having(IntegrationSteps(Integration("integrated"))))
     assert "Nothing is fitted up to this exposure" in made.panel._text.content
 
 
@@ -153,8 +153,8 @@ def test_key_frames_and_cameras_do_not_hide_the_fit_that_is_looked_at(tmp_path: 
     screen, drawn = Screen(session), lambda: set(screen.server.scene._handle_from_node_name)
     screen.paint()
     assert "/stereo/key_frames/0" in drawn()
-    session.post(do.ShowIntegration("integrated"))
-    wait_for(lambda: session.state.integration is not None, "the integration")
+    session.post(ShowIntegration("integrated"))
+    wait_for(lambda: session.state[IntegrationSteps].shown is not None, "the integration")
     screen._scene_due_s = 0.0
     screen.paint()
     assert "/stereo/key_frames/0" not in drawn() and "/stereo/path/0" in drawn()

@@ -12,7 +12,9 @@ import viser
 from ispom_app.engine.inspection.looked import Looked
 from ispom_app.engine.inspection.selection import parsed
 from ispom_app.engine.playback import Playback
+from ispom_app.features.layers.commands import ColourBy
 from ispom_app.features.tracks import tab as looks
+from ispom_app.features.tracks.commands import LookAt
 from ispom_app.features.tracks.geometry import geometry_report
 from ispom_app.features.tracks.key_frames import key_frames_report
 from ispom_app.features.tracks.residuals import residuals_report
@@ -23,13 +25,14 @@ from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.features.tracks.tracks import lifetimes_chart, tracks_table
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
-from ispom_app.session.state import Computed, State, changed, reduce
+from ispom_app.session.state import Computed, State, reduce
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose, Similarity
 from ispom.types import Rig, Tracks
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 
 N = 40
 
@@ -63,7 +66,7 @@ def state_of(run: CurrentRun, **values: object) -> State:
     state = reduce(State("double:40"), run.opened)
     for record in run.history:
         state = reduce(state, Computed(record, run.tally))
-    return reduce(state, changed(**values))
+    return with_values(state, **values)
 
 
 def looked(run: CurrentRun, selected: str = "", camera: str = "video", **values: Any) -> Looked:
@@ -173,7 +176,7 @@ def test_controls_ask_and_follow_without_asking(server: viser.ViserServer, run: 
     tab.show(state_of(run, colour_by="depth", look="residuals"))
     assert not session.asked and (tab._colour_by.value, tab._panel.value) == ("depth", "residuals")
     tab._panel.value, tab._colour_by.value, tab._camera.value = "tracks", "age", "left image"
-    assert session.asked == [do.LookAt(panel="tracks"), do.ColourBy("age"), do.LookAt(camera="left")]
+    assert session.asked == [LookAt(panel="tracks"), ColourBy("age"), LookAt(camera="left")]
 
 
 def test_it_is_drawn_when_something_changed_and_at_most_once_a_second_while_playing(
@@ -182,15 +185,15 @@ def test_it_is_drawn_when_something_changed_and_at_most_once_a_second_while_play
     clock = SimpleNamespace(now=100.0)
     monkeypatch.setattr(looks, "time", SimpleNamespace(monotonic=lambda: clock.now))
     tab, state = LookTab(server.gui, Asked(run)), state_of(run, playing=True)  # type: ignore[arg-type]
-    tab.refresh(replace(state, displayed=None))
+    tab.refresh(with_values(state, displayed=None))
     assert tab._picture.content == EMPTY
     clock.now += 2
     tab.refresh(state)
     first = tab._picture.content
     assert "data-pick" in first
-    tab.refresh(replace(state, displayed=run.history[20]))
+    tab.refresh(with_values(state, displayed=run.history[20]))
     assert tab._picture.content == first
-    tab.refresh(replace(state, displayed=run.history[20], playing=False))
+    tab.refresh(with_values(state, displayed=run.history[20], playing=False))
     assert tab._picture.content != first
 
 

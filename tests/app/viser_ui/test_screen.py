@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
@@ -16,17 +15,18 @@ from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.playback import Playback
 from ispom_app.features.explain.panel import ExplainPanel
 from ispom_app.features.lessons.library import Library
-from ispom_app.features.playback.panel import RunPanel
 from ispom_app.features.recording.panel import RecordPanel
+from ispom_app.features.recording.state import Recording
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.sources.folders import Folders
-from ispom_app.session.state import Computed, Displayed, Recording, State, changed, reduce
+from ispom_app.session.state import Computed, Displayed, State, reduce
 from ispom_app.views.viser import screen as screens
 from ispom_app.views.viser.screen import Screen
 
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 
 N = 40
 
@@ -52,15 +52,21 @@ class FakeSession:
         self._run, self.asked = run, list[do.Command]()
         self.run = run
         self.opened, self.folders, self.post = run.opened, Folders(folder), self.asked.append
-        self.library = Library()
+        self._library = Library()
         self.known_at = run.known_at
-        self.beside, self.series, self.branch = (lambda state: {}), run.series, (lambda number: run)
+        self.series = run.series
         self.state = reduce(State("double:40"), run.opened)
         for record in run.history:
             self.state = reduce(self.state, Computed(record, run.tally))
 
+    def extra(self, kind: type) -> Any:
+        return self._library
+
+    def service(self, kind: type) -> Any:
+        return SimpleNamespace(run_of=lambda number: self._run)
+
     def becomes(self, **values: object) -> None:
-        self.state = reduce(self.state, changed(**values))
+        self.state = with_values(self.state, **values)
 
     def seek(self, index: int) -> None:
         self.state = reduce(self.state, Displayed(self._run.history[index]))
@@ -96,12 +102,9 @@ def camera(screen: Screen) -> np.ndarray:
 
 def test_every_panel_shows_the_exposure(screen: Screen, session: FakeSession):
     screen.paint()
-    assert panel(screen, RunPanel)._slider.value == session.state.index
-    assert f"computed {session.state.computed} of {session.state.total}" in panel(screen, RunPanel)._text.content
     assert f"Frame {session.state.index}<" in panel(screen, ExplainPanel)._verdicts.content
     session.seek(17)
     screen.paint()
-    assert panel(screen, RunPanel)._slider.value == 17
     assert "Frame 17<" in panel(screen, ExplainPanel)._verdicts.content
     assert not session.asked, "showing asks for nothing"
 
@@ -146,10 +149,10 @@ def test_while_it_plays_the_panels_are_painted_ten_times_a_second(screen: Screen
     screen.paint()
     session.seek(5)
     screen.paint()
-    assert panel(screen, RunPanel)._slider.value == N + 4 - 1
+    assert f"Frame {N + 4 - 1}<" in panel(screen, ExplainPanel)._verdicts.content
     clock.now += screens.PLAYING_S
     screen.paint()
-    assert panel(screen, RunPanel)._slider.value == 5
+    assert f"Frame {5}<" in panel(screen, ExplainPanel)._verdicts.content
 
 
 def test_the_scene_is_of_the_exposure_shown_and_rarer_than_the_panels(screen: Screen, session: FakeSession, clock):
@@ -177,7 +180,7 @@ def test_a_scene_that_nobody_sees_is_not_drawn(screen: Screen, session: FakeSess
 def test_another_run_empties_the_scene(screen: Screen, session: FakeSession, clock):
     screen.paint()
     before = screen._scene._methods["stereo"]
-    session.state = replace(reduce(session.state, session.opened), displayed=None)
+    session.state = with_values(reduce(session.state, session.opened), displayed=None)
     clock.now += screens.SCENE_S
     screen.paint()
     after = screen._scene._methods["stereo"]
@@ -195,7 +198,7 @@ def test_a_panel_that_fails_is_reported_once_and_the_others_go_on(
         for index in (3, 4):
             session.seek(index)
             screen.paint_or_report()
-    assert panel(screen, RunPanel)._slider.value == 4
+    assert f"Frame {4}<" in panel(screen, ExplainPanel)._verdicts.content
     (told,) = session.asked
     assert isinstance(told, do.Notify) and "no such colour" in told.text
 

@@ -19,6 +19,7 @@ from ispom_app.session import commands as do
 from ispom_app.session.state import State
 
 from tests import doubles
+from tests.app.helpers import with_values
 
 NAME = "<img src=x onerror=alert(1)>"
 
@@ -62,14 +63,14 @@ def test_it_asks_for_what_is_chosen_and_proposes_values(server: viser.ViserServe
 def test_it_shows_how_far_it_is_and_what_came(server: viser.ViserServer) -> None:
     panel, state, asked = made(server)
     sweep = begun(100, 200, 400).after({"at": [0, 10, 20]}, 10.0)
-    panel.show(replace(state, sweep=sweep))
+    panel.show(with_values(state, sweep=sweep))
     assert panel._cancel.visible and not panel._start.visible and panel._bar.visible
     assert "0 of 3 runs, 50 s left" in panel._text.content and "50 % of the exposures" in panel._text.content
     assert NAME not in panel._text.content, "names come from files"
     press(panel._cancel)
     sweep = sweep.after(told(0, ate_m=0.0123, t_err_percent=1.5, located_percent=90.0), 20.0)
     sweep = replace(sweep.after(told(2, "no such disparity"), 30.0), ended=True, problem="cancelled")
-    panel.show(replace(state, sweep=sweep))
+    panel.show(with_values(state, sweep=sweep))
     text = panel._text.content
     for said in ("12.3 mm", "1.50 %", "90 %", "12.3<", "failed: no such disparity", "waits", "2 of 3 runs: cancelled"):
         assert said in text, said
@@ -98,5 +99,5 @@ def test_without_truth_the_share_that_is_located_is_drawn(server: viser.ViserSer
         sweep = sweep.after(told(place, ate_m=None, located_percent=50.0 + place), 1.0)
     found = points(sweep)
     assert found is not None and found[2] == "located_percent"
-    panel.show(replace(state, sweep=sweep))
+    panel.show(with_values(state, sweep=sweep))
     assert panel._plot._folder.visible and "n/a" in panel._text.content

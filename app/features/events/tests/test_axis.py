@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +12,7 @@ from ispom_app.views.web.time_axis import AxisNews
 
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 
 
 def made() -> CurrentRun:
@@ -37,5 +37,5 @@ def test_an_open_question_of_a_lesson_covers_them() -> None:
     run, lesson = made(), SimpleNamespace(covers=True)
     while not run.playback.done:
         run.step()
-    state: Any = replace(State("double:40"), lesson=lesson)  # type: ignore[arg-type]
+    state: Any = with_values(State("double:40"), lesson=lesson)  # type: ignore[arg-type]
     assert "events" not in (AxisNews().since(state, run) or {})

@@ -19,7 +19,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     for index in (12, 30):
         opened.send(f"{{do: 'seek', index: {index}}}")
         opened.until(f"state.index === {index}", "the frame")
-        opened.send("{do: 'bookmark'}")
+        opened.send("action('bookmark')")
         opened.until(f"window.ispom.axis.bookmarks.some(({{ at }}) => at === {index})", "the bookmark")
     yield opened
     assert not opened.faults

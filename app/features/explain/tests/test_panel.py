@@ -24,6 +24,7 @@ from ispom.estimators.modern.monocular import checks
 from ispom.types import Status, Step
 from tests import doubles
 from tests.alone import METHODS
+from tests.app.helpers import with_values
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def panel(server: viser.ViserServer, run: CurrentRun) -> ExplainPanel:
 
 def at(run: CurrentRun, index: int, **values: Any) -> State:
     state = reduce(State("double:40"), run.opened)
-    return replace(state, displayed=run.history[index], computed=len(run.history), **values)
+    return with_values(state, displayed=run.history[index], computed=len(run.history), **values)
 
 
 def frames(text: str) -> list[int]:

@@ -5,12 +5,12 @@ const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
 const PATIENCE_MS = 8000; // for a part that the run does not have, such as an exposure beyond its end
 const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
 const STEPS = [
-  step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? { do: "learn", lesson } : { do: "end_lesson" })),
+  step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? learn(lesson) : { do: "end_lesson" })),
   step("run", (state) => state.address.run, (run) => ({ do: "open_named", run })),
   step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
   step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
   step("select", (state) => state.selected, (what) => ({ do: "select", what })),
-  step("plot", (state) => state.address.plots, (names) => ({ do: "plots", names })),
+  step("plot", (state) => state.address.plots, (names) => ({ do: "set_plots", names: plotted(names) })),
   step("at", (state) => state.index, (at) => ({ do: "seek", index: Number(at) })),
 ];
 
@@ -126,4 +126,16 @@ function read(hash) {
   const found = Object.fromEntries(new URLSearchParams(hash.slice(1)));
   if (found.lesson) return { lesson: found.lesson };
   return found.run === undefined && found.at === undefined ? null : { ...DEFAULTS, ...found };
+}
+
+// "collapse:2" is the second step of a lesson, "collapse" its first that was not answered yet.
+function learn(lesson) {
+  const [name, step] = lesson.split(":");
+  return { do: "learn", name, place: step ? Number(step) - 1 : null };
+}
+
+// The usual plots for "", and none for "none".
+function plotted(names) {
+  if (!names) return null;
+  return names === "none" ? [] : names.split(",");
 }

@@ -1,4 +1,5 @@
 // The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
+import { action } from "./actions.js";
 import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
 import { openControls } from "./controls.js";
@@ -42,7 +43,7 @@ function connect() {
     state = JSON.parse(data);
     if (state.keys) setKeys(state.keys);
     if (state.lesson !== undefined) lesson.news((taught = state.lesson));
-    window.ispom = { state, viewer, send, axis: axis.data, lesson: taught };
+    window.ispom = { state, viewer, send, action, axis: axis.data, lesson: taught };
     show(state);
     showNotices(state.notices);
   };

@@ -1,5 +1,6 @@
 // The keys of the run, wherever the focus is: on the page, in Rerun's canvas, or in viser's panel. Which they are, the
 // server says (app/session/actions.py); "?" is the list's of them, and Escape closes that, or the tour.
+import { action, setActions } from "./actions.js";
 import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
 import { hideTour } from "./tour.js";
 
@@ -14,6 +15,7 @@ let names = {};
 
 export function setKeys(keys) {
   names = Object.fromEntries(keys.map(({ key, name }) => [key, name]));
+  setActions(keys);
   listKeys(keys);
 }
 
@@ -27,7 +29,7 @@ export function listen(page, command) {
     if ((!own && !names[key]) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
     if (own) {
       if (!own()) return;
-    } else command({ do: names[key] });
+    } else command(action(names[key]));
     event.preventDefault();
     event.stopImmediatePropagation();
   }, { capture: true });

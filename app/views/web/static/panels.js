@@ -11,7 +11,7 @@ export function listenToPanels(page, command, tabOpened) {
     const element = event.target.closest?.(ASKS);
     if (!element) return;
     const { select, seek, pick, plot, learn } = element.dataset;
-    if (learn !== undefined) command({ do: "learn", lesson: learn });
+    if (learn !== undefined) command({ do: "learn", name: learn });
     if (seek !== undefined) command({ do: "seek", index: Number(seek) });
     if (select !== undefined) command({ do: "select", what: select });
     if (plot !== undefined && event.type !== "keydown") command({ do: "plot", name: plot });

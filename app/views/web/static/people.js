@@ -1,5 +1,7 @@
 // Several people at one session: one drives, the others follow, or look around at exposures of their own. The server
-// decides who drives (app/page/people.py), and what a page that looks around shows (app/page/looking.py).
+// decides who drives (app/session/people.py), and what a page that looks around shows (app/views/web/looking.py).
+import { action } from "./actions.js";
+
 const place = document.getElementById("people");
 
 // `send` gives a command to the server, `command` one that a hand asked for, `tell` shows a sentence.
@@ -21,12 +23,12 @@ export function makePeople(send, command, tell) {
     const buttons = [];
     if (!driving) {
       const moves = { back: "◀ Step", play: playing ? "‖ Pause" : "▶ Play", forward: "Step ▶" };
-      buttons.push(...Object.entries(moves).map(([name, text]) => button(text, () => command({ do: name }))));
+      buttons.push(...Object.entries(moves).map(([name, text]) => button(text, () => command(action(name)))));
     }
     if (!driving && looking !== null) buttons.push(button("Follow", () => send({ do: "follow" })));
-    if (!driving && may_drive) buttons.push(button("Take over", () => send({ do: "take_over" })));
+    if (!driving && may_drive) buttons.push(button("Take over", () => send({ do: "take_control" })));
     for (const other of driving ? others.filter((each) => each.may_drive) : []) {
-      buttons.push(button(`Hand over to person ${other.number}`, () => send({ do: "hand_over", to: other.number })));
+      buttons.push(button(`Hand over to person ${other.number}`, () => send({ do: "take_control", to: other.number })));
     }
     place.replaceChildren(...(driving && !others.length ? [] : [words, ...buttons]));
   }

@@ -1,11 +1,13 @@
 // The controls of time: play and step, speed, loop, bookmark. Each button does what its key does.
+import { action } from "./actions.js";
+
 const SPEEDS = [[null, "as fast as possible"], [4, "4 ×"], [2, "2 ×"], [1, "1 ×"], [0.5, "0.5 ×"], [0.2, "0.2 ×"]];
 const at = (id) => document.getElementById(id);
 
 // `command` sends what a person asks for.
 export function makeTransport(command) {
   for (const button of at("transport").querySelectorAll("button[data-do]")) {
-    button.addEventListener("click", () => command({ do: button.dataset.do }));
+    button.addEventListener("click", () => command(action(button.dataset.do)));
   }
   const speed = at("speed");
   speed.replaceChildren(...SPEEDS.map(([factor, text]) => new Option(text, String(factor))));

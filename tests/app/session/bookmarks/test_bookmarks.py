@@ -8,7 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.engine.events import Bookmark
+from ispom_app.features.bookmarks.commands import PutBookmark, RemoveBookmark
 from ispom_app.features.bookmarks.notes import change_bookmark, notes_path, put, read_notes
+from ispom_app.features.bookmarks.state import Bookmarks
+from ispom_app.features.recording.commands import Record, StopRecording
+from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
 from rerun.chunk import RrdReader
 
@@ -58,31 +62,32 @@ def test_they_are_put_changed_removed_and_there_again_after_a_restart(tmp_path: 
     wait_for(lambda: session.state.ended, "the end")
     for index, note in ((3, None), (8, "  jumps\nhere "), (3, "first")):
         session.post(do.Seek(index))
-        session.post(do.PutBookmark(note))
+        session.post(PutBookmark(note))
         wait_for(lambda index=index: session.state.index == index, "the exposure")
-    session.post(do.PutBookmark())
+    session.post(PutBookmark())
     wait_for(
-        lambda: [(b.exposure, b.note) for b in session.state.bookmarks] == [(3, "first"), (8, "jumps here")], "both"
+        lambda: [(b.exposure, b.note) for b in session.state[Bookmarks].marks] == [(3, "first"), (8, "jumps here")],
+        "both",
     )
-    session.post(do.RemoveBookmark(8))
-    session.post(do.RemoveBookmark(9))
+    session.post(RemoveBookmark(8))
+    session.post(RemoveBookmark(9))
     wait_for(lambda: any("no bookmark at exposure 9" in n.text for n in session.state.notices), "the refusal")
-    marks = session.state.bookmarks
+    marks = session.state[Bookmarks].marks
     assert [b.exposure for b in marks] == [3]
     session.close(5)
     again = started(tmp_path)
-    wait_for(lambda: again.state.bookmarks == marks, "the bookmarks")
+    wait_for(lambda: again.state[Bookmarks].marks == marks, "the bookmarks")
     again.close(5)
 
 
 def test_they_are_in_the_recording(tmp_path: Path) -> None:
     session = started(tmp_path)
-    session.post(do.Record("marked"))
+    session.post(Record("marked"))
     wait_for(lambda: session.state.ended, "the end")
     session.post(do.Seek(5))
-    session.post(do.PutBookmark("here"))
-    session.post(do.StopRecording())
-    wait_for(lambda: session.state.recordings, "the file")
+    session.post(PutBookmark("here"))
+    session.post(StopRecording())
+    wait_for(lambda: session.state[Recordings].listed, "the file")
     session.close(5)
     found = [
         (batch.column("exposure").to_pylist(), batch.column("TextLog:text").to_pylist())
@@ -98,11 +103,11 @@ def test_two_apps_on_one_source_keep_what_both_put(tmp_path: Path) -> None:
         wait_for(lambda session=session: session.state.ended, "the end")
     for session, index in ((first, 2), (second, 5), (first, 8)):
         session.post(do.Seek(index))
-        session.post(do.PutBookmark(f"at {index}"))
-        wait_for(lambda s=session, i=index: i in [b.exposure for b in s.state.bookmarks], "a bookmark")
-    assert [b.exposure for b in first.state.bookmarks] == [2, 5, 8]
-    second.post(do.RemoveBookmark(5))
-    wait_for(lambda: [b.exposure for b in second.state.bookmarks] == [2, 8], "one less")
+        session.post(PutBookmark(f"at {index}"))
+        wait_for(lambda s=session, i=index: i in [b.exposure for b in s.state[Bookmarks].marks], "a bookmark")
+    assert [b.exposure for b in first.state[Bookmarks].marks] == [2, 5, 8]
+    second.post(RemoveBookmark(5))
+    wait_for(lambda: [b.exposure for b in second.state[Bookmarks].marks] == [2, 8], "one less")
     (path,) = (tmp_path / "notes").iterdir()
     assert [b.note for b in read_notes(path, doubles.sequence(20))] == ["at 2", "at 8"]
     assert first.close(5.0) and second.close(5.0)

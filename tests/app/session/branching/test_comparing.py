@@ -10,7 +10,10 @@ from typing import Any
 
 import pytest
 from ispom_app.features.branches.branches import Branch
+from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, Fork, ShowBranch
 from ispom_app.features.branches.comparison import Comparison, advanced, begin, forked_at
+from ispom_app.features.branches.service import BranchService
+from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 
@@ -57,16 +60,18 @@ def session(tmp_path: Path) -> Iterator[Session]:
 def forked(session: Session, config: Config) -> None:
     session.post(do.Seek(FORK - 1))
     wait_for(lambda: session.state.index == FORK - 1, "the exposure to fork at")
-    session.post(do.Fork(METHODS, config))
+    session.post(Fork(METHODS, config))
     session.post(do.Seek(43))
-    wait_for(lambda: session.state.branch == 1 and session.state.computed == 44, "the fork")
+    wait_for(lambda: session.state[Branches].shown == 1 and session.state.computed == 44, "the fork")
 
 
 def compared(session: Session) -> Comparison:
-    session.post(do.CompareBranch(0))
-    wait_for(lambda: session.state.comparison and session.state.comparison.finished, "the comparison")
-    assert session.state.comparison is not None
-    return session.state.comparison
+    session.post(CompareBranch(0))
+    wait_for(
+        lambda: session.state[Branches].comparison and session.state[Branches].comparison.finished, "the comparison"
+    )
+    assert session.state[Branches].comparison is not None
+    return session.state[Branches].comparison
 
 
 def test_a_fork_with_unchanged_settings_differs_in_nothing(session: Session) -> None:
@@ -90,22 +95,22 @@ def test_a_planted_difference_is_found_at_its_exposure_and_only_then(session: Se
         ("monocular.scale", 1.5, 1.0, 0.5)
     ]
     assert found.apart == sum(kind == "video" for kind in doubles.sequence(40).kinds[PLANTED:])
-    session.post(do.ShowBranch(0))
-    session.post(do.DeleteBranch(1))
-    wait_for(lambda: session.state.comparison is None, "a deleted branch is not compared any more")
+    session.post(ShowBranch(0))
+    session.post(DeleteBranch(1))
+    wait_for(lambda: session.state[Branches].comparison is None, "a deleted branch is not compared any more")
 
 
 def test_a_slice_compares_one_exposure_at_least_and_no_more_than_its_time(session: Session) -> None:
     forked(session, Config())
-    a, b = session.branch(1), session.branch(0)
+    a, b = session.service(BranchService).run_of(1), session.service(BranchService).run_of(0)
     assert a is not None and b is not None
-    now = begin(session.state.branches, 1, 0, a, b)
+    now = begin(session.state[Branches].all, 1, 0, a, b)
     assert advanced(now, a, b, 0.0).done == now.start + 1
 
 
 def test_of_thinned_records_the_rest_is_compared_and_they_are_counted(session: Session) -> None:
     forked(session, Config())
-    a, b = session.branch(1), session.branch(0)
+    a, b = session.service(BranchService).run_of(1), session.service(BranchService).run_of(0)
     assert a is not None and b is not None
 
     def without_points(index: int) -> Any:
@@ -114,7 +119,7 @@ def test_of_thinned_records_the_rest_is_compared_and_they_are_counted(session: S
         return replace(record, steps=steps, thinned=True)
 
     thinned: Any = SimpleNamespace(history=[without_points(i) for i in range(44)], opened=b.opened)
-    now = begin(session.state.branches, 1, 0, a, thinned)
+    now = begin(session.state[Branches].all, 1, 0, a, thinned)
     found = advanced(now, a, thinned, 60.0)
     assert (found.thinned, found.apart) == (44 - FORK, 0)
 

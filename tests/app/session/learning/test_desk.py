@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from ispom_app.features.branches.commands import Fork
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.breakpoints.commands import RunUntil
+from ispom_app.features.layers.commands import Hide
+from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.commands import EndLesson, Learn, Reveal, TurnTo
-from ispom_app.features.lessons.learning import Learning, covered
+from ispom_app.features.lessons.learning import Learning
 from ispom_app.features.lessons.library import Library
+from ispom_app.features.lessons.state import Lessons, covered
+from ispom_app.features.plots.commands import Plot
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
 from ispom_app.views.web.messages import message_of
@@ -18,19 +25,19 @@ from tests.app.session.learning.lessons import LESSON
 
 @pytest.fixture
 def session(tmp_path) -> Iterator[Session]:
-    found = started(tmp_path, "double:30", lessons=Library(LESSON, tmp_path / "lessons.json"), autoplay=False)
+    found = started(tmp_path, "double:30", extras=(Library(LESSON, tmp_path / "lessons.json"),), autoplay=False)
     yield found
     found.close(5.0)
 
 
 def at(session: Session, place: int, phase: str) -> Learning:
     def there() -> bool:
-        lesson = session.state.lesson
+        lesson = session.state[Lessons].now
         return lesson is not None and (lesson.place, lesson.phase) == (place, phase)
 
     wait_for(there, f"step {place} {phase}")
-    assert session.state.lesson is not None
-    return session.state.lesson
+    assert session.state[Lessons].now is not None
+    return session.state[Lessons].now
 
 
 def refused(session: Session, command: do.Command) -> str:
@@ -44,7 +51,7 @@ def test_a_step_shows_its_exposure_and_computes_no_further(session: Session):
     session.post(Learn("stand-ins"))
     at(session, 0, "asking")
     state = session.state
-    assert (state.index, state.computed, state.hidden, state.playing) == (5, 6, frozenset({"truth"}), False)
+    assert (state.index, state.computed, state[Layers].hidden, state.playing) == (5, 6, frozenset({"truth"}), False)
     assert state.source == "double:40" and set(state.methods) == {"stereo.paper", "monocular.paper"}
 
 
@@ -56,16 +63,16 @@ def test_what_would_answer_an_open_question_is_refused(session: Session):
         do.Play(True),
         do.Seek(6),
         do.StepBy(1),
-        do.Hide(frozenset()),
-        do.Plot("stereo.paper.inliers"),
-        do.Fork(("stereo.paper",), config),
+        Hide(frozenset()),
+        Plot("stereo.paper.inliers"),
+        Fork(("stereo.paper",), config),
         do.Open("double:4"),
-        do.RunUntil("exposure > 9"),
+        RunUntil("exposure > 9"),
     ):
         assert refused(session, command).startswith("a question of the lesson is open")
     session.post(do.Seek(2))
     wait_for(lambda: session.state.index == 2, "a look back")
-    assert session.state.computed == 6 and session.state.hidden == frozenset({"truth"})
+    assert session.state.computed == 6 and session.state[Layers].hidden == frozenset({"truth"})
 
 
 def test_nothing_that_pages_are_told_of_an_open_question_has_numbers_or_names_of_the_source(session: Session):
@@ -85,8 +92,8 @@ def test_it_reveals_by_running_and_what_was_shown_is_shown_again(session: Sessio
     assert found is not None and found.values["error"] < 1e-6 and found.right == {0} and not found.broken
     assert found.values["poses"] == pytest.approx(3.0)
     state = session.state
-    assert state.branch == 0 and [branch.name for branch in state.branches] == ["first run", "other"]
-    assert state.computed == state.total and not state.hidden and state.progress == {"stand-ins": 1}
+    assert state[Branches].shown == 0 and [branch.name for branch in state[Branches].all] == ["first run", "other"]
+    assert state.computed == state.total and not state[Layers].hidden and state[Lessons].progress == {"stand-ins": 1}
     assert message_of(state)["methods"] and covered(state) is state
 
 
@@ -100,7 +107,7 @@ def test_the_next_step_goes_on_with_the_same_run_and_the_lesson_where_it_was_lef
     at(session, 1, "asking")
     assert session.run is run and session.state.index == 8
     session.post(EndLesson())
-    wait_for(lambda: session.state.lesson is None, "the end of the lesson")
+    wait_for(lambda: session.state[Lessons].now is None, "the end of the lesson")
     session.post(Learn("stand-ins"))
     at(session, 1, "asking")
 
@@ -133,4 +140,4 @@ def test_what_cannot_be_computed_is_said_and_the_question_stays_open(session: Se
 def test_a_lesson_or_step_that_there_is_not_is_said(session: Session):
     assert "there is no lesson 'none'" in refused(session, Learn("none"))
     assert "has 5 steps: there is no step 9" in refused(session, Learn("stand-ins", 8))
-    assert session.state.lesson is None
+    assert session.state[Lessons].now is None

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
+from ispom_app.features.branches.commands import CompareBranch, ShowBranch
+from ispom_app.features.branches.state import Branches
+from ispom_app.features.recording.state import Recordings
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
-from ispom_app.features.sweep.service import SweepDesk
+from ispom_app.features.sweep.service import SweepService
+from ispom_app.features.sweep.state import SweepState
 from ispom_app.features.sweep.sweep import Sweep
 from ispom_app.features.sweep.values import parsed
 from ispom_app.session import commands as do
@@ -48,15 +53,15 @@ def refusal(session: Session, command: do.Command, words: str) -> None:
 def test_what_cannot_be_swept_is_said(session: Session) -> None:
     refusal(session, RunSweep("stereo", "max_tracks", "200"), "1 value: give 2 to 6")
     refusal(session, ShowSwept(0), "this value has no run")
-    assert session.state.sweep is None
+    assert session.state[SweepState].sweep is None
 
 
 def test_it_gives_the_files_that_experiment_gives(session: Session, tmp_path: Path) -> None:
     session.post(RunSweep("stereo", "max_tracks", "200, 400"))
-    wait_for(lambda: session.state.sweep is not None, "its begin")
+    wait_for(lambda: session.state[SweepState].sweep is not None, "its begin")
     refusal(session, RunSweep("stereo", "max_tracks", "200, 400"), "a sweep runs already")
-    wait_for(lambda: session.state.sweep and session.state.sweep.ended, "its end", 120.0)
-    sweep = session.state.sweep
+    wait_for(lambda: session.state[SweepState].sweep and session.state[SweepState].sweep.ended, "its end", 120.0)
+    sweep = session.state[SweepState].sweep
     assert sweep is not None and sweep.problem == "" and sweep.share == 1.0
     assert [o.value for _, o in sorted(sweep.outcomes.items())] == [200, 400]
     for outcome in sweep.outcomes.values():
@@ -66,7 +71,7 @@ def test_it_gives_the_files_that_experiment_gives(session: Session, tmp_path: Pa
     assert main(["experiment", str(folder / "sweep.yaml"), "--out", str(out), "--workers", "0"]) == 0
     for name in SAME:
         assert (folder / name).read_bytes() == (out / name).read_bytes(), name
-    wait_for(lambda: len(session.state.recordings) == 2, "its runs in the list")
+    wait_for(lambda: len(session.state[Recordings].listed) == 2, "its runs in the list")
 
 
 def test_a_value_is_shown_as_a_branch_of_the_run(session: Session) -> None:
@@ -74,26 +79,30 @@ def test_a_value_is_shown_as_a_branch_of_the_run(session: Session) -> None:
     session.post(do.Seek(total - 1))
     wait_for(lambda: session.state.ended, "the end", 60.0)
     session.post(ShowSwept(1))
-    wait_for(lambda: session.state.branch == 1, "the branch")
-    shown = session.state.branches[1]
+    wait_for(lambda: session.state[Branches].shown == 1, "the branch")
+    shown = session.state[Branches].all[1]
     assert shown.name == "max-tracks 400, sweep-1" and shown.computed == total
-    session.post(do.CompareBranch(0))
-    wait_for(lambda: session.state.comparison and session.state.comparison.finished, "the comparison")
-    comparison = session.state.comparison
+    session.post(CompareBranch(0))
+    wait_for(
+        lambda: session.state[Branches].comparison and session.state[Branches].comparison.finished, "the comparison"
+    )
+    comparison = session.state[Branches].comparison
     assert comparison is not None and comparison.apart == 0, "the setting that the run has gives the run"
-    session.post(do.ShowBranch(0))
+    session.post(ShowBranch(0))
     session.post(ShowSwept(1))
-    wait_for(lambda: session.state.branch == 1, "the same branch again")
-    assert len(session.state.branches) == 2
+    wait_for(lambda: session.state[Branches].shown == 1, "the same branch again")
+    assert len(session.state[Branches].all) == 2
 
 
 def test_cancelled_it_keeps_what_was_computed(session: Session) -> None:
     session.post(RunSweep("stereo", "window", "4, 8, 12, 16"))
-    wait_for(lambda: session.state.sweep and session.state.sweep.name == "sweep-2", "its begin")
-    wait_for(lambda: session.state.sweep and session.state.sweep.outcomes, "the first run", 120.0)
+    wait_for(lambda: session.state[SweepState].sweep and session.state[SweepState].sweep.name == "sweep-2", "its begin")
+    wait_for(
+        lambda: session.state[SweepState].sweep and session.state[SweepState].sweep.outcomes, "the first run", 120.0
+    )
     session.post(CancelSweep())
-    wait_for(lambda: session.state.sweep and session.state.sweep.ended, "its end")
-    sweep = session.state.sweep
+    wait_for(lambda: session.state[SweepState].sweep and session.state[SweepState].sweep.ended, "its end")
+    sweep = session.state[SweepState].sweep
     assert sweep is not None and sweep.problem == "cancelled" and 1 <= len(sweep.outcomes) < 4
     assert (session.recordings_dir / sweep.name / "results.csv").exists()
 
@@ -117,12 +126,15 @@ class Ended:
 @pytest.mark.parametrize(("rows", "problem"), [(1, "cancelled"), (2, "")])
 def test_after_the_last_run_there_is_nothing_to_cancel(tmp_path: Path, rows: int, problem: str) -> None:
     store = Store(State("sim:tiny"))
-    store.set(sweep=Sweep.begun("sweep-1", parsed("stereo", "window", "4, 8"), "sim:tiny", OPTIONS, 0.0))
-    desk = SweepDesk(store, tmp_path)
+    store.put(SweepState(Sweep.begun("sweep-1", parsed("stereo", "window", "4, 8"), "sim:tiny", OPTIONS, 0.0)))
+    listed: list[bool] = []
+    recordings = SimpleNamespace(show=lambda: listed.append(True))
+    desk = SweepService(SimpleNamespace(store=store, recordings=tmp_path, service=lambda kind: recordings))  # type: ignore[arg-type]
     desk._process = Ended(rows)  # type: ignore[assignment]
     desk.cancel()
-    assert desk.watch() and store.state.sweep is not None
-    assert store.state.sweep.ended and store.state.sweep.problem == problem
+    desk.watch()
+    assert listed and store.state[SweepState].sweep is not None
+    assert store.state[SweepState].sweep.ended and store.state[SweepState].sweep.problem == problem
 
 
 def test_another_source_is_not_compared_with_it(session: Session) -> None:

@@ -17,10 +17,12 @@ import numpy as np
 from ispom.evaluation.trajectory_error import TrajectoryError, alignment_of, error_against_truth
 from ispom.methods import method as registered
 
-from ..engine.external_trajectories.placed import Beside
-from ..features.branches.branches import Branch, Measured
-from .current_run import CurrentRun
-from .store import Store
+from ...engine.external_trajectories.placed import Beside
+from ...session.current_run import CurrentRun
+from ...session.store import Store
+from ..external_paths.state import ExternalPaths
+from .branches import Branch, Measured
+from .state import Branches
 
 LEAST_S = 1.0
 """Between two measurements of a run that is being computed,"""
@@ -28,7 +30,7 @@ SHARE = 0.05
 """and at most this share of the time is spent on them."""
 
 
-class AccuracyDesk:
+class Accuracy:
     """Keeps the measurements in the state up to date. For the worker's thread."""
 
     def __init__(self, store: Store, run_of: Callable[[int], CurrentRun | None]) -> None:
@@ -41,11 +43,12 @@ class AccuracyDesk:
 
     def watch(self) -> None:
         """Measures what changed since it was measured last."""
-        state = self._store.state
-        self._of = {number: of for number, of in self._of.items() if any(b.number == number for b in state.branches)}
-        stale = {b.number: run for b in state.branches if (run := self._stale(b.number)) is not None}
-        others = (state.run, state.computed)
-        if not stale and (others == self._others_of or not state.beside):
+        state, known = self._store.state, self._store.state[Branches]
+        others = state[ExternalPaths]
+        self._of = {number: of for number, of in self._of.items() if any(b.number == number for b in known.all)}
+        stale = {b.number: run for b in known.all if (run := self._stale(b.number)) is not None}
+        version = (state.run, state.computed)
+        if not stale and (version == self._others_of or not others.all):
             return
         computing = (state.playing or state.target is not None) and not state.ended
         if computing and time.monotonic() < self._due_s:
@@ -53,10 +56,13 @@ class AccuracyDesk:
         began_s = time.monotonic()
         found = {number: measured(run) for number, run in stale.items()}
         self._of |= {number: _version(run) for number, run in stale.items()}
-        branches = tuple(replace(b, measured=found.get(b.number, b.measured)) for b in state.branches)
-        self._others_of, shown = others, self._run_of(state.branch)
-        beside = errors_beside(state.beside, shown) if shown is not None else {}
-        self._store.set(branches=branches, beside_errors=beside)
+        branches = tuple(replace(b, measured=found.get(b.number, b.measured)) for b in known.all)
+        self._others_of, shown = version, self._run_of(known.shown)
+        if stale:
+            self._store.put(replace(known, all=branches))
+        if others.all:
+            errors = errors_beside(others.all, shown) if shown is not None else {}
+            self._store.put(replace(others, errors=errors))
         spent_s = time.monotonic() - began_s
         self._due_s = began_s + max(LEAST_S, spent_s / SHARE)
 

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from ispom.types import Decision, Step
 
-from ...engine.history.quantities import DROPPED, POSE, STEP_QUANTITIES, Value, finite, step_values
-from ...engine.history.record import ExposureRecord
-from ...engine.run_folder.digests import DIGESTS
+from ..history.quantities import DROPPED, POSE, STEP_QUANTITIES, Value, finite, step_values
+from ..history.record import ExposureRecord
+from ..run_folder.digests import DIGESTS
 from .compare import ORIENTATION, POSITION, Compared, MethodRow
 
 FOLLOWED = "tracks_digest"

@@ -1,0 +1,32 @@
+"""Looking at an integration step by step."""
+
+from __future__ import annotations
+
+from ...session.commands import Command
+from ...session.controller import Controller
+from ...session.registry import handles
+from . import integration
+from .state import IntegrationSteps
+
+
+class ShowIntegration(Command, frozen=True):
+    """Look at how a method's latest fit came about, from its first stage on; without a name, no longer."""
+
+    method: str
+
+
+class StepIntegration(Command, frozen=True):
+    """So many stages on."""
+
+    by: int
+
+
+@handles(ShowIntegration)
+def show_integration(session: Controller, command: ShowIntegration) -> None:
+    session.store.put(IntegrationSteps(integration.shown(session.state, session.run, command.method)))
+
+
+@handles(StepIntegration)
+def step_integration(session: Controller, command: StepIntegration) -> None:
+    now = session.state[IntegrationSteps].shown
+    session.store.put(IntegrationSteps(integration.moved(session.state, session.run, now, command.by)))

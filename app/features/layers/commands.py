@@ -1,0 +1,41 @@
+"""Choosing what the stage draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ispom.methods import names
+
+from ...engine.inspection.colouring import Colouring
+from ...session.commands import Command, PageCommand
+from ...session.controller import Controller
+from ...session.registry import handles
+from ...views.rerun.layers import LAYERS
+from .state import Layers
+
+
+class Hide(PageCommand, frozen=True):
+    """Draw all but these layers and methods."""
+
+    names: frozenset[str]
+
+
+class ColourBy(Command, frozen=True):
+    """What the colours of tracks mean, in all images."""
+
+    colouring: Colouring
+
+
+def known(found: frozenset[str]) -> frozenset[str]:
+    """Those of the names that are layers or methods."""
+    return found & {*LAYERS, *names()}
+
+
+@handles(Hide)
+def hide(session: Controller, command: Hide) -> None:
+    session.store.put(replace(session.state[Layers], hidden=known(command.names)))
+
+
+@handles(ColourBy)
+def colour_by(session: Controller, command: ColourBy) -> None:
+    session.store.put(replace(session.state[Layers], colour_by=command.colouring))

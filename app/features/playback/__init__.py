@@ -1,1 +1,0 @@
-"""Play, pause, step, seek and loop."""

@@ -1,0 +1,50 @@
+"""Recording a run, and keeping notes with what was recorded."""
+
+from __future__ import annotations
+
+from ...session.commands import Command, PageCommand
+from ...session.controller import Controller
+from ...session.registry import handles
+from .service import RecordingService
+
+
+class Record(PageCommand, frozen=True):
+    """Record the run, from its first frame on, under this name (a name, never a path); empty for a made-up one."""
+
+    name: str = ""
+
+
+class StopRecording(Command, frozen=True):
+    """Write what is left, and close the file."""
+
+
+class RepairRecordings(Command, frozen=True):
+    """Finish the recordings that a stopped app left unfinished: they get their index, and their name."""
+
+
+class PutNote(Command, frozen=True):
+    """Keep a note with one of the runs and recordings of the list; an empty one removes it."""
+
+    name: str
+    """As the list has it."""
+    note: str
+
+
+@handles(Record)
+def record(session: Controller, command: Record) -> None:
+    session.service(RecordingService).record(command.name)
+
+
+@handles(StopRecording)
+def stop_recording(session: Controller, command: StopRecording) -> None:
+    session.service(RecordingService).leave(session.run)
+
+
+@handles(RepairRecordings)
+def repair_recordings(session: Controller, command: RepairRecordings) -> None:
+    session.service(RecordingService).repair()
+
+
+@handles(PutNote)
+def put_note(session: Controller, command: PutNote) -> None:
+    session.service(RecordingService).put_note(command.name, command.note)
