@@ -15,7 +15,6 @@ from ispom.types import Sequence
 from ...engine import warmup
 from ...engine.external_trajectories.given import Given, given
 from ...engine.external_trajectories.placed import beside_run
-from ...engine.memory import give_back, know_libraries
 from ...engine.playback import Builder, truth_from_start
 from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson
@@ -34,8 +33,6 @@ LEAST_HISTORY_MB = 20
 
 def open_page(command: Serve, builder: Builder) -> int:
     """Serves the page until it is ended, and returns the exit code. InputError for a mistake in what was asked."""
-    know_libraries()  # all that a page needs is loaded, by this thread alone
-    give_back()
     library, begun = _lessons(command)
     source = command.source if isinstance(command, App) else "sim:city" if begun is None else begun.steps[0].own.source
     if not is_text(source):

@@ -1,6 +1,6 @@
-"""`ispom bench --soak`: does an exposure cost as much at the end of a long run as near its start?
+"""`python -m tests.accuracy soak`: does a frame cost as much at the end of a long run as near its start?
 
-`python -m ispom_app.features.benchmark.soak '{...}'` prints what was found as one line of JSON.
+`python -m tests.accuracy.soak '{...}'` prints what was found as one line of JSON.
 """
 
 from __future__ import annotations
@@ -13,6 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 import psutil
+from ispom_app.engine.history.history import History
+from ispom_app.engine.history.record import ExposureRecord
+from ispom_app.engine.playback import Builder, Playback
+from ispom_app.features.benchmark.unit import cpu_clock
 from rich.console import Console
 from rich.table import Table
 
@@ -20,12 +24,7 @@ from ispom.child import end_with_parent
 from ispom.ensemble import build
 from ispom.methods import Config, in_order, with_asked
 from ispom.methods import method as registered
-
-from ...engine.history.history import History
-from ...engine.history.record import ExposureRecord
-from ...engine.playback import Builder, Playback
-from .rounds import SCENARIOS, Scenario
-from .unit import cpu_clock
+from tests.rounds import SCENARIOS, Scenario
 
 EARLY = 1000
 """The first of the exposures that the last 1,000 are compared with."""

@@ -1,4 +1,4 @@
-"""`ispom bench --soak`: runs without end and what is measured of them. No time is asserted."""
+"""The study `soak`: runs without end and what is measured of them. No time is asserted."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ispom_app.cli.main import main
-from ispom_app.features.benchmark import child, soak
-from ispom_app.features.benchmark.rounds import LAP, SCENARIOS, STOP, Scenario
+from ispom_app.features.benchmark import child
 
 from ispom.methods import names
 from ispom.types import StereoPair, VideoFrame
+from tests.accuracy import soak
+from tests.accuracy.__main__ import main
 from tests.app import helpers
+from tests.rounds import LAP, SCENARIOS, STOP, Scenario
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda s: f"{'+'.join(sorted(s.kinds))} {s.name}")
@@ -60,8 +61,8 @@ def test_time_and_memory_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_rows_are_printed_and_written(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def measured_elsewhere(module: str, task: dict) -> dict:
-        assert module == "ispom_app.features.benchmark.soak" and task["exposures"] == 5000
+    def measured_elsewhere(module: str, task: dict, path: Path) -> dict:
+        assert module == "tests.accuracy.soak" and task["exposures"] == 5000
         if task["scenario"] == "still":
             return {"error": "failed, please report it: why"}
         times = {"early_ms": 4.0, "last_ms": 5.0 if task["scenario"] == "stops" else 4.0}
@@ -69,10 +70,11 @@ def test_rows_are_printed_and_written(
 
     monkeypatch.setattr(child, "found", measured_elsewhere)
     written = tmp_path / "soak.json"
-    arguments = ["bench", "--soak", "--soak-exposures", "5000", "--methods", "monocular", "--json", str(written)]
+    arguments = ["soak", "--frames", "5000", "--methods", "monocular", "--json", str(written)]
     assert main(arguments) == main(arguments) == 0
     told = capsys.readouterr().out
     assert "1.25 !" in told and "1.00" in told and "monocular, still: failed" in told
-    rows = json.loads(written.read_text())["soak"]
+    rows = json.loads(written.read_text())
     assert [row["scenario"] for row in rows] == ["moving", "still", "stops", "goes blank"]
-    assert main(["bench", "--soak", "--soak-exposures", "100"]) == 2
+    with pytest.raises(SystemExit):
+        main(["soak", "--frames", "100"])
