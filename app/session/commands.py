@@ -126,6 +126,15 @@ class CompareBranch:
 
 
 @dataclass(frozen=True)
+class CompareRuns:
+    """Show one run and compare it with another one. Those of the recordings folder are opened for that."""
+
+    a: str
+    """As the runs table has it: `live:` and the number of a branch, or a name in the recordings folder."""
+    b: str
+
+
+@dataclass(frozen=True)
 class Predict:
     """What this error of the calibration would do to the run that is shown, as far as it is computed."""
 
@@ -319,7 +328,7 @@ class SetPlots:
 
 Moves = Play | StepBy | StepTo | StepToEvent | Seek | GoToEnd | LoopEdge | NoLoop | Speed
 OfLook = Select | Pick | ColourBy | LookAt
-OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch
+OfBranches = Fork | ShowBranch | RenameBranch | HideBranch | DeleteBranch | CompareBranch | CompareRuns
 OfCalibration = Predict | RunPerturbed
 OfViews = FlickerBetween | Flick | StopFlicker | ShowIntegration | StepIntegration
 Command = (

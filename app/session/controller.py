@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import logging
+from os.path import abspath
+from pathlib import PurePath
+
+import numpy as np
 
 from ispom.errors import InputError
 from ispom.methods import Config
@@ -66,7 +70,7 @@ class Controller:
         recent: RecentSources,
         lessons: Library,
     ) -> None:
-        """`first` is opened at the start; `methods` None means the usual ones of each source."""
+        """`first` is opened unless its source is empty; `methods` None means the usual ones of each source."""
         self._store, self._player, self._viewers = store, player, viewers
         self._shelf, self._known = Shelf(store, recordings), Known(recordings.folder)
         self._bookmarks, self._effects = BookmarkDesk(store, recordings.folder), EffectDesk()
@@ -90,12 +94,15 @@ class Controller:
         try:
             self._shelf.show()
         finally:
-            self._open(self._first.source, self._first.options)
+            if self._first.source:
+                self._open(self._first.source, self._first.options)
         if self._autoplay:
             self._play_on()
 
     def obey(self, command: do.Command) -> None:
         """InputError where it cannot be done. What would lose branches is asked about first."""
+        if isinstance(command, do.OpenNamed | do.CompareRuns | do.PutNote):
+            self._shelf.show()  # another process may have finished a run
         if isinstance(command, do.Confirm):
             self._confirm(command)
             return
@@ -133,6 +140,8 @@ class Controller:
                 what, yes = f"Opening {without_secrets(source)}", "Close and open"
             case do.OpenNamed(name):
                 what, yes = f"Opening {run_name(self._known.source(name, self._store.state))}", "Close and open"
+            case do.CompareRuns(a, b) if self._branch_of(a) is None and self._branch_of(b) is None:
+                what, yes = f"Comparing {a} and {b}", "Close and compare"
             case do.Restart():
                 what, yes, recorded = "Starting again from the first frame", "Close and restart", {0, *recorded}
             case Learn() | TurnTo() if self._lessons.opens_a_run(command):
@@ -188,6 +197,8 @@ class Controller:
                 self._branches.delete(number)
             case do.CompareBranch(number):
                 self._branches.compare(number)
+            case do.CompareRuns(a, b):
+                self._compare_runs(a, b)
             case do.Predict(wrong):
                 self._effects.predict(store, player.run, wrong)
             case do.RunPerturbed():
@@ -288,6 +299,8 @@ class Controller:
 
     def _open(self, source: str, options: SourceOptions | None) -> bool:
         """Opens another source, and says whether it did; where that fails, the one before stays as it was."""
+        if not source:
+            raise InputError("no source is given: type a path, or choose one of the list")
         before, run, shown = self._store.state, self._player.run, without_secrets(source)
         if run is not None and run.live and shown == before.source:
             run.stop()  # a camera has to be let go before it can be opened again
@@ -300,7 +313,7 @@ class Controller:
                 playback = self._opener.playback(*asked, strict=run is None, progress=self._store.busy)
                 found = CurrentRun(playback, self._history_bytes)
         except Exception as fault:
-            if before.phase == "ready":
+            if before.phase in ("ready", "empty"):
                 self._store.emit(Restored(before))
                 raise
             if isinstance(fault, InputError):
@@ -345,6 +358,45 @@ class Controller:
             raise InputError(f"{path} holds no run any more: run the sweep again")
         found = CurrentRun.of_stored(stored, self._history_bytes)
         self._show(*self._branches.add(found, name, 0, (change,), reproducible=True))
+
+    def _compare_runs(self, a: str, b: str) -> None:
+        """InputError where they are of different sources, or one of them cannot be opened."""
+        named = {kept.name: kept.source for kept in self._store.state.recordings}
+        if a in named and b in named and named[a] != named[b]:
+            raise InputError(f"{a} is a run on {named[a]}, and {b} on {named[b]}: choose two runs on one source")
+        numbers = [self._branch_of(key) for key in (a, b)]
+        if numbers == [None, None]:
+            self._open(self._known.source(a, self._store.state), None)
+            numbers[0] = 0
+        shown, other = (self._with_recorded(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
+        self._show(*self._branches.show(shown))
+        self._branches.compare(other)
+
+    def _branch_of(self, key: str) -> int | None:
+        """The number of the branch that a row of the runs table is; None where it is to be read from its folder.
+
+        InputError for a branch that was deleted.
+        """
+        kind, _, number = key.partition(":")
+        if kind == "live":
+            if not number.isdecimal() or self._branches.run(int(number)) is None:
+                raise InputError("this run is not in the session any more: choose another one")
+            return int(number)
+        path = abspath(self._known.folder / key)
+        runs = ((b.number, self._branches.run(b.number)) for b in self._store.state.branches)
+        return next((n for n, run in runs if run and run.stored and abspath(run.stored.path) == path), None)
+
+    def _with_recorded(self, name: str) -> int:
+        """The number of the branch that a run of the recordings folder becomes."""
+        found = self._opener.stored(self._known.source(name, self._store.state), self._history_bytes)
+        run = self._player.run
+        if found is None or run is None:
+            raise InputError(f"{name} holds no run: choose another one")
+        times_ns = [each.playback.sequence.times_ns[: len(found.history)] for each in (run, found)]
+        if not np.array_equal(*times_ns):
+            raise InputError(f"{name} has other frames than the run that is shown: choose two runs on one source")
+        self._branches.add(found, PurePath(name).name, 0, (), reproducible=True)
+        return self._store.state.branches[-1].number
 
     def _run_of(self, asked: Asked) -> CurrentRun:
         wanted = asked.source, None, asked.methods, asked.config

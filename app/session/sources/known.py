@@ -22,17 +22,17 @@ class Known:
     """`recordings` is their folder."""
 
     def __init__(self, recordings: Path) -> None:
-        self._recordings = recordings
+        self.folder = recordings
 
     def source(self, name: str, state: State) -> str:
         """The source of a name, as the list of recordings has it or `run_name` gives it.
 
         InputError where nothing is known by it.
         """
-        runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
-        recorded = [str(self._recordings / kept.name) for kept in state.recordings]
+        runs = [str(path.parent) for path in sorted(self.folder.glob(f"*/{RUN}"))]
+        recorded = [str(self.folder / kept.name) for kept in state.recordings]
         if name in {kept.name for kept in state.recordings}:
-            return str(self._recordings / name)
+            return str(self.folder / name)
         for source in (state.source, *state.recent, *runs, *recorded):
             if run_name(source) == name:
                 return source

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from ispom.errors import is_text
 from ispom.methods import method as registered
 from ispom.methods import names
 
@@ -73,6 +74,7 @@ def message_of(state: State) -> dict[str, Any]:
     """What the status bar shows, and what the Rerun viewer is to show."""
     covers = state.lesson is not None and state.lesson.covers
     state, recording = covered(state), state.recording
+    compared = None if covers else state.comparison
     return {
         "source": state.source,
         "name": state.name or state.source,
@@ -84,6 +86,7 @@ def message_of(state: State) -> dict[str, Any]:
             "plots": "" if state.plots == DEFAULT_PLOTS else ",".join(state.plots) or NO_PLOTS,
         },
         "branches": [branch.number for branch in state.branches],
+        "compared": compared and [compared.shown, compared.other, compared.done, compared.finished],
         "notes": state.notes,
         "guess": None if state.guess is None else round(100 * state.guess.sigma, 1),
         "phase": state.phase,
@@ -200,6 +203,12 @@ def command_of(text: str) -> do.Command | Pane | Wheel | FollowAgain | Given | N
                 return do.OpenNamed(str(message["run"]))
             case "show_branch":
                 return do.ShowBranch(int(message["number"]))
+            case "open" if is_text(str(message["source"])):
+                return do.Open(str(message["source"]).strip())
+            case "compare_runs":
+                return do.CompareRuns(str(message["a"]), str(message["b"]))
+            case "note" if is_text(str(message["note"])):
+                return do.PutNote(str(message["name"]), str(message["note"]))
             case "hide":
                 return do.Hide(frozenset(map(str, message["names"])) & {*LAYERS, *names()})
             case "pane":
