@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -29,9 +29,9 @@ MOST_POINTS = 600
 
 
 def comparison_message(
-    state: State, comparison: Comparison, rows: list[Row], run_of: Callable[[int], CurrentRun | None]
+    state: State, comparison: Comparison, rows: Mapping[int, Row], run_of: Callable[[int], CurrentRun | None]
 ) -> dict[str, Any]:
-    """`rows` has the rows of the two runs, and of all others of the session. The curves are in the methods' units."""
+    """`rows` has the rows of the session's runs by the number of their branch. The curves are in the methods' units."""
     numbers = (comparison.shown, comparison.other)
     runs = [run_of(number) for number in numbers]
     branches = [b for number in numbers for b in state.branches if b.number == number]
@@ -40,7 +40,8 @@ def comparison_message(
              for m in comparison.methods if (numbers[0], m) in common]  # fmt: skip
     a, b = runs
     curves = [] if a is None or b is None else list(distances(a.series, b.series, comparison.methods))
-    return table_message(rows) | {
+    return table_message(list(rows.values())) | {
+        "branches": {number: row.key for number, row in rows.items()},
         "numbers": numbers,
         "common": found,
         "first": [divergence_message(each) for each in comparison.first if plain(each)],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,14 +18,14 @@ from ..branches.branches import Branch
 from .table import LIVE, Ate, Row, alarms, differing_settings
 
 
-def live_rows(state: State, run_of: Callable[[int], CurrentRun | None], recordings: Path) -> list[Row]:
-    """Of the branches of a session, in a state in which nothing is covered by a lesson's question."""
+def live_rows(state: State, run_of: Callable[[int], CurrentRun | None], recordings: Path) -> dict[int, Row]:
+    """By the number of its branch, in a state in which nothing is covered by a lesson's question."""
     keys = {b.number: _key(b, run_of(b.number), recordings) for b in state.branches}
-    found = []
+    found = {}
     for branch in state.branches:
         run = run_of(branch.number)
         if run is not None:
-            found.append(_row(branch, run, state, keys))
+            found[branch.number] = _row(branch, run, state, keys)
     return found
 
 
@@ -68,8 +68,9 @@ def _located(series: Series, methods: tuple[str, ...]) -> dict[str, float]:
     return found
 
 
-def merged(live: list[Row], recorded: list[Row]) -> list[Row]:
+def merged(live: Iterable[Row], recorded: list[Row]) -> list[Row]:
     """All rows; a recorded run that the session has open is one row, with what its folder says."""
+    live = list(live)
     shown = {row.key: row.shown for row in live}
     known = {row.key for row in recorded}
     rows = [replace(row, shown=shown[row.key]) if row.key in shown else row for row in recorded]

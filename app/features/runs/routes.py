@@ -54,11 +54,11 @@ class RunsRoutes:
     async def _runs(self, request: web.Request) -> web.StreamResponse:
         """The runs table, the sources that were opened before, and the lessons with their progress."""
         session, state = self._session, self._session.state
-        live = [] if _covers(state) else live_rows(state, session.branch, session.recordings_dir)
+        live = {} if _covers(state) else live_rows(state, session.branch, session.recordings_dir)
         async with self._reading:  # one thread at a time
             self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
             recorded = await asyncio.to_thread(self._recorded.rows)
-        message = table_message(merged(live, recorded))
+        message = table_message(merged(live.values(), recorded))
         return _json(message | {"recent": state.recent, "lessons": self._lessons(state)})
 
     def _lessons(self, state: State) -> list[dict[str, Any]]:
