@@ -39,13 +39,15 @@ def _key(branch: Branch, run: CurrentRun | None, recordings: Path) -> str:
 
 
 def _row(branch: Branch, run: CurrentRun, state: State, keys: dict[int, str]) -> Row:
-    first = branch.parent is None
-    options = vars(state.source_options)
+    stored = run.stored is not None
+    first = branch.parent is None or stored
+    options = vars(state.source_options) if not stored else {}
+    name = run.stored.path.name if run.stored is not None else branch.name
     return Row(
         keys[branch.number],
         "live",
         state.name or run_name(state.source),
-        branch.name if first or not branch.at else f"{branch.name}: fork at frame {branch.at}",
+        name if first or not branch.at else f"{name}: fork at frame {branch.at}",
         "" if first else keys.get(branch.parent or 0, ""),
         differing_settings(run.opened.methods, run.opened.config, options) if first else branch.changes,
         tuple(Ate(name, error.ate_m, error.alignment) for name, error in branch.measured.errors.items()),

@@ -55,7 +55,12 @@ export function makeStart(command, modes, changed) {
   function follow(next) {
     const before = state;
     state = next;
-    if (asked && next.run > asked.run && next.phase === "ready" && asked.done(next)) [open, asked] = [false, null];
+    if (asked && next.run > asked.run && next.phase === "ready") {
+      const before = asked;
+      asked = null; // `done` may come back here
+      if (before.done(next)) [open, before.fault.textContent] = [false, ""];
+      else asked = before;
+    }
     const waiting = asked && next.phase === "opening";
     const shown = open || needed() || Boolean(waiting);
     if (next.phase === "failed" && before?.phase !== "failed" && !asked) failed(next);
