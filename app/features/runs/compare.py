@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ispom.geometry import Array
 from ispom.methods import method as registered
 from ispom.methods import names
+from ispom.types import Trajectory
 
 from ...engine.history.series import Series
 from ...presentation import colours
-from ...presentation.texts import length
+from ...presentation.texts import ALIGNED, length
 from ...session.accuracy import over_common_frames
 from ...session.current_run import CurrentRun
 from ...session.state import State
+from ..branches.branches import Branch
 from ..branches.comparison import Comparison
 from ..diff.compare import DIGEST, POSITION, Difference, Divergence
 from ..diff.text import distinct
 from .table import Row, table_message
 
+WORDS = {"new": "new tracks", "alive": "tracks that go on", "revised": "revised poses", "seconds": "computing time"}
+"""What quantities are called, where their key says too little."""
 MOST_LINES = 4
 """Differences that are listed of one frame."""
 MOST_POINTS = 600
@@ -31,15 +36,15 @@ MOST_POINTS = 600
 def comparison_message(
     state: State, comparison: Comparison, rows: Mapping[int, Row], run_of: Callable[[int], CurrentRun | None]
 ) -> dict[str, Any]:
-    """`rows` has the rows of the session's runs by the number of their branch. The curves are in the methods' units."""
+    """`rows` has the rows of the session's runs by the number of their branch."""
     numbers = (comparison.shown, comparison.other)
     runs = [run_of(number) for number in numbers]
     branches = [b for number in numbers for b in state.branches if b.number == number]
     common = over_common_frames(branches)
     found = [{"label": colours.label(m), "a": _text(common, numbers[0], m), "b": _text(common, numbers[1], m)}
              for m in comparison.methods if (numbers[0], m) in common]  # fmt: skip
-    a, b = runs
-    curves = [] if a is None or b is None else list(distances(a.series, b.series, comparison.methods))
+    there = [run for run in runs if run is not None]
+    curves = list(distances(*branches, there, comparison.methods)) if len(branches) == len(there) == 2 else []
     return table_message(list(rows.values())) | {
         "branches": {number: row.key for number, row in rows.items()},
         "numbers": numbers,
@@ -77,7 +82,8 @@ def _line(difference: Difference) -> str:
         apart = length(difference.by) if registered(method).unit == "metric" else f"{difference.by:.3g} (own unit)"
         return f"{colours.label(method)} position: {apart} apart"
     method = next((m for m in _prefixes(difference.name) if m in names()), difference.name.partition(".")[0])
-    key = difference.name.removeprefix(f"{method}.").replace("_", " ").replace(".", " ")
+    key = difference.name.removeprefix(f"{method}.")
+    key = WORDS.get(key, key.replace("_", " ").replace(".", " "))
     a, b = distinct(difference.a, difference.b)
     by = "" if difference.by is None else f" (Δ {difference.by:.3g})"
     return f"{colours.label(method)} {key}: {a} vs {b}{by}"
@@ -90,24 +96,43 @@ def _prefixes(name: str) -> Iterator[str]:
         yield name
 
 
-def distances(a: Series, b: Series, methods: tuple[str, ...]) -> Iterator[dict[str, Any]]:
-    """By method, the distance between the positions that the two runs gave at each frame, as given then."""
-    count = min(len(a), len(b))
+def distances(a: Branch, b: Branch, runs: Sequence[CurrentRun], methods: Iterable[str]) -> Iterator[dict[str, Any]]:
+    """By method, the distance between the positions of the two runs [m] over the frames at which both have one.
+
+    Where there is ground truth, both trajectories are aligned to it, as for the ATE. Without it, positions are compared
+    as they were given, and those of methods without a metric unit are not.
+    """
     for method in methods:
-        xyz = [_positions(series, method, count) for series in (a, b)]
-        apart = np.linalg.norm(xyz[0] - xyz[1], axis=1)
-        if not np.isfinite(apart).any():
+        errors = [branch.measured.errors.get(method) for branch in (a, b)]
+        if errors[0] is not None and errors[1] is not None:
+            frames, apart = _between(errors[0].aligned, errors[1].aligned, runs[0].playback.sequence.times_ns)
+            how = ALIGNED[errors[0].alignment]
+        elif registered(method).unit == "metric":
+            count = min(len(run.series) for run in runs)
+            xyz = [_positions(run.series, method, count) for run in runs]
+            apart = np.linalg.norm(xyz[0] - xyz[1], axis=1)
+            frames, how = np.flatnonzero(np.isfinite(apart)), ALIGNED["none"]
+            apart = apart[frames]
+        else:
             continue
-        width = -(-count // MOST_POINTS)
-        filled = np.concatenate([apart, np.full(-count % width, np.nan)]).reshape(-1, width)
-        values = np.fmax.reduce(filled, axis=1)
-        yield {
-            "label": colours.label(method),
-            "colour": colours.css(colours.of(method)),
-            "unit": "m" if registered(method).unit == "metric" else "",
-            "step": width,
-            "values": [None if np.isnan(value) else float(f"{value:.6g}") for value in values.tolist()],
-        }
+        if len(frames):
+            width = -(-len(frames) // MOST_POINTS)
+            starts = np.arange(0, len(frames), width)
+            yield {
+                "label": colours.label(method),
+                "colour": colours.css(colours.of(method)),
+                "how": how,
+                "frames": frames[starts].tolist(),
+                "values": [float(f"{value:.6g}") for value in np.maximum.reduceat(apart, starts).tolist()],
+            }
+
+
+def _between(a: Trajectory, b: Trajectory, times_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+    """(N,) the frames at which both have a pose, and (N,) the distances between them."""
+    common, in_a, in_b = np.intersect1d(a.times_ns, b.times_ns, return_indices=True)
+    apart = np.linalg.norm(a.translations[in_a] - b.translations[in_b], axis=1)
+    known = np.isin(common, times_ns)
+    return np.searchsorted(times_ns, common[known]), apart[known]
 
 
 def _positions(series: Series, method: str, count: int) -> Array:
