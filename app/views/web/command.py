@@ -40,6 +40,8 @@ def open_page(command: Serve, builder: Builder) -> int:
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
+    if beside and not source:
+        raise InputError("--beside needs a source to be compared with: give one")
     if beside:
         _check_beside(beside, source, opener, builder)
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
