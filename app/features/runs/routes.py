@@ -114,10 +114,9 @@ class RunsRoutes:
         compared = state[Branches].comparison
         if compared is None or _covers(state):
             raise web.HTTPNotFound
-        rows = live_rows(state, session.service(BranchService).run_of, session.recordings_dir)
-        return _json(
-            await asyncio.to_thread(comparison_message, state, compared, rows, session.service(BranchService).run_of)
-        )
+        run_of = session.service(BranchService).run_of
+        rows = live_rows(state, run_of, session.recordings_dir)
+        return _json(await asyncio.to_thread(comparison_message, state, compared, rows, run_of))
 
     async def _differences(self, request: web.Request) -> web.StreamResponse:
         """Of two runs of the recordings folder, which need not be of one source: as `ispom diff` finds them."""

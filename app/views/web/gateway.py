@@ -53,8 +53,6 @@ class Backends:
     """The folder of the Rerun viewer's files; may take seconds the first time."""
     recordings: Path
     """Their folder."""
-    show_scene: Callable[[bool], None] = lambda _: None
-    """Told whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
     show_tabs: Callable[[frozenset[str]], None] = lambda _: None
     """Told which of viser's tabs anybody has open."""
 
@@ -247,6 +245,5 @@ class Gateway:
 
     def _see(self, page: Hashable, pane: Pane) -> None:
         self._panes = {other: seen for other, seen in self._panes.items() if other is not page}
-        self._panes |= {page: pane} if pane.wide or pane.tab else {}
-        self._to.show_scene(any(seen.wide for seen in self._panes.values()))
+        self._panes |= {page: pane} if pane.tab else {}
         self._to.show_tabs(frozenset(seen.tab for seen in self._panes.values()))

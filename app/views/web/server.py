@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 from ...features.recording.state import Recordings
+from ...features.stage.painter import StagePainter
 from ...session.session import Session
 from ..rerun.live import LiveStream
 from ..viser.screen import Screen
@@ -118,9 +119,8 @@ def _start(make_session: Callable[[LiveStream], Session]) -> Backends:
     session.start()
     screen = Screen(session)
     screen.start()
-    return Backends(
-        session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_scene, screen.show_tabs
-    )
+    StagePainter(session, live).start()
+    return Backends(session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_tabs)
 
 
 def _name(host: str) -> str:

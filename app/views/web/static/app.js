@@ -28,16 +28,16 @@ addEventListener("beforeunload", () => leaving.abort()); // a reload would undo 
 let socket;
 let state = null;
 let taught = null; // the lesson, as the server sent it last
-const pane = { wide: false, tab: "" };
+const pane = { tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
-const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), showViewer);
+const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), (message) => people.command(message), showViewer);
 
 function paneBecame(change) {
   if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;
   send({ do: "pane", ...Object.assign(pane, change) });
 }
-makeSplitter((wide) => paneBecame({ wide }));
+makeSplitter();
 
 function connect() {
   socket = new WebSocket(new URL("ws", document.baseURI).href.replace("http", "ws"));

@@ -2,6 +2,7 @@
 // server says (app/session/actions.py); "?" is the list's of them, and Escape closes that, or the tour.
 import { action, setActions } from "./actions.js";
 import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
+import { frameAgain } from "./stage_view.js";
 import { hideTour } from "./tour.js";
 
 const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
@@ -25,7 +26,7 @@ export function listen(page, command) {
   page.addEventListener("keydown", (event) => {
     pointed = false;
     const key = keyOf(event);
-    const own = { "?": toggleKeys, Escape: () => hideKeys() || hideTour() }[key];
+    const own = { "?": toggleKeys, f: frameAgain, Escape: () => hideKeys() || hideTour() }[key];
     if ((!own && (!names[key] || document.body.dataset.sheet)) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
     if (own) {
       if (!own()) return;
