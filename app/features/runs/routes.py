@@ -22,8 +22,8 @@ from ..branches.state import Branches
 from ..diff.folder import run_rows
 from ..diff.settings import differing
 from ..diff.text import shown
-from ..lessons.learning import covered
 from ..lessons.library import Library
+from ..lessons.state import Lessons, covered
 from .compare import comparison_message, divergence_message
 from .folder import RecordedRuns
 from .frame_picture import frame_picture
