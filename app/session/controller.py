@@ -52,8 +52,8 @@ class Controller:
         recordings: Path,
         extras: tuple[object, ...] = (),
     ) -> None:
-        """`first` is opened unless its source is empty; `methods` None means the usual ones of each source; `recordings`
-        is the folder of runs and recordings; `extras` are values that services look up by their type."""
+        """`first` is opened unless its source is empty; `methods` None means the usual ones of each source;
+        `recordings` is the folder of runs and recordings; `extras` are values that services look up by their type."""
         self.store, self.player, self.opener = store, player, opener
         self.recordings, self.history_bytes = recordings, history_bytes
         self._viewers, self._compiling, self._recent = viewers, compiling, recent

@@ -15,9 +15,9 @@ from ispom.io.mapping import read_mapping
 
 from ...engine.run_events.table import read_events
 from ...engine.run_folder.run_folder import EVENTS, METRICS, RUN
-from ...session.state import Kept
 from ..experiments.command import PLAN
 from ..recording.listing import described, list_recordings
+from ..recording.state import Kept
 from . import table
 from .table import Row
 
