@@ -225,3 +225,9 @@ def test_nothing_can_be_beside_a_live_source(served: list, tmp_path: Path, capsy
     (tmp_path / "poses.txt").write_text("0 0 0 0 0 0 0 1\n")
     assert main(["app", "camera:0", "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
     assert "this source is live" in capsys.readouterr().err and not served
+
+
+def test_the_lessons_open_as_a_list(served: list[Any]) -> None:
+    assert main(["learn"]) == 0
+    ((_, source, options, serving),) = served
+    assert source == "" and serving.mode == "learn" and not options["autoplay"]

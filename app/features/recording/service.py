@@ -87,7 +87,8 @@ class RecordingService(Service):
             self.show()
 
     def put_note(self, name: str, note: str) -> None:
-        """Of a run or recording in the list."""
+        """Of a run or recording in the folder."""
+        self.show()  # another process may have finished one
         if name not in [kept.name for kept in self.state[Recordings].listed]:
             raise InputError(f"there is no run or recording {name[:60]!r} in the list: choose one of it")
         put(notes_of(self.session.recordings / name), note=note)

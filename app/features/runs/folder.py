@@ -15,6 +15,7 @@ from ispom.io.mapping import read_mapping
 
 from ...engine.run_events.table import read_events
 from ...engine.run_folder.run_folder import EVENTS, METRICS, RUN
+from ...presentation.texts import size
 from ..experiments.command import PLAN
 from ..recording.listing import described, list_recordings
 from ..recording.state import Kept
@@ -68,7 +69,8 @@ def _read(path: Path, kept: Kept, when_s: float) -> Row:
     """A damaged run is still a row: it is there, and can be removed."""
     picture = f"pictures/{quote(kept.picture)}" if kept.picture else ""
     row = Row(kept.name, "run", kept.source, path.name, note=kept.note, when_s=when_s, picture=picture)
-    row = replace(row, recorded=bool(kept.recording))
+    recording = f"recordings/{quote(kept.recording)}" if kept.recording else ""
+    row = replace(row, recording=recording, size=size(kept.size_bytes))
     if not path.is_dir():
         return replace(row, kind="recording")
     try:

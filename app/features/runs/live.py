@@ -55,7 +55,6 @@ def _row(branch: Branch, run: CurrentRun, state: State, keys: dict[int, str]) ->
         _located(run.series, run.opened.methods),
         alarms(event.severity for event in run.events.events),
         picture=f"frame?branch={branch.number}&width=160",
-        recorded=run.recorded is not None,
         shown=branch.number == state[Branches].shown,
     )
 

@@ -23,7 +23,7 @@ from ..diff.folder import run_rows
 from ..diff.settings import differing
 from ..diff.text import shown
 from ..lessons.library import Library
-from ..lessons.state import Lessons, covered
+from ..lessons.state import Lessons
 from .compare import comparison_message, divergence_message
 from .folder import RecordedRuns
 from .frame_picture import frame_picture
@@ -142,7 +142,7 @@ class RunsRoutes:
 
 
 def _covers(state: State) -> bool:
-    return covered(state) is not state
+    return state[Lessons].covers
 
 
 def _number(request: web.Request, name: str, usual: int) -> int:

@@ -54,8 +54,10 @@ class Row:
     """A person's own; None where none can be kept."""
     picture: str = ""
     """Its address, relative to the page's; empty for none."""
-    recorded: bool = False
-    """Whether it has a Rerun recording."""
+    recording: str = ""
+    """The address of its Rerun recording, relative to the page's; empty for none."""
+    size: str = ""
+    """On disk."""
     shown: bool = False
     """Whether the stage shows it."""
 
@@ -179,7 +181,8 @@ def _message(row: Row, depth: int, columns: Sequence[Mapping[str, str]]) -> dict
         "when": row.when_s,
         "note": row.note,
         "picture": row.picture,
-        "recorded": row.recorded,
+        "recording": row.recording,
+        "size": row.size,
         "shown": row.shown,
     }
 

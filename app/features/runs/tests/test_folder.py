@@ -38,7 +38,7 @@ def rows(folder: Path) -> dict[str, Row]:
 
 def test_a_finished_run_is_a_row_with_what_its_files_say(recordings: Path) -> None:
     (row,) = rows(recordings).values()
-    assert (row.key, row.kind, row.name, row.recorded) == ("first", "run", "first", False)
+    assert (row.key, row.kind, row.name, row.recording) == ("first", "run", "first", "")
     assert row.source and row.when_s and row.picture.endswith(".jpg") and row.note == ""
     assert row.errors[0].method == "stereo" and row.located is not None and row.events is not None
     assert "max exposures 45" in row.differs

@@ -110,7 +110,7 @@ export function makeRuns(command, ask, close, compared) {
     made.append(chooser(row), picture(row), element("td", "source", row.source || "–"), name(row), differs(row));
     for (const cells of row.ate) made.append(ates(cells));
     made.append(located(row), events(row), element("td", "quiet", row.when === null ? "live" : whenText(row.when, Date.now() / 1000)), note(row));
-    made.addEventListener("click", ({ target }) => target.closest("input, button, label") || open(row));
+    made.addEventListener("click", ({ target }) => target.closest("input, button, a") || open(row));
     return made;
   }
 
@@ -147,7 +147,10 @@ export function makeRuns(command, ask, close, compared) {
     button.dataset.focus = `open ${row.key}`;
     button.addEventListener("click", () => open(row));
     if (row.shown) cell.append(element("span", "pill", "on the stage"));
-    if (row.recorded) cell.append(element("span", "pill", "recording"));
+    if (row.recording) {
+      const link = cell.appendChild(element("a", "pill", "recording"));
+      Object.assign(link, { href: row.recording, download: "", title: `Downloads the Rerun recording (${row.size} on disk)` });
+    }
     return cell;
   }
 
