@@ -46,16 +46,6 @@ class Child:
         return self._process.poll() is None
 
     @property
-    def spent_s(self) -> float | None:
-        """What it has spent so far [s of a processor]; None where the system does not tell."""
-        import psutil
-
-        with suppress(psutil.Error):
-            times = psutil.Process(self.pid).cpu_times()
-            return times.user + times.system
-        return None
-
-    @property
     def succeeded(self) -> bool:
         """Whether it has ended without a failure."""
         return self._process.poll() == 0

@@ -58,14 +58,6 @@ def test_the_end_of_what_it_says_is_kept() -> None:
     assert len(child.last_words()) == KEPT_BYTES and not child.succeeded
 
 
-def test_what_it_has_spent_is_told() -> None:
-    child = python("import time\nwhile time.process_time() < 0.3: pass\nprint(flush=True); time.sleep(600)")
-    child.answers.readline()
-    assert child.spent_s is not None and 0.2 < child.spent_s < 5
-    child.stop()
-    assert child.spent_s is None
-
-
 def test_a_signal_is_named() -> None:
     child = python("import time; time.sleep(600)")
     psutil.Process(child.pid).kill()

@@ -10,7 +10,6 @@ UNUSED = (
     "numpy.testing",
     "scipy.optimize",
     "scipy.interpolate",
-    "pandas",
     "matplotlib",
     "open3d",
     "viser",

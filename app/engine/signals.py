@@ -6,8 +6,6 @@ the signal, and the command looks between two pieces of its work (`ispom.stop.ch
 
 from __future__ import annotations
 
-import atexit
-import gc
 import math
 import os
 import signal
@@ -89,7 +87,6 @@ class Signals:
             end_process(number)
         self._first = SystemExit(TERMINATED) if number == signal.SIGTERM else KeyboardInterrupt()
         self._since_s = now_s
-        atexit.register(gc.freeze)  # Python looks for garbage once more at its end: half a second after a run
 
 
 def end_process(number: int, _: object = None) -> None:

@@ -7,45 +7,21 @@ first exposure is computed. The app's first start of all does not wait: it shows
 from __future__ import annotations
 
 import logging
-import math
-import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from ispom.child import PYTHON, Child
 from ispom.kernels import kept_share
 from ispom.methods import BUILT_IN, Config, Variant, with_asked
 
-from .pace import Pace
-
 log = logging.getLogger(__name__)
-MESSAGE = "compiling the estimators, once after installing"
-MEANWHILE = "the modern estimators are being compiled, once after installing: the paper's methods run meanwhile"
+MESSAGE = "compiling the estimators (first start only)"
+MEANWHILE = "the modern estimators are being compiled (first start only): the paper's methods run meanwhile"
 READY = "the modern estimators are compiled now: choose them under Methods"
 COMMAND = [*PYTHON, "-m", "ispom.warm_up"]
 COMPILED = tuple(m.name for m in BUILT_IN if not m.name.endswith(".paper"))
 _running: list[Child] = []
 """The process: at most one."""
-_pace: list[Pace] = []
-"""How far the process has been, by the monotonic clock."""
 _failures: list[str] = []
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far the compilation is."""
-
-    share: float
-    """0..1"""
-    left_s: float | None
-    """Estimated time until its end [s]; None while nothing is done yet."""
-
-    @property
-    def text(self) -> str:
-        """For people: "20 s left", "1 % done"."""
-        if self.left_s is None:
-            return f"{100 * self.share:.0f} % done"
-        return f"{math.ceil(self.left_s)} s left"
 
 
 def needed(methods: Iterable[str], config: Config) -> bool:
@@ -70,7 +46,6 @@ def start(methods: Iterable[str], config: Config) -> None:
     if needed(methods, config) and not _running and not _failures and not compiled_before():
         try:
             _running.append(Child(COMMAND))
-            _pace[:] = [Pace(time.monotonic())]
         except OSError as fault:
             _failed(str(fault))
 
@@ -90,20 +65,9 @@ def finished(wait_s: float = 0.0) -> bool:
     return True
 
 
-def progress() -> Progress | None:
-    """How far it is; None where no compilation is going on."""
-    if finished() or not _running:
-        return None
-    share, spent_s = kept_share(), _running[0].spent_s
-    if spent_s is not None:
-        _pace[0] = _pace[0].after(time.monotonic(), spent_s, share)
-    return Progress(share, _pace[0].left_s)
-
-
 def message() -> str:
-    """MESSAGE, and how long it is going to take."""
-    now = progress()
-    return MESSAGE if now is None else f"{MESSAGE}: {now.text}"
+    """MESSAGE, and the share that is compiled so far: a time left would depend on what else the machine does."""
+    return MESSAGE if finished() else f"{MESSAGE}: {100 * kept_share():.0f} % done"
 
 
 def failure() -> str | None:

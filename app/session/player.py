@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from ..engine.events import Finished, Stepped
-from ..engine.memory import give_back, give_back_after
+from ..engine.memory import release_library_pages
 from . import moves
 from .compiling import Compiling
 from .current_run import CurrentRun
@@ -92,7 +92,7 @@ class Player:
             self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self.computed(event)
-        give_back_after(run.playback.position)
+        release_library_pages(run.playback.position)
         if run.playback.done:
             self._finish(run.finish())
         self._store.set(activity=None)
@@ -100,4 +100,4 @@ class Player:
     def _finish(self, finished: Finished) -> None:
         self._viewers.write(finished)
         self._store.emit(finished)
-        give_back()
+        release_library_pages(1)

@@ -10,6 +10,7 @@ starts: whether the first map of monocular is right, started at many frames of s
     KITTI 06, KITTI 00 and handheld_board if they are in --data.
 cameras: the errors of the modern methods on one flight (16 seeds) filmed by other cameras: 4K, 12 bits, variable
     rate, portrait, fisheye, rolling shutter. Rendering takes half an hour.
+soak: whether time and memory per frame grow in a long run over small made images.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ import json
 import sys
 from pathlib import Path
 
-from ispom_app.features.benchmark.row import plain
+from ispom_app.features.benchmark.command import plain
 from rich.console import Console
 
 from ispom.methods import names
 
+from .soak import MIN_EXPOSURES
 from .studies import STUDIES, Options
 
 
@@ -33,12 +35,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the folder of recordings")
     parser.add_argument("--methods", nargs="+", choices=names(), default=[], help="only these methods")
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency and loops")
+    parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     given = parser.parse_args(arguments)
     if not 2 <= given.seeds <= 1000:
         parser.error(f"--seeds is {given.seeds}: give a value from 2 to 1000")
+    if given.frames < MIN_EXPOSURES:
+        parser.error(f"--frames is {given.frames}: give at least {MIN_EXPOSURES}")
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    rows = STUDIES[given.study](console, Options(given.data, tuple(given.methods), given.seeds))
+    rows = STUDIES[given.study](console, Options(given.data, tuple(given.methods), given.seeds, given.frames))
     if given.json is not None:
         given.json.write_text(json.dumps(plain(rows), indent=2, allow_nan=False) + "\n")
     return 0

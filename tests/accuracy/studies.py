@@ -21,6 +21,7 @@ from .consistency import FLIGHTS, KNOWN, print_consistency
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .loops import loops_found, print_loops
+from .soak import print_soak, scenarios
 from .starts import EVERY, print_starts, starts_found
 
 ROOT = Path(__file__).parents[2]
@@ -35,6 +36,8 @@ class Options:
     methods: tuple[str, ...] = ()
     """Empty for all."""
     seeds: int = 20
+    frames: int = 20_000
+    """Of each run of soak."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -121,6 +124,20 @@ def cameras(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def soak(console: Console, options: Options) -> list[dict[str, Any]]:
+    """Time and memory of long runs over small made images."""
+    measured = []
+    for method in (m for m in names() if not options.methods or m in options.methods):
+        rows = {}
+        for scenario in scenarios(method):
+            task = {"method": method, "scenario": scenario.name, "exposures": options.frames}
+            with child.progress(f"{method}, {scenario.name}: {options.frames} frames"):
+                rows[scenario.name] = found("soak", task)
+            measured.append({"method": method, "scenario": scenario.name, **rows[scenario.name]})
+        print_soak(console, method, rows)
+    return measured
+
+
 def _filmed(options: Options) -> list[str]:
     """The methods wanted of those whose flights are filmed for them."""
     return [m for m in FILMED_METHODS if not options.methods or m in options.methods]
@@ -142,5 +159,5 @@ def rows_of(console: Console, what: str, module: str, task: dict[str, Any]) -> l
 
 
 STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = MappingProxyType(
-    {"consistency": consistency, "gaps": gaps, "loops": loops, "starts": starts, "cameras": cameras}
+    {"consistency": consistency, "gaps": gaps, "loops": loops, "starts": starts, "cameras": cameras, "soak": soak}
 )

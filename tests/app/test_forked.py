@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ispom_app.cli.main import main
-from ispom_app.features.benchmark.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
 
 from ispom.methods import method as registered
 from ispom.methods import with_asked
 from ispom.types import Exposure, StereoPair, Trajectory, VideoFrame
 from tests.alone import ALL
 from tests.app.forked import differing, files_in, files_of, fork_by_command, fork_in, played, rows, worth_forking
+from tests.rounds import FRAME_NS, SCENARIOS, Scenario, world_from_rig
 from tests.sequences.own_folders import write_sequence
 
 EXPOSURES = 55

@@ -1,4 +1,4 @@
-"""A long run holds no more than a short one: what States hold is counted (`ispom bench --soak` measures the time)."""
+"""A long run holds no more than a short one: what States hold is counted. The study `soak` measures the time."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ispom_app.features.benchmark.rounds import SCENARIOS, Scenario, rig
-from ispom_app.features.benchmark.soak import small_images
 
 from ispom.ensemble import build
 from ispom.methods import method as registered
 from ispom.persistent_list import PersistentList
+from tests.accuracy.soak import small_images
 from tests.alone import ALL
+from tests.rounds import SCENARIOS, Scenario, rig
 
 EXPOSURES = 1_200
 MEASURED_EVERY = 10

@@ -1,1 +1,1 @@
-"""Break points: expressions over the quantities of an exposure, in a closed grammar."""
+"""Conditions over the quantities of a frame, for break points, `--until` and lessons."""

@@ -26,7 +26,6 @@ from ispom.methods import Config
 from ispom.methods import method as registered
 from ispom.types import Rig, Sequence, Status, Trajectory
 
-from .peak import peak_mb
 from .plan import CASES, Case
 from .unit import Unit, cpu_clock
 
@@ -114,6 +113,24 @@ def _accuracy(trajectory: Trajectory, sequence: Sequence, method: str) -> dict[s
         off = aligned(own, other, "first").translations - other.translations
         found["largest_drift_m"] = float(np.linalg.norm(off, axis=1).max())
     return found
+
+
+def peak_mb() -> float:
+    """Returns the peak resident memory of this process [MB = 2**20 bytes]; NaN where the system has no figure.
+
+    Linux counts in ru_maxrss what the parent held when it started this process, therefore VmHWM there.
+    """
+    if sys.platform.startswith("linux"):
+        status = Path("/proc/self/status").read_text(encoding="utf-8")
+        line = next((found for found in status.splitlines() if found.startswith("VmHWM:")), None)
+        return int(line.split()[1]) / 1024 if line else float("nan")
+    if sys.platform == "win32":
+        import psutil
+
+        return psutil.Process().memory_info().peak_wset / 2**20  # type: ignore[attr-defined]
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20  # bytes on macOS
 
 
 def render(case: Case) -> None:

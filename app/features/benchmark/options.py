@@ -23,14 +23,5 @@ class Bench:
     """Runs of each; the medians of their times are reported."""
     blocks: bool = True
     """Measure the building blocks, too: bundle adjustment of a window, rendering, logging, opening."""
-    soak: bool = False
-    """Measure, instead of all else, whether time and memory per exposure grow in a long run over small made images."""
-    soak_exposures: int = 20_000
-    """Exposures of each run of --soak."""
-    page: bool = False
-    """Measure, instead of all else, what open pages cost a run, how fast a page is updated (without what a browser
-    draws), and the memory of the app, over KITTI 06 at two rates made long, or sim:tiny where that is not in --data."""
-    page_exposures: int = 1000
-    """Exposures of the run of --page."""
     json: Path | None = None
     """Write all numbers as JSON to this file."""

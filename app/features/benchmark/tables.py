@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,17 @@ from rich.table import Table
 
 from .peers import PEERS, PEERS_UNIT_MS
 from .plan import Case
-from .row import Row
 
 COLUMNS = ("ms", "p95", "in U", "t_err %", "ATE m", "poses", "MB")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method on one source: what measure.py found, or {"error": ...}."""
+
+    case: str
+    method: str
+    found: dict[str, Any]
 
 
 def print_case(console: Console, case: Case, rows: list[Row]) -> None:

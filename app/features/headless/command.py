@@ -18,7 +18,6 @@ from ispom.types import Sequence
 from ...engine import warmup
 from ...engine.conditions.until import Until, require_run, until
 from ...engine.events import Finished
-from ...engine.memory import give_back, know_libraries
 from ...engine.playback import Builder, Playback, Stage
 from ...engine.run_events.table import event_lines
 from ...engine.run_folder.results import summary
@@ -48,8 +47,6 @@ def completed(
     condition = until(options.until)
     if options.methods:
         require_run(condition, with_asked(in_order(options.methods)))
-    know_libraries()
-    give_back()
     sequence = options.open(options.source)
     try:
         methods = _asked(options, sequence)

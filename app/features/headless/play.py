@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ispom.stop import LOOK_S
 
 from ...engine.events import Finished
-from ...engine.memory import give_back, give_back_after, know_libraries
+from ...engine.memory import release_library_pages
 from ...engine.model.corrections import CorrectionMemory
 from ...engine.model.map_memory import MapCollectors
 from ...engine.run_folder.journal import PoseJournal
@@ -52,17 +52,14 @@ class Steps:
         self.corrections.add(event.steps)
         for consumer in self._consumers:
             consumer.add(event)
-        give_back_after(self._playback.position)
+        release_library_pages(self._playback.position)
 
 
 def play(job: Job, signals: Signals) -> Played:
     """Steps through the sequence. Raises what ends that early, after what was computed has been written."""
     playback, folder = job.playback, job.folder
-    give_back()  # comparing the images of a pair took 40 MB
     with ExitStack() as stack:
         steps = Steps(job, signals, stack)
-        know_libraries()  # a recording brings Arrow and Rerun
-        give_back()
         if playback.sequence.prepare:
             playback.sequence.prepare(0)
         total = len(playback.sequence) if playback.sequence.grow is None else job.options.max_exposures
@@ -82,9 +79,8 @@ def play(job: Job, signals: Signals) -> Played:
             signals.hold()
             finished = playback.finish()
             steps.record.add(finished)
-            give_back()  # the peak of a run is at its end
+            release_library_pages(1)  # the peak of a run is at its end
             write_results(job, finished, steps.statistics, steps.maps, steps.corrections)
             steps.journal.close(keep=not all((folder.path / trajectory_file(m)).exists() for m in job.methods))
-            give_back()  # the recording's index is next
     signals.check()
     return Played(finished, steps.statistics.images.hexdigest(), steps.record.failure)

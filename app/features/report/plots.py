@@ -7,7 +7,7 @@ import numpy as np
 from ispom.methods import method as registered
 from ispom.types import TrackStatus
 
-from ...engine.history.quantities import DROPPED
+from ...engine.history.step_quantities.step import DROPPED
 from ...presentation import colours
 from .analysis import errors, step_scale
 from .folder import Run

@@ -20,6 +20,7 @@ from ...engine.run_folder.run_folder import CORRECTED_RIG
 from ...features.calibration.job import Job
 from ...features.calibration.page_routes import CalibrationPage
 from ...features.lessons.state import Lessons
+from ...features.runs.routes import RunsRoutes
 from ...session.people import People, Person
 from ...session.session import Session
 from ...session.sources.known import run_name
@@ -90,6 +91,7 @@ class Gateway:
                 web.get(f"{base}viser", self._viser),
                 web.get(f"{base}viser/", self._viser),
                 *calibration.routes(base),
+                *RunsRoutes(self._to.session, lambda request: self._person(request).may_drive).routes(base),
             ]
         )
         if base != "/":

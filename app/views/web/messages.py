@@ -143,6 +143,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
         hint.append(f"Live error at this frame: {length(now.error_m)}, by the pose as given then, not aligned.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
+        "name": method,
         "label": label,
         "colour": colours.css(colours.of(method)),
         "status": status,

@@ -91,7 +91,7 @@ def test_the_unit() -> None:
 
 def test_the_peak_counts_what_is_held() -> None:
     """In a process of its own: what tests gave back before would be taken again, and the peak stay where it was."""
-    script = "import numpy as np; from ispom_app.features.benchmark.peak import peak_mb; before = peak_mb()\n"
+    script = "import numpy as np; from ispom_app.features.benchmark.measure import peak_mb; before = peak_mb()\n"
     script += "held = np.ones(30_000_000); print(peak_mb() - before)"
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert math.isnan(float(found)) or float(found) >= 100

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.run_folder.run_folder import DECISIONS, MARKER
-from ispom_app.features.benchmark.rounds import FRAME_NS, SCENARIOS, world_from_rig
 
 from ispom.sequences import open_sequence
 from ispom.types import Trajectory, VideoFrame
 from tests.app import helpers
+from tests.rounds import FRAME_NS, SCENARIOS, world_from_rig
 from tests.sequences.kitti_folder import make_drive
 from tests.sequences.own_folders import write_sequence
 

@@ -1,1 +1,0 @@
-"""`ispom bench --page`: what the page costs who computes, how fast it answers, and what it holds."""

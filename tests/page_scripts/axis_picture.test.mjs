@@ -1,0 +1,44 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { drawAxis, heightOf, laneAt } from "../../app/views/web/static/axis_picture.js";
+
+globalThis.devicePixelRatio = 1;
+globalThis.document = { documentElement: null };
+globalThis.getComputedStyle = () => ({ getPropertyValue: (name) => name });
+
+const method = (label, more = {}) => ({ label, colour: label, keyFrames: [], lost: [], ...more });
+const axisOf = (more) => ({ times: [0, 33], kinds: "vs", methods: [method("Stereo")], computed: 2, matches: [], branches: [], ...more });
+
+// What is drawn: rectangles [x, y, width, height, fill].
+function drawn(axis, width, place) {
+  const found = [];
+  const ink = { scale() {}, fillText() {}, fillRect: (...box) => found.push([...box, ink.fillStyle]) };
+  drawAxis({ getContext: () => ink }, width, axis, place);
+  return found;
+}
+
+test("of 5,000 frames no pixel is drawn twice in a row", () => {
+  const indices = [...Array(5000).keys()];
+  const methods = [0, 1, 2].map((i) => method(`own${i}`, { keyFrames: indices, lost: [[10, 19], [4000, 4009]] }));
+  const axis = axisOf({ times: indices, kinds: "vvvs".repeat(1250), methods, computed: 5000, condition: "stereo.key_frame", matches: indices });
+  const count = drawn(axis, 1016, (index) => (index * 1000) / 5000).length;
+  assert.ok(5000 < count && count < 6060, `${count}: six rows of 1,000 pixels, bars, ticks of the ruler`);
+});
+
+test("losses span their frames, and a loop its own", () => {
+  const boxes = drawn(axisOf({ times: [...Array(100).keys()], kinds: "v".repeat(100), methods: [method("own", { lost: [[10, 19]] })], loop: [40, 60] }), 1016, (i) => 10 * i);
+  assert.deepEqual(boxes.filter(([, , , , fill]) => fill === "--alarm").map(([x, , width]) => [x, width]), [[100, 100]]);
+  assert.deepEqual(boxes[0].slice(0, 3), [400, 0, 200]);
+});
+
+test("a run without frames is an empty picture", () => {
+  assert.deepEqual(drawn(axisOf({ times: [], kinds: "" }), 1016, () => 0), []);
+});
+
+test("each height has the row that is drawn there", () => {
+  const axis = axisOf({ methods: [method("Monocular"), method("Stereo")], condition: "exposure > 3", matches: [], events: [{ at: 1 }] });
+  const rows = [...Array(heightOf(axis)).keys()].map((y) => laneAt(axis, y)).filter((text, y, all) => text !== all[y - 1]);
+  const found = rows.map((text) => text.split(/[ :]/)[0]);
+  assert.deepEqual(found, ["Frame", "Video", "Stereo", "Monocular", "Stereo", "Events", "Frames", ""]);
+  assert.ok(heightOf({ ...axis, events: [], condition: "" }) < heightOf(axis));
+});

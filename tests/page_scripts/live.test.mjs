@@ -1,0 +1,101 @@
+import assert from "node:assert/strict";
+import { beforeEach, test } from "node:test";
+import { advance, settle } from "./clock.mjs";
+
+globalThis.window = { requestAnimationFrame: () => {} };
+globalThis.document = { baseURI: "http://localhost/", visibilityState: "visible" };
+const { feedLive } = await import("../../app/views/web/static/live.js");
+
+let sockets = [];
+globalThis.WebSocket = class {
+  static OPEN = 1;
+  readyState = 1;
+  sent = [];
+  constructor(url) {
+    this.url = new URL(url);
+    sockets.push(this);
+  }
+  send(message) {
+    this.sent.push(message);
+  }
+};
+
+// As the server heads its messages: what comes next, serial number, frame (-1 for curves), whether it is whole.
+function message(next, serial, index, complete = true) {
+  const head = new DataView(new ArrayBuffer(18));
+  head.setUint32(0, next);
+  head.setUint32(4, serial);
+  head.setInt32(8, index);
+  head.setUint8(12, Number(complete));
+  return head.buffer;
+}
+
+let fed;
+beforeEach(async () => {
+  sockets = [];
+  const calls = [];
+  const handle = {
+    open_channel: (name) => calls.push(`open ${name}`),
+    close_channel: (name) => calls.push(`close ${name}`),
+    send_rrd_to_channel: (name, bytes) => calls.push(`${bytes.length} bytes to ${name}`),
+  };
+  const stage = feedLive(handle, () => {}, async () => calls.push("parting"));
+  const [socket] = sockets;
+  const give = async (data) => {
+    socket.onmessage({ data });
+    await settle();
+  };
+  socket.onopen();
+  fed = { stage, socket, calls, give, heard: (serial, id = "Recording:ispom:r1") => stage.heard([{ id, serial }]) };
+  await give(JSON.stringify({ run: "run1", recording: "r1" }));
+});
+
+test("a frame is shown when the viewer has taken its message in, and not before", async () => {
+  const { stage, give, heard, calls } = fed;
+  await give(message(1, 5, 30));
+  assert.deepEqual(calls, ["open run1", "2 bytes to run1"]);
+  assert.equal(stage.shown, null);
+  heard(4);
+  assert.equal(stage.shown, null);
+  heard(5);
+  assert.deepEqual(stage.shown, { recording: "Recording:ispom:r1", index: 30, complete: true });
+});
+
+test("another frame is asked for only after the one before was taken in, and only the newest", async () => {
+  const { stage, socket, give, heard } = fed;
+  stage.want(30);
+  await give(message(1, 5, 30));
+  stage.want(31);
+  stage.want(32);
+  assert.deepEqual(socket.sent, ["more", "show 30 0"]);
+  heard(5);
+  assert.deepEqual(socket.sent.slice(2), ["show 32 5"]);
+});
+
+test("curves that were taken in ask for more of them", async () => {
+  const { socket, give, heard } = fed;
+  await give(message(1, 5, -1));
+  heard(5);
+  assert.deepEqual(socket.sent, ["more", "more"]);
+});
+
+test("another run closes the channel of the one before, after the page took leave of it", async () => {
+  const { stage, give, calls, heard } = fed;
+  await give(message(1, 5, 30));
+  await give(JSON.stringify({ run: "run2", recording: "r2" }));
+  assert.deepEqual(calls.slice(2), ["parting", "close run1", "open run2"]);
+  await give(message(1, 6, 0));
+  stage.heard([]); // the viewer holds neither: the old one is gone, the new one has not begun
+  assert.equal(stage.shown.recording, "Recording:ispom:r1");
+  heard(6, "Recording:ispom:r2");
+  assert.equal(stage.shown.recording, "Recording:ispom:r2");
+});
+
+test("a connection that ends is made again, from where it was", async () => {
+  const { socket, give } = fed;
+  await give(message(7, 5, 30));
+  socket.onclose();
+  await advance(1000);
+  const [, again] = sockets;
+  assert.deepEqual(Object.fromEntries(again.url.searchParams), { run: "run1", next: "7", serial: "5" });
+});
