@@ -12,7 +12,7 @@ from ispom.methods import method as registered
 from ...engine.model.poses import PoseHistory, Times
 from ...session.current_run import CurrentRun
 from ...session.state import State
-from ...views.rerun.blueprint import EYE, WORLD_SHARE, least_size
+from ...views.rerun.blueprint import CURVES, EYE, WORLD_SHARE, least_size
 from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_beside, eye_of, eye_on, is_framed
 from ..integration.drawing import drawing, positions
 from ..integration.integration import latest_fit
@@ -45,7 +45,9 @@ class StageNews:
         news: dict[str, Any] = {}
         if run is not self._run:
             self._run, self._framed = run, None
-            news |= {"eye": EYE, "share": WORLD_SHARE}
+            news |= {"eye": EYE, "share": WORLD_SHARE, "curves": CURVES}
+        if not run.opened.methods:  # of a recording alone no pose is known, and its layout has an eye of its own
+            return news or None
         path, least = self._path(state, run), least_size(run.opened)
         if self._framed is None or not is_framed(path, self._framed, least):
             self._framed = path

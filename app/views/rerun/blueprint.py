@@ -17,6 +17,7 @@ import rerun.blueprint as rrb
 
 from ispom.geometry import Array
 from ispom.methods import method
+from ispom.types import Camera
 
 from ...engine.events import Opened
 from ...engine.inspection.colouring import SCALES, Colouring
@@ -25,10 +26,7 @@ from . import entities
 from .coloured import path_of
 from .eye import extent, eye_on
 from .layers import IMAGE_LAYERS, MEASURES
-from .parts import FLUSH_S
 from .plots import NO_ERROR, why_no_error
-from .rrd import messages
-from .streams import APPLICATION
 
 PLOTS = {
     "error": "error [m]",
@@ -53,8 +51,9 @@ GRID_COLOUR = (128, 128, 128, 50)
 def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
     """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
     page's curves and verdicts, so that a row of these stands below."""
-    hidden_in = _hidden_entities(opened.methods, hidden, "state")
-    images = [_image(opened, name, hidden_in[f"/{name}"]) for name in IMAGES if _has(opened, name)]
+    rig, hidden_in = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
+    cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
+    images = [_image(name, each, hidden_in[f"/{name}"]) for name, each in cameras.items() if each is not None]
     world = _world(opened, hidden_in["/world"])
     stage = rrb.Horizontal(
         world,
@@ -74,7 +73,9 @@ def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = 
 def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
     plots = [_plot(opened, kind, title, hidden_in[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
     texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
-    return rrb.Horizontal(rrb.Tabs(*map(_lasting, plots)), rrb.Tabs(*map(_lasting, texts)), column_shares=[1.2, 1])
+    row = rrb.Horizontal(rrb.Tabs(*map(_lasting, plots)), rrb.Tabs(*map(_lasting, texts)), column_shares=[1.2, 1])
+    row.id = uuid5(NAMESPACE_URL, "ispom:curves")
+    return row
 
 
 def hidden_paths(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state") -> list[str]:
@@ -91,16 +92,6 @@ def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = (
     """Makes this the viewer's layout now."""
     with released(blueprint(opened, hidden)) as layout:
         stream.send_blueprint(layout, make_active=True, make_default=True)
-
-
-def messages_of(opened: Opened) -> bytes:
-    """The layout as messages for a viewer that has another one, in the file of a recording."""
-    stream = rr.RecordingStream(APPLICATION, recording_id=opened.recording_id, send_properties=False)
-    unread = rr.binary_stream(stream)
-    send(stream, opened)
-    content = messages(unread.read(flush_timeout_sec=FLUSH_S))
-    stream.disconnect()
-    return content
 
 
 @contextmanager
@@ -201,20 +192,9 @@ def least_size(opened: Opened) -> float:
     return 10.0 * rig.baseline_m if rig.has_stereo else 2.0
 
 
-def _has(opened: Opened, name: str) -> bool:
-    """Whether there are images of a camera; a recording alone knows no rig, but the kinds of its frames."""
-    rig, kinds = opened.sequence.rig, opened.sequence.kinds
-    if rig.video is None and rig.left is None:
-        return ("video" if name == "video" else "stereo") in kinds
-    return {"video": rig.video is not None, "left": rig.left is not None, "right": rig.has_stereo}[name]
-
-
-def _image(opened: Opened, name: str, hidden: list[str]) -> rrb.View:
-    rig = opened.sequence.rig
-    camera, bounds = rig.video if name == "video" else rig.left, None
-    if camera is not None:
-        width, height = entities.shown_size(camera)
-        bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
+def _image(name: str, camera: Camera, hidden: list[str]) -> rrb.View:
+    width, height = entities.shown_size(camera)
+    bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
     view = rrb.Spatial2DView(origin=f"/{name}", name=IMAGES[name], overrides=_hide(hidden), visual_bounds=bounds)
     return _lasting(view)
 
@@ -255,5 +235,7 @@ def _view_id(origin: str) -> Any:
     return uuid5(NAMESPACE_URL, f"ispom:{origin}")
 
 
+CURVES = f"/container/{uuid5(NAMESPACE_URL, 'ispom:curves')}"
+"""Where a layout for a viewer without the page has the row of curves."""
 EYE = f"/view/{_view_id('/world')}/EyeControls3D"
 """Where the layout has the eye of the 3-D view."""

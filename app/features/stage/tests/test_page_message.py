@@ -25,7 +25,7 @@ def test_the_path_so_far_is_framed_and_again_where_it_left_that(run: CurrentRun)
 def test_what_a_page_has_is_not_sent_again(run: CurrentRun):
     news, state = StageNews(), state_at(run, 30)
     first = news.since(state, run)
-    assert first is not None and {"eye", "share", "frame", "top", "side", "camera", "follow"} == set(first)
+    assert first is not None and {"eye", "share", "curves", "frame", "top", "side", "camera", "follow"} == set(first)
     assert news.since(state, run) is None
     later = news.since(state_at(run, 31), run)
     assert later is not None and set(later) <= {"frame", "top", "side", "camera", "follow"}

@@ -32,7 +32,10 @@ export function makeEye(canvas, control) {
       Object.assign(eye.known, news ?? {});
     },
     show: (store) => {
-      if (store !== eye.store) Object.assign(eye, { store, sent: null });
+      if (store !== eye.store) {
+        Object.assign(eye, { store, sent: null });
+        hideCurves(eye, control);
+      }
       push(eye, control);
     },
   };
@@ -46,6 +49,11 @@ async function push(eye, control) {
   const [position, look_target, eye_up] = place.map((part) => [part]);
   if (await control(updateBlueprint(eye.store, { [eye.known.eye]: { EyeControls3D: { position, look_target, eye_up } } }))) eye.sent = place;
   eye.busy = false;
+}
+
+// A recording's own layout has curves and decisions for a viewer without the page.
+function hideCurves({ store, known: { curves } }, control) {
+  if (curves) control(updateBlueprint(store, { [curves]: { ContainerBlueprint: { visible: [false] } } }));
 }
 
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
