@@ -1,4 +1,4 @@
-"""Flicker: one image with the tracks of one side, then of the other; the scene shows their paths and points alike."""
+"""Flicker: one image with the tracks of one side, then of the other; the 3-D view shows their paths and points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The integration, step by step (Fig. 7): previous and next step, the numbers beside; the scene shows the same."""
+"""The integration, step by step (Fig. 7): previous and next step, the numbers below; the 3-D view shows the same."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from threading import Event, Thread
+from threading import Thread
 
 from ...session import commands as do
 from ...session.session import Session
@@ -18,7 +18,7 @@ PLAYING_S = 1.0
 
 
 class StagePainter:
-    """A thread of its own."""
+    """Paints in a thread of its own."""
 
     def __init__(self, session: Session, live: LiveStream) -> None:
         self._session, self._live = session, live
@@ -27,15 +27,10 @@ class StagePainter:
         self._due_s: dict[str, float] = {}
         self._tape = ""
         self._fault = ""
-        self._stop = Event()
-        self._thread = Thread(target=self._paint_on, name="stage", daemon=True)
 
     def start(self) -> None:
-        self._thread.start()
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join(1.0)
+        """Paints until the program ends."""
+        Thread(target=self._paint_on, name="stage", daemon=True).start()
 
     def paint(self) -> None:
         """Brings the drawings up to date with the session."""
@@ -60,7 +55,8 @@ class StagePainter:
             self._live.grown.notify()
 
     def _paint_on(self) -> None:
-        while not self._stop.wait(PAINT_S):
+        while True:
+            time.sleep(PAINT_S)
             try:
                 self.paint()
                 self._fault = ""

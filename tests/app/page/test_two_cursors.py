@@ -118,14 +118,6 @@ def test_frames_are_left_out_while_the_viewer_takes_one_in(cursors: Cursors):
     assert "32" in shows and "30" not in shows
 
 
-def test_the_page_says_how_far_the_curves_are_behind(cursors: Cursors):
-    cursors.send("{do: 'seek', index: 43}")
-    cursors.tab.evaluate("window.fake.newest = 3")
-    cursors.tab.get_by_text("curves 40 exposures behind").wait_for()
-    cursors.tab.evaluate("window.fake.newest = 10000")
-    cursors.tab.get_by_text("exposures behind").wait_for(state="hidden")
-
-
 def test_earlier_runs_leave_the_viewer(cursors: Cursors):
     cursors.tab.evaluate("window.fake.stores = ['Recording:ispom:an-earlier-run']")
     cursors.until("window.fake.stores.length === 0", "the earlier run to be closed")
@@ -148,6 +140,53 @@ def test_hiding_a_layer_changes_that_and_nothing_else(cursors: Cursors):
     _, message = cursors.tab.evaluate("window.fake.asked.findLast(([kind]) => kind === 14)")
     assert '"visible":[true]' in message
     cursors.stays(20)
+
+
+def test_a_click_in_a_view_is_passed_on_with_the_frame_that_the_views_show(cursors: Cursors):
+    cursors.until("window.ispom.viewer.stage.shown?.index === 20", "the views")
+    cursors.tab.evaluate(
+        "window.fake.options.on_viewer_event(JSON.stringify({ type: 'selection_change', items: [{ type: 'entity',"
+        " entity_path: '/video/image', view_name: 'Video', position: [40.5, 30.5, null] }] }))"
+    )
+    cursors.until("state.selected.startsWith('track:')", "the nearest track")
+    cursors.tab.evaluate(
+        "window.fake.options.on_viewer_event(JSON.stringify({ type: 'selection_change', items: [{ type: 'view' }] }))"
+    )
+    cursors.send("{do: 'select', what: ''}")
+    cursors.until("state.selected === ''", "nothing to be selected, and nothing to come of a view")
+
+
+EYES = "window.fake.asked.filter(([kind, text]) => kind === 14 && text.includes('EyeControls3D'))"
+
+
+def test_the_eye_goes_where_a_button_says_and_back_with_a_key(cursors: Cursors):
+    pressed = cursors.tab.locator("#eyes [aria-pressed=true]")
+    for name, press in (
+        ("Top", lambda: cursors.tab.get_by_role("button", name="Top").click()),
+        ("Frame", lambda: cursors.tab.keyboard.press("f")),
+    ):
+        before = cursors.tab.evaluate(f"{EYES}.length")
+        press()
+        cursors.until(f"{EYES}.length === {before + 1}", "the eye to be put there")
+        assert pressed.all_inner_texts() == [name]
+        assert "look_target" in cursors.tab.evaluate(f"{EYES}.at(-1)[1]")
+
+
+def test_a_hand_that_turns_the_view_is_left_alone_until_the_path_is_framed_again(cursors: Cursors):
+    box = cursors.tab.locator("#canvas").bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.2 * box["width"], box["y"] + 0.6 * box["height"]
+    cursors.tab.mouse.move(x, y)
+    cursors.tab.mouse.down()
+    cursors.tab.mouse.move(x + 30, y + 10, steps=3)
+    cursors.tab.mouse.up()
+    assert cursors.tab.locator("#eyes [aria-pressed=true]").count() == 0
+    before = cursors.tab.evaluate(f"{EYES}.length")
+    cursors.send("{do: 'seek', index: 1}")
+    cursors.until("state.index === 1 && window.ispom.viewer.cursor.sent === 1", "a frame whose path is much shorter")
+    assert cursors.tab.evaluate(f"{EYES}.length") == before
+    cursors.tab.keyboard.press("f")
+    cursors.until(f"{EYES}.length === {before + 1}", "the path to be framed again")
 
 
 def test_the_viewer_has_no_time_controls_of_its_own_and_a_limit_of_memory(cursors: Cursors):

@@ -129,7 +129,6 @@ function watch(viewer) {
     shown: isShown && recording ? stage.shown : null,
     coming: stage.unread.find(({ index }) => index >= 0)?.index ?? stage.shown?.index,
     other: stage.shown && !isShown ? (viewer.source === state.source ? "branch" : "source") : null,
-    curves: recording?.newest ?? -1,
   });
   if (!viewer.source) at("viewer").classList.add("starting");
   if (!isShown || !recording) return;

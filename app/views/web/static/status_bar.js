@@ -1,7 +1,6 @@
 // The status bar: source, methods, what is going on, and where the run is.
 const at = (id) => document.getElementById(id);
 const SLOW_MS = 700;
-const CURVES_LATE = 30; // they come half a second later than the views
 let activity = { text: null, since: 0 };
 
 export function showState(state) {
@@ -24,12 +23,10 @@ export function showState(state) {
 }
 
 // What the Rerun views show, where that is not what the page shows: `shown` is their exposure, null before this run's first;
-// `coming` the one that they are taking in, `other` says what they still show of another run, and `curves` is the last exposure of their curves. Null where they are gone.
+// `coming` the one that they are taking in, and `other` says what they still show of another run. Null where they are gone.
 export function showViewer(views) {
   const late = views ? lateness(views) : "";
-  const behind = views?.shown ? Math.max(0, views.wanted - views.curves) : 0;
-  const text = late || (behind > CURVES_LATE ? `curves ${behind} exposures behind` : "");
-  if (at("behind").textContent !== text) at("behind").textContent = text;
+  if (at("behind").textContent !== late) at("behind").textContent = late;
   const label = late || (views?.playing && views.shown ? `exposure ${views.shown.index}` : "");
   if (at("shown").textContent !== label) at("shown").textContent = label;
   at("shown").hidden = !label;

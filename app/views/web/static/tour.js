@@ -6,7 +6,7 @@ const STEPS = [
   ["axis", "Time", "All frames of the recording, with each method's keyframes; red is lost. Click to jump. Space plays, ← and → step."],
   ["left", "Explain", "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Look shows single features."],
   ["left", "Try something else", "Change a setting in the tab Methods and press Fork: a second run continues from this frame with it. Compare, above, shows both frame by frame."],
-  ["viewer", "Views", "Rerun draws paths and images with their tracks at the frame shown. ISPOM, at the top left, opens the start screen with all runs."],
+  ["viewer", "Views", "Paths and images with their tracks at the frame shown. Click a track or a point to select it, a path to go there; f frames the path again. ISPOM, at the top left, opens the start screen with all runs."],
   ["help", "Keys", "? lists all keys, and has this tour. ⤓ beside it saves a picture of the page, and its numbers."],
 ];
 const GAP = 10;
