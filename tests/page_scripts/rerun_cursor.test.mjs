@@ -72,8 +72,10 @@ test("a change of time without a hand is no seek, nor are late answers", async (
   found.cursor.show(shown(), 7);
   await settle();
   found.cursor.heard(update(3));
+  found.cursor.show(shown(), 8);
+  await settle();
   found.touch("pointerdown");
-  found.cursor.heard(update(7));
+  for (const time of [7, 8]) found.cursor.heard(update(time));
   await advance(5000);
   assert.deepEqual(found.seeks, []);
 });

@@ -45,7 +45,9 @@ def comparison_message(
     found = [{"label": colours.label(m), "a": _text(common, numbers[0], m), "b": _text(common, numbers[1], m)}
              for m in comparison.methods if (numbers[0], m) in common]  # fmt: skip
     there = [run for run in runs if run is not None]
-    curves = list(distances(*branches, there, comparison.methods)) if len(branches) == len(there) == 2 else []
+    curves = (
+        list(distances(branches[0], branches[1], there, comparison.methods)) if len(branches) == len(there) == 2 else []
+    )
     return table_message(list(rows.values())) | {
         "branches": {number: row.key for number, row in rows.items()},
         "numbers": numbers,

@@ -20,7 +20,8 @@ def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes
     if not 0 <= index < len(run.history):
         return None
     try:
-        camera, image = image_of(run.playback.sequence[index])
+        name, image = image_of(run.playback.sequence[index])
+        camera: Frame = "left" if name == "left" else "video"
     except InputError:
         camera, image = _recorded(run, index)
     if image is None or not image.size:

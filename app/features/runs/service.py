@@ -88,7 +88,7 @@ class RunsService(Service):
         if found is None or run is None:
             raise InputError(f"{name} holds no run: choose another one")
         times_ns = [each.playback.sequence.times_ns[: len(found.history)] for each in (run, found)]
-        if not np.array_equal(*times_ns):
+        if not np.array_equal(times_ns[0], times_ns[1]):
             raise InputError(f"{name} has other frames than the run that is shown: choose two runs on one source")
         self.session.service(BranchService).add(found, PurePath(name).name, 0, (), reproducible=True)
         return self.state[Branches].all[-1].number

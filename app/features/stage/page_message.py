@@ -60,7 +60,7 @@ class StageNews:
         if steps is not None and fit is not None and (shapes := drawing(fit[1], steps.stage)):
             return positions(shapes)
         assert state.displayed is not None
-        model, found = run.model, [np.zeros((0, 3))]
+        model, found = run.model, list[Array]([np.zeros((0, 3))])
         for method, known in model.methods.items():
             placement = state.displayed.placements.get(method, Similarity())
             found.append(placement.apply(_positions(known.poses, model.times, state.index)))

@@ -237,7 +237,7 @@ def shown_size(camera: Camera) -> Array:
 
 def _legend_below(camera: Camera) -> bool:
     """Labels keep their size on the screen, so a legend takes what room the image's shape leaves."""
-    return camera.width > 1.7 * camera.height
+    return camera.width > camera.height
 
 
 _STRIPS = {

@@ -34,7 +34,7 @@ class Panel:
     make: Callable[[viser.GuiApi, Session], PanelView]
 
 
-def panels(session: Session) -> dict[str, list[Panel]]:
+def panels() -> dict[str, list[Panel]]:
     """All panels by tab, in their order."""
     found = [panel for module in modules("panel") for panel in module.PANELS]
     tabs: dict[str, list[Panel]] = {}

@@ -59,7 +59,7 @@ class Screen:
 
     def _add_panels(self, gui: viser.GuiApi) -> viser.GuiTabGroupHandle:
         """The panels of all features, those without a tab above the tabs."""
-        found = panels(self._session)
+        found = panels()
         for panel in found.pop("", []):
             self._add("", panel.make(gui, self._session))
         tabs = gui.add_tab_group()

@@ -1,5 +1,5 @@
 // The eye of Rerun's 3-D view: it frames the path until a person moves it, or goes where one of the buttons says. The
-// server says where the eye stands for each of them (app/features/stage/page_message.py).
+// server says where that is (app/features/stage/page_message.py).
 import { updateBlueprint } from "./viewer_control.js";
 
 const MOVED_PX = 4; // a press that moves less is a click
