@@ -32,9 +32,9 @@ def main(arguments: Sequence[str] | None = None, builder: Builder = build) -> in
     one sentence."""
     description = "Visual odometry estimators (monocular, stereo, integrated), compared side by side in a browser."
     description += " --version prints which version this is."
-    arguments = sys.argv[1:] if arguments is None else arguments
+    arguments = list(sys.argv[1:] if arguments is None else arguments) or ["app"]
     try:
-        if list(arguments) == ["--version"]:
+        if arguments == ["--version"]:
             sys.stdout.write(f"ispom {version('ispom')}\n")
             sys.stdout.flush()
             return 0

@@ -12,7 +12,7 @@ from ispom.types import Check, Decision, Status, Step
 
 from ..presentation import colours
 from ..presentation.decisions import number, sentence
-from .history.quantities import Value
+from .history.quantity import Value
 
 HEADLINE = re.compile(r"([A-Z][^:.;()\d]{2,29}): (?=.)")
 """The headline with which a check's sentence may begin: "Scale unreliable: ..."."""

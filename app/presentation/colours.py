@@ -35,6 +35,8 @@ BESIDE: tuple[Rgb, ...] = ((214, 39, 90), (95, 115, 150), (150, 85, 60), (95, 14
 PROVISIONAL: Rgb = (150, 150, 150)
 """Of a camera whose pose waits for the first fit of an integration."""
 TRUTH: Rgb = (138, 138, 138)
+ERROR: Rgb = (229, 57, 53)
+"""Of the line from an estimate to the ground truth."""
 DISPARITY: Rgb = (240, 228, 66)
 TRAIL: Rgb = (86, 180, 233)
 MOVING: Rgb = (255, 20, 147)

@@ -52,8 +52,8 @@ class Controller:
         recordings: Path,
         extras: tuple[object, ...] = (),
     ) -> None:
-        """`first` is opened at the start; `methods` None means the usual ones of each source; `recordings` is the
-        folder of runs and recordings; `extras` are values that services look up by their type."""
+        """`first` is opened unless its source is empty; `methods` None means the usual ones of each source;
+        `recordings` is the folder of runs and recordings; `extras` are values that services look up by their type."""
         self.store, self.player, self.opener = store, player, opener
         self.recordings, self.history_bytes = recordings, history_bytes
         self._viewers, self._compiling, self._recent = viewers, compiling, recent
@@ -95,7 +95,8 @@ class Controller:
             for service in self._services.values():
                 service.begin()
         finally:
-            self.open(self._first.source, self._first.options)
+            if self._first.source:
+                self.open(self._first.source, self._first.options)
         if self._autoplay:
             self.play_on()
 
@@ -128,6 +129,8 @@ class Controller:
 
     def open(self, source: str, options: SourceOptions | None) -> bool:
         """Opens another source, and returns whether it did; if that fails, the one before is left unchanged."""
+        if not source:
+            raise InputError("no source is given: type a path, or choose one of the list")
         before, run, shown = self.state, self.run, without_secrets(source)
         if run is not None and run.live and shown == before.source:
             run.stop()  # a camera has to be let go before it can be opened again
@@ -137,7 +140,7 @@ class Controller:
             found = self.opener.stored(source, self.history_bytes)
             found = found or self.computed_run(source, options, self._methods, self._config, strict=run is None)
         except Exception as fault:
-            if before.phase == "ready":
+            if before.phase in ("ready", "empty"):
                 self.store.emit(Restored(before))
                 raise
             if isinstance(fault, InputError):

@@ -172,6 +172,11 @@ class CurrentRun:
     def _checkpoint(self) -> Checkpoint:
         return Checkpoint(self.playback.snapshot, self._model, self.tally)
 
+    @property
+    def model(self) -> RunModel:
+        """What is known now."""
+        return self._model
+
     def known_at(self, index: int) -> RunModel:
         """What was known after exposure `index`."""
         model, history = self._model, self.history

@@ -58,6 +58,7 @@ class Session:
     ) -> None:
         """`opener(source)` opens the source as the command line said, `opener(source, options)` as the page says.
 
+        An empty `source` opens nothing: the session waits for the first command that does.
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
         need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
@@ -70,6 +71,7 @@ class Session:
         self._store = Store(
             State(
                 without_secrets(source),
+                phase="opening" if source else "empty",
                 config=config or Config(),
                 source_options=source_options or SourceOptions(),
                 recent=recent.names,

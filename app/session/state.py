@@ -80,7 +80,8 @@ class State:
     """All that is on the screen, apart from what each viewer draws of the history."""
 
     source: str
-    phase: Literal["opening", "ready", "failed"] = "opening"
+    phase: Literal["empty", "opening", "ready", "failed"] = "opening"
+    """`empty`: the app was started without a source, and none was opened since."""
     failure: str = ""
     """Why the source could not be opened, where it is `failed`."""
     name: str = ""

@@ -24,7 +24,7 @@ class EventSink(Protocol):
         """Begins another run. What `history` of it holds is drawn first, without images."""
         ...
 
-    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
+    def replay(self, opened: Opened, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
         """Shows a finished recording, in one file or several, in place of a run; `kinds` are those of its exposures.
         InputError where it cannot be read."""
         ...
@@ -56,7 +56,7 @@ class Viewers:
         self._sink, self._restarts, self._looked_at = self._wanted, RESTARTS, -1
         kinds: tuple[Kind, ...] = () if recording is None else tuple(record.kind for record in history)
         files = [] if recording is None else [recording, *([opened.map.recording] if opened.map else [])]
-        self._begin = lambda sink: sink.replay(*files, kinds=kinds) if files else sink.open(opened, history)
+        self._begin = lambda sink: sink.replay(opened, *files, kinds=kinds) if files else sink.open(opened, history)
         self._guarded(self._begin)
 
     def write(self, event: Event) -> None:

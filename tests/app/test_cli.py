@@ -42,6 +42,23 @@ def test_the_demo_is_the_city_on_this_machine_only(served: list[tuple[Any, ...]]
     assert serving == Serving(open_browser=False) and not serving.lets_others_in
 
 
+@pytest.mark.parametrize("arguments", [[], ["app"]])
+def test_without_a_source_the_app_opens_on_its_start_screen(
+    served: list[tuple[Any, ...]], arguments: list[str]
+) -> None:
+    assert main(arguments) == 0
+    ((opener, source, _, _),) = served
+    assert source == ""
+    with pytest.raises(InputError):
+        opener("")
+
+
+def test_a_trajectory_beside_nothing_is_a_mistake(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
+    (tmp_path / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    assert main(["app", "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
+    assert not served
+
+
 def test_options_reach_the_app(served: list[tuple[Any, ...]], tmp_path: Path) -> None:
     drive = str(make_drive(tmp_path))
     arguments = ["--port", "9000", "--host", "0.0.0.0", "--allow-host", "lab.example", "--base", "/ispom/"]
@@ -149,7 +166,7 @@ def test_a_full_standard_output_is_one_sentence(tmp_path: Path) -> None:
     assert done.stderr.count(b"\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["app"], ["run"]])
+@pytest.mark.parametrize("arguments", [["fly"], ["run"]])
 def test_misuse_ends_with_code_2(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -208,3 +225,9 @@ def test_nothing_can_be_beside_a_live_source(served: list, tmp_path: Path, capsy
     (tmp_path / "poses.txt").write_text("0 0 0 0 0 0 0 1\n")
     assert main(["app", "camera:0", "--beside", f"orb={tmp_path / 'poses.txt'}"]) == 2
     assert "this source is live" in capsys.readouterr().err and not served
+
+
+def test_the_lessons_open_as_a_list(served: list[Any]) -> None:
+    assert main(["learn"]) == 0
+    ((_, source, options, serving),) = served
+    assert source == "" and serving.mode == "learn" and not options["autoplay"]

@@ -10,7 +10,8 @@ import sys
 
 from ispom_app.engine.conditions.evaluate import holds, values
 from ispom_app.engine.conditions.parser import parse
-from ispom_app.engine.history.quantities import NO_ROW, Row, Value, quantities
+from ispom_app.engine.history.quantities import NO_ROW, Row, quantities
+from ispom_app.engine.history.quantity import Value
 
 from ispom.errors import InputError
 from ispom.methods import names

@@ -6,7 +6,8 @@ without ground truth, a division by zero) makes the comparison, or the function,
 
 from __future__ import annotations
 
-from ..history.quantities import Row, Value
+from ..history.quantities import Row
+from ..history.quantity import Value
 from .parser import Expression
 
 

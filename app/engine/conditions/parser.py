@@ -18,8 +18,9 @@ from typing import NoReturn
 
 from ispom.errors import InputError
 
-from ..history.quantities import NO_ROW, Kind, Quantity, Row, Value
+from ..history.quantities import NO_ROW, Row
 from ..history.quantities import known as finite_or_none
+from ..history.quantity import Kind, Quantity, Value
 
 Evaluate = Callable[[Row, Row], Value]
 """The value at a frame, of its row and the row of the frame before."""

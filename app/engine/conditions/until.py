@@ -9,7 +9,8 @@ from ispom.errors import InputError
 from ispom.methods import names
 
 from ..events import Stepped
-from ..history.quantities import NO_ROW, Row, Value, by_method, quantities, row_after
+from ..history.quantities import NO_ROW, Row, by_method, quantities, row_after
+from ..history.quantity import Value
 from .evaluate import holds, values
 from .parser import Expression, parse
 

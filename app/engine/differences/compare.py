@@ -10,7 +10,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..history.quantities import Value
+from ..history.quantity import Value
 
 Compared = Value | tuple[float, ...]
 """A position (3,) or a quaternion (4,) x, y, z, w is compared as a whole."""

@@ -6,8 +6,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from ispom.types import Decision, Step
 
-from ..history.quantities import DROPPED, POSE, STEP_QUANTITIES, Value, finite, step_values
+from ..history.quantities import POSE, STEP_QUANTITIES, finite, step_values
+from ..history.quantity import Value
 from ..history.record import ExposureRecord
+from ..history.step_quantities.step import DROPPED
 from ..run_folder.digests import DIGESTS
 from .compare import ORIENTATION, POSITION, Compared, MethodRow
 

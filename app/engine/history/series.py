@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ispom.geometry import Array
 from ispom.methods import with_asked
 
-from .quantities import NO_ROW, Quantity, Row, Value, quantities, row_with
+from .quantities import NO_ROW, Row, quantities, row_with
+from .quantity import Quantity, Value
 from .record import ExposureRecord
 
 MISSING = math.nan

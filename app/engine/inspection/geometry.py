@@ -96,25 +96,6 @@ def track_rays(life: TrackLife, xyz_in_world: Array) -> Rays:
     return Rays(life.method, tuple(index for index, _ in views), centres, xyz_in_world[None])
 
 
-def nearest_to_ray(
-    model: RunModel, looked: Looked, placed: dict[str, tuple[Array, Array]], most_rad: float
-) -> tuple[str, int] | None:
-    """(method, id) of the point of the map nearest to a ray: `placed` gives its origin (3,) and direction (3,) in each
-    method's world. None where none is within `most_rad` of it. Methods that follow no tracks do not count."""
-    best, found = most_rad, None
-    for method, (origin, direction) in placed.items():
-        if not any(_follows(looked, method, camera) for camera in looked.cameras):
-            continue
-        for block in model.methods[method].points.blocks:
-            away = block.xyz - origin
-            along = away @ direction / np.linalg.norm(direction)
-            angle = np.arctan2(np.linalg.norm(np.cross(away, direction), axis=1) / np.linalg.norm(direction), along)
-            at = int(np.argmin(angle))
-            if angle[at] < best:
-                best, found = float(angle[at]), (method, int(block.ids[at]))
-    return found
-
-
 def _follows(looked: Looked, method: str, camera: str) -> bool:
     """Whether the method itself follows tracks in the camera, by its latest step of the camera's kind."""
     kind = "stereo" if camera == "left" else "video"

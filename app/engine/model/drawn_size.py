@@ -12,8 +12,8 @@ from ispom.types import Rig, Trajectory
 
 from .poses import PoseHistory
 
-OF_TRUE_PATH = 0.012
-"""Depth of a camera, relative to the length of the true path."""
+OF_TRUE_PATH = 0.04
+"""Depth of a camera, relative to the extent of the true path."""
 OF_BASELINE = 2.0
 """The same relative to the stereo baseline: the least, where there is no true path."""
 NOTICED = 1.5
@@ -45,7 +45,9 @@ def unit_in_metres(method: str, placed_scale: float) -> float | None:
 
 def true_size(truth: Trajectory | None) -> float | None:
     """Depth of the true camera [m]; None without a true path, or where it goes nowhere."""
-    return OF_TRUE_PATH * truth.length or None if truth is not None else None
+    if truth is None or not len(truth):
+        return None
+    return OF_TRUE_PATH * float(np.linalg.norm(np.ptp(truth.translations, axis=0))) or None
 
 
 def drawn_size(

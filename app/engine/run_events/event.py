@@ -11,7 +11,7 @@ from ispom.methods import method as registered
 from ispom.types import Check, Decision, Status, Step
 
 from ...presentation.decisions import sentence
-from ..history.quantities import Value
+from ..history.quantity import Value
 from ..verdict import Severity, Verdict, alarming, verdict
 
 Scope = Literal["method", "frame", "person"]

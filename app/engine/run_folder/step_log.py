@@ -11,7 +11,8 @@ from ispom.io.rows import MAX_TIME_S
 from ispom.types import Step
 
 from ..events import Stepped
-from ..history.quantities import POSE, STEP_QUANTITIES, Value, by_method, finite, step_values
+from ..history.quantities import POSE, STEP_QUANTITIES, by_method, finite, step_values
+from ..history.quantity import Value
 from .digests import DIGESTS
 from .run_folder import DECISIONS, STEPS, RunFolder
 from .statistics import RunStatistics

@@ -17,7 +17,8 @@ from ispom.errors import InputError
 from ispom.io.files import exists, opened
 from ispom.types import Decision, DecisionKind, Frame, Status
 
-from ..history.quantities import POSE, STEP_QUANTITIES, Value, check_values, finite
+from ..history.quantities import POSE, STEP_QUANTITIES, check_values, finite
+from ..history.quantity import Value
 from .digests import DIGESTS
 from .run_folder import DECISIONS, STEPS
 from .step_log import DECISION_COLUMNS, STEP_COLUMNS

@@ -16,6 +16,8 @@ from .branches import Branch
 
 SLICE_S = 0.015
 """Of the worker's time at once: records of the past are decoded from disk, about a millisecond each."""
+ROUNDING = 1e-9
+"""Differences of numbers up to this are rounding: relative above 1, absolute below. Digests are not compared."""
 MOST = 10
 """Exposures that are listed: those at which something differs that had not differed before."""
 
@@ -90,7 +92,7 @@ def _after(now: Comparison, a: CurrentRun, b: CurrentRun) -> Comparison:
     records = a.history[now.done], b.history[now.done]
     thinned = any(record.thinned for record in records)
     left, right = (_rows(record, now.methods, thinned) for record in records)
-    found = next(divergences(left, right, now.methods), None)
+    found = next(divergences(left, right, now.methods, ROUNDING), None)
     seen = frozenset(name for divergence in now.first for name in divergence.names)
     news = found.without(seen) if found is not None and len(now.first) < MOST else None
     return replace(

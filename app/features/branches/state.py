@@ -39,4 +39,9 @@ class Branches(FeatureState):
         return replace(self, all=tuple(replace(b, **values) if b.number == number else b for b in self.all))
 
     def page(self, state: State) -> dict[str, Any]:
-        return {"branches": [branch.number for branch in self.all], "branch": self.shown}
+        now = self.comparison
+        return {
+            "branches": [branch.number for branch in self.all],
+            "branch": self.shown,
+            "compared": now and [now.shown, now.other, now.done, now.finished],
+        }

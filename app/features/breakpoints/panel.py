@@ -12,7 +12,7 @@ from ispom.errors import InputError
 from ...engine.conditions.matches import matches
 from ...engine.conditions.parser import Expression, parse
 from ...engine.conditions.until import shown
-from ...engine.history.quantities import Quantity
+from ...engine.history.quantity import Quantity
 from ...engine.history.series import Series
 from ...session.state import State
 from ...views.viser.markup import renderer

@@ -40,11 +40,11 @@ def _line(difference: Difference) -> str:
     if difference.name.endswith(DIGEST):
         return f"{difference.name}: differs"
     by = "" if difference.by is None else f", apart by {difference.by:.3g}{_unit(difference)}"
-    a, b = _told_apart(difference.a, difference.b)
+    a, b = distinct(difference.a, difference.b)
     return f"{difference.name}: {a} | {b}{by}"
 
 
-def _told_apart(a: object, b: object) -> tuple[str, str]:
+def distinct(a: object, b: object) -> tuple[str, str]:
     """Both sides, with as many digits as it takes to tell them apart, and a few at least."""
     both = ((shown(a, digits), shown(b, digits)) for digits in range(FEW, LOSSLESS + 1))
     return next((pair for pair in both if pair[0] != pair[1]), (shown(a), shown(b)))

@@ -13,8 +13,8 @@ from ispom.geometry import Similarity
 from ispom.methods import method as registered
 from ispom.types import Check, Decision, Step, Tracks, TrackStatus
 
-from ...engine.history.quantities import DROPPED
 from ...engine.history.record import ExposureRecord
+from ...engine.history.step_quantities.step import DROPPED
 from ...engine.model.drawn_size import unit_in_metres
 from ...engine.verdict import Severity, Verdict, verdict, waiting
 from ...presentation import colours

@@ -99,11 +99,7 @@ def _spline(fit: SplineFit, stage: int, colour: Rgb) -> tuple[Shape, ...]:
     return tuple(found)
 
 
-def extent(shapes: tuple[Shape, ...]) -> tuple[Array, float]:
-    """Centre (3,) of all that is drawn, and its size [m], at least 1 cm."""
-    places = [shape.poses.translations if isinstance(shape, Axes) else shape.xyz for shape in shapes]
-    xyz = np.concatenate([np.zeros((0, 3)), *places])
-    if not len(xyz):
-        return np.zeros(3), 1.0
-    low, high = xyz.min(0), xyz.max(0)
-    return (low + high) / 2, max(float(np.linalg.norm(high - low)), 0.01)
+def positions(shapes: tuple[Shape, ...]) -> Array:
+    """(N, 3) of all that is drawn."""
+    xyz = [shape.poses.translations if isinstance(shape, Axes) else shape.xyz for shape in shapes]
+    return np.concatenate([np.zeros((0, 3)), *xyz])

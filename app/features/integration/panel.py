@@ -50,11 +50,6 @@ class IntegrationPanel:
     def _clicked(self, _: object) -> None:
         self._session.post(StepIntegration({PREVIOUS: -1, NEXT: 1}[self._buttons.value]))
 
-    @property
-    def fit(self) -> Step | None:
-        """What is looked at, where there is something."""
-        return self._found[1][1] if self._found[1] is not None else None
-
     def show(self, state: State) -> None:
         self._state = state
         shown = state[IntegrationSteps].shown

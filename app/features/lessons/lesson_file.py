@@ -16,7 +16,8 @@ from ispom.methods import Config, in_order, method
 from ispom.settings import check, from_plain
 
 from ...engine.conditions.parser import Expression, parse, parse_number
-from ...engine.history.quantities import Quantity, quantities
+from ...engine.history.quantities import quantities
+from ...engine.history.quantity import Quantity
 from . import facts
 from .lesson import OWN, Ask, Asked, Choose, Draw, Fact, Lesson, Number, Option, Point, Step
 from .track_facts import TRACK

@@ -53,11 +53,11 @@ ORDER = (
 class Library:
     """`lessons` in their order; `own`, where there is one, comes first."""
 
-    def __init__(self, own: Lesson | None = None, progress: Path | None = None, leads: bool = False) -> None:
-        """`progress` is the file that keeps how far somebody came; `leads` says that the app was started for them."""
+    def __init__(self, own: Lesson | None = None, progress: Path | None = None) -> None:
+        """`progress` is the file that keeps how far somebody came."""
         others = (lesson for lesson in built_in() if own is None or lesson.name != own.name)
         self.lessons = (*filter(None, (own,)), *others)
-        self.progress, self.leads = Progress(progress), leads
+        self.progress = Progress(progress)
 
     def lesson(self, name: str) -> Lesson:
         """InputError where there is none of this name."""

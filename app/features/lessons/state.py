@@ -39,4 +39,4 @@ def covered(state: State) -> State:
         activity = state.activity and replace(state.activity, text="running")
     hidden = replace(state, source="", name=learning.lesson.title, notes=(), displayed=record, activity=activity)
     branches = state[Branches]
-    return hidden.having(Plots(()), SweepState(), replace(branches, all=branches.all[:1]))
+    return hidden.having(Plots(()), SweepState(), replace(branches, all=branches.all[:1], comparison=None))

@@ -11,7 +11,8 @@ from ispom.types import Rig, Tracks, TrackStatus
 
 from ...engine.conditions.evaluate import holds
 from ...engine.conditions.parser import Expression
-from ...engine.history.quantities import NO_ROW, Quantity, finite
+from ...engine.history.quantities import NO_ROW, finite
+from ...engine.history.quantity import Quantity
 
 TRACK: Mapping[str, Quantity] = {
     q.name: q

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ispom.methods import in_order
 
-from ...engine.history.quantities import STEP_QUANTITIES, Quantity
+from ...engine.history.quantities import STEP_QUANTITIES
+from ...engine.history.quantity import Quantity
 from ...engine.history.series import Series
 from ...presentation import colours
 from ...presentation.texts import ALIGNED

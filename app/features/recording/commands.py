@@ -22,7 +22,7 @@ class RepairRecordings(Command, frozen=True):
     """Finish the recordings that a stopped app left unfinished: they get their index, and their name."""
 
 
-class PutNote(Command, frozen=True):
+class PutNote(PageCommand, frozen=True):
     """Keep a note with one of the runs and recordings of the list; an empty one removes it."""
 
     name: str
@@ -47,4 +47,5 @@ def repair_recordings(session: Controller, command: RepairRecordings) -> None:
 
 @handles(PutNote)
 def put_note(session: Controller, command: PutNote) -> None:
+    session.service(RecordingService).show()  # another process may have finished a run
     session.service(RecordingService).put_note(command.name, command.note)

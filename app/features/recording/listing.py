@@ -75,7 +75,7 @@ def _run(folder: Path, path: Path) -> Kept:
         note=_notes(notes_of(path)).get("note", ""),
     )
     try:
-        run = _described(path, (path / RUN).stat().st_mtime_ns)
+        run = described(path, (path / RUN).stat().st_mtime_ns)
     except InputError:
         return kept
     exposures = sum(n for n in run.exposures.values() if isinstance(n, int))
@@ -83,7 +83,7 @@ def _run(folder: Path, path: Path) -> Kept:
 
 
 @lru_cache(MOST_READ)
-def _described(path: Path, _changed_ns: int) -> RunFile:
+def described(path: Path, _changed_ns: int) -> RunFile:
     """The whole file is checked, which takes a while: once for each change of it."""
     return read_run_file(path)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ispom.errors import InputError
 
 from ...engine.events import Stepped
+from ...session.commands import Command, OpenNamed
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
@@ -49,6 +50,10 @@ class RecordingService(Service):
     def keeps_run(self) -> bool:
         return 0 in self.recorded
 
+    def check(self, command: Command) -> None:
+        if isinstance(command, OpenNamed):
+            self.show()  # another process may have finished a run
+
     def computed(self, event: Stepped) -> None:
         self._writers.offer(event)
 
@@ -82,7 +87,8 @@ class RecordingService(Service):
             self.show()
 
     def put_note(self, name: str, note: str) -> None:
-        """Of a run or recording in the list."""
+        """Of a run or recording in the folder."""
+        self.show()  # another process may have finished one
         if name not in [kept.name for kept in self.state[Recordings].listed]:
             raise InputError(f"there is no run or recording {name[:60]!r} in the list: choose one of it")
         put(notes_of(self.session.recordings / name), note=note)

@@ -10,7 +10,7 @@ import numpy as np
 from ispom.methods import method as registered
 from ispom.types import TrackStatus, Trajectory
 
-from ...engine.history.quantities import DROPPED
+from ...engine.history.step_quantities.step import DROPPED
 from ...presentation import colours
 from .analysis import errors, plotted, step_scale
 from .folder import Run

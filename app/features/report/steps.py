@@ -13,7 +13,7 @@ from ispom.errors import InputError
 from ispom.methods import names
 from ispom.types import Decision
 
-from ...engine.history.quantities import DROPPED
+from ...engine.history.step_quantities.step import DROPPED
 from ...engine.run_folder.run_folder import STEPS
 from ...engine.run_folder.step_reader import StoredStep, stored_steps
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispom.types import TrackStatus
 
-from ...engine.history.quantities import DROPPED
+from ...engine.history.step_quantities.step import DROPPED
 from ...engine.run_folder.run_folder import EVENTS
 from .analysis import changes, notable
 from .blocks import Block, Details, MethodName, Paragraph, Table

@@ -15,7 +15,8 @@ from ispom.geometry import Pose
 from ispom.methods import Config, names
 from ispom.types import Kind, Rig, Sequence, Trajectory
 
-from ...engine.history.quantities import STEP_QUANTITIES, Value
+from ...engine.history.quantities import STEP_QUANTITIES
+from ...engine.history.quantity import Value
 from ...engine.history.record import ExposureRecord
 from ...engine.playback import Playback
 from ...views.rerun.recorder import START, START_NS

@@ -8,7 +8,7 @@ from ispom.errors import InputError
 from ispom.sequences.address import is_address, is_device
 
 from ...engine.run_folder.run_folder import RUN
-from ...features.recording.state import Recordings
+from ...features.recording.listing import list_recordings
 from ..state import State
 
 
@@ -31,8 +31,9 @@ class Known:
         InputError where nothing is known by it.
         """
         runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
-        recorded = [str(self._recordings / kept.name) for kept in state[Recordings].listed]
-        if name in {kept.name for kept in state[Recordings].listed}:
+        listed = [kept.name for kept in list_recordings(self._recordings)]  # another process may have finished a run
+        recorded = [str(self._recordings / kept) for kept in listed]
+        if name in listed:
             return str(self._recordings / name)
         for source in (state.source, *state.recent, *runs, *recorded):
             if run_name(source) == name:

@@ -46,7 +46,7 @@ class SourceOpener:
 
         InputError where it cannot be read, or lies where nobody at the page may look.
         """
-        policy = ANY_SOURCE if source == self.named else SourcePolicy(self.folders.root)
+        policy = ANY_SOURCE if self.named and source == self.named else SourcePolicy(self.folders.root)
         with bounded(policy.places):
             found = stored_at(source, self.opener, self.builder, policy)
             if found is None:

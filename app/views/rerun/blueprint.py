@@ -1,4 +1,4 @@
-"""The layout of the Rerun viewer: nothing needs arranging.
+"""The layout of the Rerun viewer: one 3-D view and one image, which are the stage of the page.
 
 A layer is hidden by paths of the layout (`hidden_paths`), which the page sets in the layout as the viewer has it: a new
 layout would take back time, camera and tabs. The views keep their ids for that.
@@ -17,15 +17,19 @@ import rerun.blueprint as rrb
 
 from ispom.geometry import Array
 from ispom.methods import method
-from ispom.types import Trajectory
+from ispom.types import Camera
 
 from ...engine.events import Opened
 from ...engine.inspection.colouring import SCALES, Colouring
 from ...engine.model.drawn_size import drawn_truth
 from . import entities
 from .coloured import path_of
+from .eye import extent, eye_on
 from .layers import IMAGE_LAYERS, MEASURES
+from .parts import FLUSH_S
 from .plots import NO_ERROR, why_no_error
+from .rrd import messages
+from .streams import APPLICATION
 
 PLOTS = {
     "error": "error [m]",
@@ -35,33 +39,44 @@ PLOTS = {
     "ms": "time [ms]",
 }
 LEGENDS = {"error", "scale", "ms"}
-"""Plots with more than a line per method: the others' colours are the methods', which the page shows all the time."""
+"""Plots with more than a line per method: the others' colours are the methods', as in the 3-D view."""
 MARGIN = 0.4
 """Room for a legend at the left, as a fraction of the run."""
+IMAGES = {"video": "Video", "left": "Left", "right": "Right"}
+"""Tabs of the image, by camera."""
+WORLD_SHARE = 0.54
+"""Of the 3-D view, in the width of the stage; the page's buttons stand over it."""
+GRID_LINES = 12
+"""About how many lines of the ground grid the true path crosses."""
+GRID_COLOUR = (128, 128, 128, 50)
 
 
-def blueprint(opened: Opened, hidden: Collection[str] = ()) -> rrb.Blueprint:
-    """3-D at the left, images at the right, plots and text below. `hidden` names layers and methods."""
-    rig, kept = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
-    images = [
-        _image(opened, name, title, kept[f"/{name}"])
-        for name, title in (("video", "video, tracks"), ("left", "left image, tracks and disparity"))
-        if (rig.video if name == "video" else rig.left) is not None
-    ]
-    plots = [_plot(opened, kind, title, kept[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
-    texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
+def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
+    """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
+    page's curves and verdicts, so that a row of these stands below."""
+    rig, hidden_in = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
+    cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
+    images = [_image(name, cameras[name], hidden_in[f"/{name}"]) for name in IMAGES if cameras[name] is not None]
+    world = _world(opened, hidden_in["/world"])
+    stage = rrb.Horizontal(
+        world,
+        *([rrb.Tabs(*images)] if images else []),
+        column_shares=[WORLD_SHARE, 1 - WORLD_SHARE][: 1 + bool(images)],
+    )
     return rrb.Blueprint(
-        rrb.Vertical(
-            rrb.Horizontal(_world(opened, kept["/world"]), rrb.Vertical(*images), column_shares=[1.65, 1]),
-            rrb.Horizontal(rrb.Tabs(*map(_lasting, plots)), rrb.Tabs(*map(_lasting, texts)), column_shares=[1.2, 1]),
-            row_shares=[2, 1],
-        ),
+        rrb.Vertical(stage, _curves(opened, hidden_in), row_shares=[3, 1]) if is_alone else stage,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(state="collapsed", timeline="exposure", play_state="paused"),
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _curves(opened: Opened, hidden_in: dict[str, list[str]]) -> rrb.Container:
+    plots = [_plot(opened, kind, title, hidden_in[f"/plots/{kind}"]) for kind, title in PLOTS.items()]
+    texts = [rrb.TextDocumentView(origin="/decisions", name="decisions"), rrb.TextLogView(origin="/log", name="log")]
+    return rrb.Horizontal(rrb.Tabs(*map(_lasting, plots)), rrb.Tabs(*map(_lasting, texts)), column_shares=[1.2, 1])
 
 
 def hidden_paths(methods: Iterable[str], hidden: Collection[str], colour_by: Colouring = "state") -> list[str]:
@@ -74,19 +89,20 @@ def hidden_paths(methods: Iterable[str], hidden: Collection[str], colour_by: Col
     ]
 
 
-def looking_at(truth: Trajectory | None) -> tuple[Array, Array]:
-    """Position and target (3,) of a camera behind and above, the whole true path in sight; without truth, the first
-    metres ahead."""
-    xyz = truth.translations if truth is not None and len(truth) else np.array([[-5.0, 0, 0], [5.0, 0, 15.0]])
-    low, high = xyz.min(0), xyz.max(0)
-    centre, extent = (low + high) / 2, max(float(np.linalg.norm(high - low)), 2.0)
-    return centre + extent * np.array([-0.35, -0.6, -0.75]), centre
-
-
 def send(stream: rr.RecordingStream, opened: Opened, hidden: Collection[str] = ()) -> None:
     """Makes this the viewer's layout now."""
     with released(blueprint(opened, hidden)) as layout:
         stream.send_blueprint(layout, make_active=True, make_default=True)
+
+
+def messages_of(opened: Opened) -> bytes:
+    """The layout as messages for a viewer that has another one, in the file of a recording."""
+    stream = rr.RecordingStream(APPLICATION, recording_id=opened.recording_id, send_properties=False)
+    unread = rr.binary_stream(stream)
+    send(stream, opened)
+    content = messages(unread.read(flush_timeout_sec=FLUSH_S))
+    stream.disconnect()
+    return content
 
 
 @contextmanager
@@ -118,14 +134,17 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     layers = {
         "truth": ["world/truth"],
         "beside": ["world/beside"],
-        "cameras": [*(f"world/{m}/camera" for m in methods), "world/truth/rig"],
+        "cameras": [*(f"world/{m}/{part}" for m in methods for part in ("camera", "view")), "world/truth/rig"],
+        "error": [f"world/{m}/error" for m in methods],
         "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
+        "flicker a": ["world/flicker/a"],
+        "flicker b": ["world/flicker/b"],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
-    images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in ("video", "left")}
+    images = {name: [*_hidden_in_image(name, hidden, colour_by)] for name in IMAGES}
     unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
     texts = ["decisions", "log"] if MEASURES in hidden else []
     return (
@@ -139,27 +158,57 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
 def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring) -> Iterator[str]:
     """Layers, and all but one way to colour the tracks."""
     by_state = {"tracks", "legend"} if colour_by != "state" else set()
+    if camera == "right":
+        yield from ["right/tracks"] if "tracks" in hidden else []
+        return
     yield from (f"{camera}/{layer}" for layer in (*IMAGE_LAYERS, "legend") if layer in by_state.union(hidden))
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
 
 
 def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     truth = drawn_truth(opened.truth, opened.methods)
-    position, target = looking_at(truth)
-    eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, -1, 0))
+    path = truth.translations if truth is not None else np.zeros((0, 3))
+    eye = eye_on(path, least_size(opened))
+    controls = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=eye.position, look_target=eye.target, eye_up=eye.up
+    )
     unit = "m" if any(method(name).unit == "metric" for name in opened.methods) else "own unit, not metres"
     if opened.truth is not None and truth is None:
         unit += "; true path aligned by Sim(3)"
-    view = rrb.Spatial3DView(
-        origin="/world", name=f"world [{unit}]", overrides=_hide(hidden), eye_controls=eye, line_grid=False
+    spacing = grid_spacing(path)
+    grid = rrb.LineGrid3D(
+        visible=True, spacing=spacing, plane=_ground(path, least_size(opened)), stroke_width=0.5, color=GRID_COLOUR
     )
+    name = f"3-D [{unit}], grid {spacing:g} {'m' if unit == 'm' else 'units'}"
+    view = rrb.Spatial3DView(origin="/world", name=name, overrides=_hide(hidden), eye_controls=controls, line_grid=grid)
     return _lasting(view)
 
 
-def _image(opened: Opened, name: str, title: str, hidden: list[str]) -> rrb.View:
-    width, height = entities.shown_size(opened.sequence.rig.camera("video" if name == "video" else "left"))
+def grid_spacing(path: Array) -> float:
+    """A round distance (1, 2 or 5 times a power of ten) that divides the path's extent into about GRID_LINES."""
+    size = extent(path) or 10.0
+    power = 10.0 ** np.floor(np.log10(size / GRID_LINES))
+    return float(next(power * m for m in (1, 2, 5, 10) if power * m * GRID_LINES >= size))
+
+
+def _ground(path: Array, size: float) -> rr.components.Plane3D:
+    """Horizontal, somewhat below the path: how high a camera is carried is not known."""
+    lowest = float(path[:, 1].max()) if len(path) else 0.0
+    return rr.components.Plane3D(normal=(0, 1, 0), distance=lowest + 0.3 * size)
+
+
+def least_size(opened: Opened) -> float:
+    """Extent of the smallest scene that is framed: a few cameras."""
+    rig = opened.sequence.rig
+    return 10.0 * rig.baseline_m if rig.has_stereo else 2.0
+
+
+def _image(name: str, camera: Camera | None, hidden: list[str]) -> rrb.View:
+    assert camera is not None
+    width, height = entities.shown_size(camera)
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
-    return _lasting(rrb.Spatial2DView(origin=f"/{name}", name=title, overrides=_hide(hidden), visual_bounds=bounds))
+    view = rrb.Spatial2DView(origin=f"/{name}", name=IMAGES[name], overrides=_hide(hidden), visual_bounds=bounds)
+    return _lasting(view)
 
 
 def _plot(opened: Opened, kind: str, title: str, hidden: list[str]) -> rrb.View:
@@ -196,3 +245,7 @@ def _lasting(view: rrb.View) -> rrb.View:
 
 def _view_id(origin: str) -> Any:
     return uuid5(NAMESPACE_URL, f"ispom:{origin}")
+
+
+EYE = f"/view/{_view_id('/world')}/EyeControls3D"
+"""Where the layout has the eye of the 3-D view."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
@@ -31,10 +31,16 @@ CELLS = (16, 12)
 """Over the image, by which they are spread."""
 LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
 """Of a legend below its image."""
-LEGEND_WIDTH = 0.45
+LEGEND_WIDTH = 0.32
 """Of one beside it, in widths of the image."""
-TRAIL_LENGTH = 5
-"""Earlier positions of a track that its trail shows."""
+TRAIL_LENGTH = 10
+"""Earlier positions of a track that its trail shows, at most,"""
+TRAIL_SHARE = 0.06
+"""and its longest way, in widths of the image: the image stays visible."""
+FADING = ((0, 3, 0.9, 0.5), (3, 6, 0.5, 0.4), (6, 10, 0.3, 0.3))
+"""Parts of a trail: first and last place, counted from now, opacity and half width [px]."""
+THUMBNAIL_PX = 200
+"""Width of the image in a camera's frustum."""
 
 
 def shown_scale(width: int, height: int) -> float:
@@ -125,22 +131,56 @@ def moving(tracks: Tracks, camera: Camera) -> rr.Points2D:
 
 
 def trails(recent: list[Tracks], camera: Camera) -> rr.LineStrips2D:
-    """The last places of the tracks that live, `recent` being this camera's Tracks, oldest first, now last."""
+    """The last places of the tracks that live, fading with their age. `recent` are this camera's Tracks, oldest
+    first."""
     now = recent[-1]
-    kept = (now.status < TrackStatus.LOST) & ~np.isnan(now.uv_prev[:, 0])
-    places = [now.uv[kept]]
+    living = (now.status < TrackStatus.LOST) & ~np.isnan(now.uv_prev[:, 0])
+    places, lengths = [now.uv[living]], np.zeros(int(living.sum()))
     for earlier in reversed(recent[:-1]):
         order = np.argsort(earlier.ids)
-        at = np.minimum(np.searchsorted(earlier.ids, now.ids[kept], sorter=order), max(len(earlier) - 1, 0))
+        at = np.minimum(np.searchsorted(earlier.ids, now.ids[living], sorter=order), max(len(earlier) - 1, 0))
         rows = order[at] if len(order) else at[:0]
         if not len(rows):
             break
-        found = earlier.ids[rows] == now.ids[kept]
-        places.append(np.where(found[:, None], earlier.uv[rows], places[-1]))
+        lengths = lengths + np.linalg.norm(earlier.uv[rows] - places[-1], axis=1)
+        shown = (earlier.ids[rows] == now.ids[living]) & (lengths <= TRAIL_SHARE * camera.width)
+        lengths[~shown] = np.inf
+        places.append(np.where(shown[:, None], earlier.uv[rows], places[-1]))
     if len(places) == 1:
-        places.append(now.uv_prev[kept])
-    drawn = strips(shown_uv(np.stack(places, 1), camera))
-    return rr.LineStrips2D(drawn, colors=colours.packed(colours.TRAIL), radii=[-0.75])
+        places.append(now.uv_prev[living])
+    uv = shown_uv(np.stack(places, 1), camera)
+    parts = [uv[:, first : last + 1] for first, last, _, _ in FADING if first < len(places) - 1]
+    parts = [part[(part[:, 0] != part[:, -1]).any(1)] if i else part for i, part in enumerate(parts)]
+    counts = [len(part) for part in parts]
+    _, _, opacity, radius = np.array(FADING[: len(parts)]).T
+    r, g, b = colours.TRAIL
+    rgba = [[r, g, b, round(255 * alpha)] for alpha in opacity]
+    return rr.LineStrips2D(
+        pa.concat_arrays([strips(part) for part in parts]),
+        colors=np.repeat(np.array(rgba, np.uint8), counts, axis=0),
+        radii=-np.repeat(radius, counts),
+    )
+
+
+def thumbnail(image: Image) -> rr.EncodedImage:
+    """A small copy, for the frustum of a camera in the 3-D view."""
+    scale = min(1.0, THUMBNAIL_PX / image.shape[1])
+    size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
+    return jpeg(cv2.resize(image, size, interpolation=cv2.INTER_AREA))  # type: ignore[arg-type]
+
+
+def pinhole(camera: Camera, depth: float, colour: colours.Rgb) -> rr.Pinhole:
+    """Of a `thumbnail`, drawn at a depth."""
+    scale = min(1.0, THUMBNAIL_PX / camera.width)
+    width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    return rr.Pinhole(
+        resolution=[width, height],
+        focal_length=[camera.fx * scale, camera.fy * scale],
+        principal_point=[(camera.cx + 0.5) * scale, (camera.cy + 0.5) * scale],
+        image_plane_distance=depth,
+        color=colour,
+        line_width=-0.75,
+    )
 
 
 def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
@@ -148,7 +188,15 @@ def disparities(tracks: Tracks, camera: Camera) -> rr.LineStrips2D:
     known = ~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST)
     right = tracks.uv[known] - np.stack([tracks.disparity_px[known], np.zeros(known.sum())], 1)
     drawn = strips(shown_uv(np.stack([tracks.uv[known], right], 1), camera))
-    return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.75])
+    return rr.LineStrips2D(drawn, colors=colours.packed(colours.DISPARITY), radii=[-0.4])
+
+
+def in_right(tracks: Tracks) -> Tracks:
+    """The tracks of the left image that have a disparity, where the right image has them."""
+    known = np.flatnonzero(~np.isnan(tracks.disparity_px) & (tracks.status < TrackStatus.LOST))
+    found = Tracks(*(getattr(tracks, field.name)[known] for field in fields(Tracks)))
+    shift = np.stack([found.disparity_px, np.zeros(len(known))], 1)
+    return replace(found, uv=(found.uv - shift).astype(found.uv.dtype))
 
 
 def legend(tracks: Tracks, moved: Tracks | None, camera: Camera) -> rr.Points2D:
@@ -189,7 +237,7 @@ def shown_size(camera: Camera) -> Array:
 
 def _legend_below(camera: Camera) -> bool:
     """Labels keep their size on the screen, so a legend takes what room the image's shape leaves."""
-    return camera.width > 1.7 * camera.height
+    return camera.width > camera.height
 
 
 _STRIPS = {

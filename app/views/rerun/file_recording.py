@@ -105,7 +105,7 @@ class FileRecording:
         batching = rr.ChunkBatcherConfig(flush_tick=FLUSH_EVERY_S)
         stream = rr.RecordingStream(APPLICATION, recording_id=self._recorder.recording_id, batcher_config=batching)
         try:
-            with blueprint.released(blueprint.blueprint(opened)) as layout:
+            with blueprint.released(blueprint.blueprint(opened, is_alone=True)) as layout:
                 stream.save(self._file.target, default_blueprint=layout)
         except (OSError, RuntimeError) as error:
             self._stack.close()

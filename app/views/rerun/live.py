@@ -78,9 +78,9 @@ class LiveStream:
         threading.Thread(target=self._run, args=arguments, daemon=True, name="live stream").start()
         self.grown.notify()
 
-    def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
+    def replay(self, opened: Opened, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
         """Shows a finished recording, in one file or several, in place of a run. InputError where it cannot be read."""
-        tape = StoredTape(*recordings, kinds=kinds)
+        tape = StoredTape(*recordings, kinds=kinds, layout=blueprint.messages_of(opened))
         self.close()
         self._failure = None
         self.tape = tape

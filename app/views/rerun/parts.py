@@ -5,14 +5,16 @@ memory is full: so an older frame's image came to lie under a frame's tracks. Th
 images, tracks and maps of a run along its timeline. It gets the parts of the frame that is shown as static data, of
 which it keeps one value each; those of another frame replace them.
 
-    video/*, left/*     the parts of exactly this frame, and of the other camera's latest one
-    world/*, decisions  the latest value of each up to this frame
+    video/*, left/*, right/*,   the parts of exactly this frame, and of the other camera's latest one
+    world/METHOD/view/CAMERA
+    world/*, decisions          the latest value of each up to this frame
+    all of an `Overlay`         whatever the frame
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from threading import Lock
 from typing import Protocol
@@ -25,15 +27,16 @@ from rerun.chunk import Chunk
 
 from ispom.types import Kind
 
+from .batch import Entry
 from .rrd import messages
 from .streams import APPLICATION
 
 Part = tuple[str, str]
 """Path of an entity, and the archetype of these of its components."""
-CAMERAS: dict[Kind, str] = {"video": "video", "stereo": "left"}
-"""The camera whose image is drawn, by the kind of an exposure."""
+CAMERAS: dict[Kind, tuple[str, ...]] = {"video": ("video",), "stereo": ("left", "right")}
+"""The cameras whose images are drawn, by the kind of a frame."""
 IMAGE, CLEAR = "EncodedImage", "Clear"
-OF_FRAMES = ["/video/**", "/left/**", "/world/**", "/decisions"]
+OF_FRAMES = ["/video/**", "/left/**", "/right/**", "/world/**", "/decisions"]
 """Where parts are logged."""
 STAGE = "stage"
 """Entity and timeline that tell which message the viewer took in last."""
@@ -44,14 +47,16 @@ FLUSH_S = 5.0
 def is_part(path: str) -> bool:
     """Whether what is logged here over time is a part of the views of a frame; the rest are curves and texts."""
     path = path.removeprefix("/")
-    below = path.startswith(("video/", "left/", "world/")) and not re.fullmatch("world/[^/]+/final", path)
+    below = path.startswith(("video/", "left/", "right/", "world/")) and not re.fullmatch("world/[^/]+/final", path)
     return below or path == "decisions"
 
 
 def camera_of(path: str) -> str | None:
-    """The camera in whose image the entity is drawn."""
-    first = path.removeprefix("/").partition("/")[0]
-    return first if first in CAMERAS.values() else None
+    """The camera of whose frame alone the entity is: what is drawn in its image, and that image in the 3-D view."""
+    first, *others = path.removeprefix("/").split("/")
+    if first == "world":
+        return others[2] if len(others) == 3 and others[1] == "view" else None
+    return first if any(first in cameras for cameras in CAMERAS.values()) else None
 
 
 def latest_of_each_camera(kinds: Sequence[Kind], index: int) -> dict[str, int]:
@@ -60,7 +65,7 @@ def latest_of_each_camera(kinds: Sequence[Kind], index: int) -> dict[str, int]:
     for kind in set(kinds):
         at = next((i for i in range(min(index, len(kinds) - 1), -1, -1) if kinds[i] == kind), None)
         if at is not None:
-            found[CAMERAS[kind]] = at
+            found |= dict.fromkeys(CAMERAS[kind], at)
     return found
 
 
@@ -75,11 +80,48 @@ class Scene:
     """Whether an image of it is still to come."""
 
 
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """One value of an overlay."""
+
+    columns: pa.RecordBatch
+    index: int | None
+    """The frame that it belongs to; None for all."""
+
+
+class Overlay:
+    """What is drawn over a run's frames and follows the session: the selected track, other branches, and the like."""
+
+    def __init__(self) -> None:
+        self._groups: dict[str, dict[Part, Drawn]] = {}
+        self.parts: Mapping[Part, Drawn] = {}
+        """Of all groups. Another object for each change: readers take it once."""
+
+    def draw(self, group: str, entries: Iterable[Entry], index: int | None = None) -> bool:
+        """Takes these in place of all that the group had; whether that is a change."""
+        before, now = self._groups.get(group, {}), dict[Part, Drawn]()
+        for entry in entries:
+            columns = columns_of(entry.path, entry.value)
+            archetype = archetype_of(columns)
+            part, columns = (entry.path, archetype), components_of(columns, archetype)
+            old = before.get(part)
+            same = old is not None and old.index == index and old.columns.equals(columns)
+            now[part] = old if old is not None and same else Drawn(columns, index)
+        self._groups[group] = now
+        self.parts = {part: drawn for parts in self._groups.values() for part, drawn in parts.items()}
+        return now != before
+
+    def at(self, index: int) -> dict[Part, Drawn]:
+        """What is to be shown over a frame."""
+        return {part: drawn for part, drawn in self.parts.items() if drawn.index is None or drawn.index == index}
+
+
 class SceneSource(Protocol):
     """The frames of one run, from which a viewer is fed."""
 
     run: str
     recording_id: str
+    overlay: Overlay
 
     @property
     def end(self) -> int:
@@ -138,7 +180,7 @@ class SceneWriter:
 
     def differs(self, scene: Scene) -> bool:
         """Whether the viewer holds anything else."""
-        return self._unknown or self._held != scene.versions
+        return self._unknown or self._held != self._wanted(scene)
 
     def write(self, scene: Scene | None, serial: int) -> bytes:
         """What turns the viewer's frame into this one, if any, and a row on `STAGE` that tells when this is done."""
@@ -152,15 +194,16 @@ class SceneWriter:
 
     def _write(self, scene: Scene | None, serial: int) -> bytes:
         if scene is not None:
+            wanted = self._wanted(scene)
             if self._unknown:
-                self._hold(self.source.any_of_each_part())
-            for part in self._held.keys() - scene.versions.keys():
+                self._hold({**self.source.any_of_each_part(), **self.source.overlay.parts})
+            for part in self._held.keys() - wanted.keys():
                 self._send(_emptied(self._schemas[part]))
-            for part, version in scene.versions.items():
+            for part, version in wanted.items():
                 if self._held.get(part) != version and (columns := self._shown(part, version)) is not None:
                     self._schemas[part] = columns.schema
                     self._send(columns)
-            self._held, self._unknown = dict(scene.versions), False
+            self._held, self._unknown = wanted, False
         rows = rr.Scalars.columns(scalars=[float(serial)])
         self._put(Chunk.from_columns(STAGE, [rr.TimeColumn(STAGE, sequence=[serial])], rows))
         return messages(self._unread.read(flush_timeout_sec=FLUSH_S))
@@ -171,7 +214,12 @@ class SceneWriter:
             if (columns := self._shown(part, version)) is not None:
                 self._schemas[part], self._held[part] = columns.schema, None
 
+    def _wanted(self, scene: Scene) -> dict[Part, Hashable]:
+        return {**scene.versions, **self.source.overlay.at(scene.index)}
+
     def _shown(self, part: Part, version: Hashable) -> pa.RecordBatch | None:
+        if isinstance(version, Drawn):
+            return version.columns
         columns = self.source.value(part, version)
         return _decoded(columns) if columns is not None and part[1] == IMAGE else columns
 
@@ -183,6 +231,11 @@ class SceneWriter:
 
     def _put(self, chunk: Chunk) -> None:
         rr.send_chunks(chunk, recording=self._stream)
+
+
+def archetype_of(columns: pa.RecordBatch) -> str:
+    """Of a chunk that was made of one value."""
+    return next(field.name.partition(":")[0] for field in columns.schema if ":" in field.name)
 
 
 def columns_of(path: str, value: rr.AsComponents) -> pa.RecordBatch:

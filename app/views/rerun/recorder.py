@@ -11,7 +11,9 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
-    /video, /left                            image, tracks, moving, trails, legend; left also disparity
+    /world/METHOD/error                      line from its position to the true one
+    /world/METHOD/view/CAMERA                of one method: pose, frustum and small image of its latest frame of CAMERA
+    /video, /left, /right                    image, tracks; without right: moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
     /plots/error/METHOD, .../sim3, .../aligned  live error; of a single camera's newest pose, the poses so far aligned
@@ -62,7 +64,7 @@ class Recorder:
 
     def opening(self) -> Batch:
         """What holds for the whole run (all static)."""
-        images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left")]
+        images = [Entry(camera, entities.statuses(), static=True) for camera in ("video", "left", "right")]
         images += self._coloured.opening()
         start = Entry(START, rr.AnyValues(time_ns=self.first_ns), static=True)
         return Batch(0, 0, (start, *self._world.opening(), *images, *self._plots.opening()))
@@ -92,9 +94,8 @@ class Recorder:
 
     def _images(self, event: Stepped) -> Iterator[Entry]:
         """Of an exposure without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
-        name, image = _image(event.exposure)
-        if image.size:
-            yield Entry(f"{name}/image", entities.jpeg(image))
+        yield from self._pictured(event)
+        name = _image(event.exposure)[0]
         seen = _seen(event, name)
         if seen is None:
             return
@@ -106,10 +107,14 @@ class Recorder:
         yield Entry(f"{name}/trails", entities.trails([*recent[:-1], shown], camera))
         yield from self._tracks(seen, shown)
 
-    def _pictured(self, event: Pictured) -> Iterator[Entry]:
+    def _pictured(self, event: Stepped | Pictured) -> Iterator[Entry]:
+        """Its images, where they can be read (still)."""
         name, image = _image(event.exposure)
-        if image.size:  # else it cannot be read any more
+        if image.size:
             yield Entry(f"{name}/image", entities.jpeg(image))
+            yield from self._world.picture(name, image)
+        if isinstance(event.exposure, StereoPair) and event.exposure.right.size:
+            yield Entry("right/image", entities.jpeg(event.exposure.right))
 
     def _tracks(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
         camera = self.opened.sequence.rig.camera(seen.camera)
@@ -123,6 +128,7 @@ class Recorder:
             yield Entry(f"{seen.camera}/moving", drawn)
         if seen.camera == "left":
             yield Entry(f"{seen.camera}/disparity", entities.disparities(shown, camera))
+            yield Entry("right/tracks", entities.points(entities.in_right(shown), camera))
 
     def _log(self, step: Step) -> Iterator[Entry]:
         before = self._last.get(step.method)

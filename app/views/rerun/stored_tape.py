@@ -21,7 +21,18 @@ from rerun.chunk import OptimizationProfile, RrdReader
 from ispom.errors import InputError
 from ispom.types import Kind
 
-from .parts import CLEAR, FLUSH_S, OF_FRAMES, Part, Scene, camera_of, components_of, is_part, latest_of_each_camera
+from .parts import (
+    CLEAR,
+    FLUSH_S,
+    OF_FRAMES,
+    Overlay,
+    Part,
+    Scene,
+    camera_of,
+    components_of,
+    is_part,
+    latest_of_each_camera,
+)
 from .rrd import chunk_at, message_starts, messages, require_readable
 from .streams import APPLICATION
 from .tape import Tape
@@ -56,12 +67,13 @@ class StoredTape:
     """Reads as a Tape does. Its first item is all that holds for the whole run, the second one the curves and texts.
     Files of one recording follow each other."""
 
-    def __init__(self, *paths: Path, kinds: Sequence[Kind] = ()) -> None:
-        """`kinds` of the frames, where they are known. InputError where a file is no finished recording of this
-        version."""
+    def __init__(self, *paths: Path, kinds: Sequence[Kind] = (), layout: bytes = b"") -> None:
+        """`kinds` of the frames, where they are known; `layout`: messages that set the viewer's. InputError where a
+        file is no finished recording of this version."""
         self.run = uuid4().hex
+        self.overlay = Overlay()
         self.recording_id = ""
-        self._kinds = kinds
+        self._kinds, self._layout = kinds, layout
         self._lock = threading.Lock()
         self._files: list[BinaryIO] = []
         self._paths = paths
@@ -104,7 +116,7 @@ class StoredTape:
                     return b""
                 file.seek(begin)
                 content.append(file.read(end - begin))
-        return b"".join(content)
+        return b"".join([*content, self._layout])
 
     def _read_curves(self) -> bytes:
         """In few pieces: as they were written they are thousands, which cost a viewer a minute."""

@@ -17,7 +17,7 @@ from platformdirs import user_cache_path
 
 from ispom.types import Kind
 
-from .parts import CLEAR, IMAGE, Part, Scene, camera_of, components_of, latest_of_each_camera
+from .parts import CLEAR, IMAGE, Overlay, Part, Scene, archetype_of, camera_of, components_of, latest_of_each_camera
 
 IMAGE_BYTES = 1 << 30
 """Images that are kept; the oldest go first, and are read from the sequence again. All else stays."""
@@ -68,6 +68,7 @@ class Tape:
         """`kinds` are those of the frames, `expected` so many are known already, and `request` asks for the images of
         one. OSError where `folder` (by default the user's cache) cannot be written."""
         self.run, self.recording_id = uuid4().hex, recording_id
+        self.overlay = Overlay()
         self._kinds, self._expected, self._request = kinds, expected, request
         self._folder = folder or user_cache_path("ispom")
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -90,7 +91,7 @@ class Tape:
 
     def put(self, frame: int, path: str, columns: pa.RecordBatch) -> None:
         """Adds values of a part of a frame, in place of any that it has. OSError where the disk is full."""
-        archetype = next(f.name.partition(":")[0] for f in columns.schema if ":" in f.name)
+        archetype = archetype_of(columns)
         with self._lock:
             if archetype == CLEAR:
                 self._clears.setdefault(path, []).append(frame)
@@ -155,7 +156,7 @@ class Tape:
 
     def request(self, index: int) -> None:
         """Asks for the images that a frame misses."""
-        for frame in latest_of_each_camera(self._kinds(), index).values():
+        for frame in set(latest_of_each_camera(self._kinds(), index).values()):
             self._request(frame)
 
     def value(self, part: Part, version: object) -> pa.RecordBatch | None:

@@ -9,7 +9,7 @@ import rerun as rr
 
 from ispom.geometry import Array, Similarity
 from ispom.methods import method as registered
-from ispom.types import Frame, Step, Trajectory
+from ispom.types import Frame, Image, Step, StereoPair, Trajectory
 
 from ...engine.events import Finished, Opened, Stepped
 from ...engine.model.drawn_size import DrawnSize, drawn_size, drawn_truth, true_size
@@ -25,8 +25,8 @@ from .beside import BesideLog
 
 MAP_EVERY = 10
 """Exposures between two drawings of a method's key frames and points: they are most of what a viewer has to hold."""
-TINT = 0.3
-"""How much of a cloud's colour is its method's, the rest being what the camera saw."""
+PATH_PX, POINT_PX, ERROR_PX = 1.0, 1.25, 1.25
+"""Half widths on the screen."""
 
 
 class World:
@@ -53,13 +53,21 @@ class World:
         self._frustum_lines: dict[tuple[Frame, float, bool], Array] = {}
         """A handful, kept: not by `functools.cache`, which would hold every run that was ever drawn."""
         self._beside = BesideLog(opened)
+        self._errors: set[str] = set()
+        """Methods whose error is drawn now."""
+        rig = opened.sequence.rig
+        self._viewing: tuple[str, Frame] | None = None
+        """The method in whose frustum the image of a camera is drawn: the one that needs most cameras."""
+        if opened.methods and (rig.video or rig.left) is not None:
+            most = max(opened.methods, key=lambda m: len(registered(m).needs))
+            self._viewing = most, "video" if rig.video is not None else "left"
 
     def opening(self) -> Iterator[Entry]:
         """What holds for the whole run (all static)."""
         yield Entry("world", rr.ViewCoordinates.RDF, static=True)
         truth = self._truth
         if truth is not None:
-            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0), static=True)
+            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 0.75), static=True)
             yield Entry("world/truth/rig", self._true_frusta(truth), static=True)
         yield from self._beside.opening()
 
@@ -84,6 +92,14 @@ class World:
         yield from self._beside.stepped(event, self.model, self.placements, outlines)
         if not self._true_path.fixed:
             yield from self._place_truth(event.exposure.time_ns)
+        for step in event.steps:
+            yield from self._error(step)
+            yield from self._view(step, "left" if isinstance(event.exposure, StereoPair) else "video")
+
+    def picture(self, camera: Frame, image: Image) -> Iterator[Entry]:
+        """The image in the frustum, where that is of this camera."""
+        if self._viewing is not None and self._viewing[1] == camera:
+            yield Entry(f"world/{self._viewing[0]}/view/{camera}", entities.thumbnail(image))
 
     def finished(self, event: Finished) -> Iterator[Entry | Columns]:
         yield from self._place(event.placements)
@@ -95,7 +111,7 @@ class World:
             yield from self._map(method)
             starts = times.times_ns(np.array(self.model.methods[method].poses.starts, np.int64))
             parts = np.split(trajectory.translations, np.searchsorted(trajectory.times_ns, np.sort(starts)))
-            line = entities.lines([part for part in parts if len(part)], colours.of(method), 2.0)
+            line = entities.lines([part for part in parts if len(part)], colours.of(method), PATH_PX)
             yield Entry(f"world/{method}/path/final", line)
             indices = times.indices(times.rows(trajectory.times_ns))
             yield Columns(f"world/{method}/final", trajectory, indices, self._first_ns)
@@ -127,7 +143,7 @@ class World:
         if truth is None or found is None:
             return
         if before is None:
-            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 1.0))
+            yield Entry("world/truth/path", entities.lines([truth.translations], colours.TRUTH, 0.75))
             yield Entry("world/truth/rig", self._true_frusta(truth))
         if found is not before:
             self._truth_placed = found
@@ -161,6 +177,32 @@ class World:
             yield Entry(place, rr.Clear(recursive=False))
         (self._ellipsoids.discard if found is None else self._ellipsoids.add)(step.method)
 
+    def _error(self, step: Step) -> Iterator[Entry]:
+        """From the pose to the true one at its time, in the method's world."""
+        method, truth, pose = step.method, self._opened.truth, step.world_from_frame
+        placed = Similarity() if self._true_path.fixed else self._truth_placed
+        true = truth.at(step.time_ns) if truth is not None and placed is not None else None
+        is_drawn = true is not None and pose is not None
+        if true is not None and placed is not None and pose is not None:
+            end = placed.apply((true @ self._opened.sequence.rig.rig_from(step.frame)).translation)
+            own = self.placements.get(method, Similarity()).inverse().apply(end)
+            yield Entry(
+                f"world/{method}/error", entities.lines([np.stack([pose.translation, own])], colours.ERROR, 1.25)
+            )
+        elif method in self._errors:
+            yield Entry(f"world/{method}/error", rr.Clear(recursive=False))
+        (self._errors.add if is_drawn else self._errors.discard)(method)
+
+    def _view(self, step: Step, camera: Frame) -> Iterator[Entry]:
+        """Pose and shape of the frustum that has the image in it."""
+        if (step.method, camera) != self._viewing or step.world_from_frame is None:
+            return
+        rig, path = self._opened.sequence.rig, f"world/{step.method}/view/{camera}"
+        frame_from_camera = rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
+        yield Entry(path, entities.transform(step.world_from_frame @ frame_from_camera))
+        depth = self._size(step.method).camera
+        yield Entry(path, entities.pinhole(rig.camera(camera), depth, colours.of(step.method)))
+
     def _camera(self, method: str) -> Entry:
         frame = self.model.methods[method].poses.frame
         colour = colours.PROVISIONAL if method in self._provisional else colours.of(method)
@@ -170,7 +212,7 @@ class World:
     def _path_blocks(self, method: str, blocks: set[int]) -> Iterator[Entry]:
         poses, colour = self.model.methods[method].poses, colours.of(method)
         for block in sorted(blocks):
-            yield Entry(f"world/{method}/path/{block}", entities.lines(poses.lines(block), colour, 1.5))
+            yield Entry(f"world/{method}/path/{block}", entities.lines(poses.lines(block), colour, PATH_PX))
 
     def _map(self, method: str, anew: bool = False) -> Iterator[Entry]:
         """Key frames and points, the blocks that changed since they were drawn last, or all of the key frames."""
@@ -181,7 +223,7 @@ class World:
         for block in sorted(poses.changed_blocks(before)):
             keys = poses.key_frames(block, outlines)
             if len(keys):
-                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colours.of(method), 0.5))
+                yield Entry(f"world/{method}/key_frames/{block}", entities.lines(keys, colours.of(method), 0.4))
         yield from self._cloud(method)
 
     def _cloud(self, method: str) -> Iterator[Entry]:
@@ -191,8 +233,7 @@ class World:
         self._drawn_points[method] = points
         for block in sorted(changed):
             xyz, rgb = points.blocks[block].xyz, points.blocks[block].rgb
-            tinted = (1 - TINT) * rgb + TINT * np.array(colours.of(method))
-            drawn = rr.Points3D(xyz, colors=tinted.astype(np.uint8), radii=[-1.5])
+            drawn = rr.Points3D(xyz, colors=rgb, radii=[-POINT_PX])
             yield Entry(f"world/{method}/cloud/{block}", drawn)
 
     def _size(self, method: str) -> DrawnSize:
@@ -222,4 +263,4 @@ class World:
         return np.stack([entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 
     def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
-        return entities.lines(self._outlines(frame, size, main_camera), colour, 1.5)
+        return entities.lines(self._outlines(frame, size, main_camera), colour, 1.0)

@@ -32,14 +32,12 @@ class Panel:
     place: int
     """Tabs and panels are in the order of their places."""
     make: Callable[[viser.GuiApi, Session], PanelView]
-    leads: Callable[[Session], bool] = lambda session: False
-    """Whether its tab comes first in this session."""
 
 
-def panels(session: Session) -> dict[str, list[Panel]]:
+def panels() -> dict[str, list[Panel]]:
     """All panels by tab, in their order."""
     found = [panel for module in modules("panel") for panel in module.PANELS]
     tabs: dict[str, list[Panel]] = {}
-    for panel in sorted(found, key=lambda panel: (not panel.leads(session), panel.place)):
+    for panel in sorted(found, key=lambda panel: panel.place):
         tabs.setdefault(panel.tab, []).append(panel)
     return tabs

@@ -34,12 +34,14 @@ LEAST_HISTORY_MB = 20
 def open_page(command: Serve, builder: Builder) -> int:
     """Serves the page until it is ended, and returns the exit code. InputError for a mistake in what was asked."""
     library, begun = _lessons(command)
-    source = command.source if isinstance(command, App) else "sim:city" if begun is None else begun.steps[0].own.source
+    source = command.source if isinstance(command, App) else "" if isinstance(command, Learn) else "sim:city"
     if not is_text(source):
         raise InputError(f"{source} is not UTF-8, which no page can show: rename it, or open a link to it")
     if command.history_mb < LEAST_HISTORY_MB:
         raise InputError(f"--history-mb is {command.history_mb}, give {LEAST_HISTORY_MB} or more")
     opener, beside = command.opener(source), given(command.beside, command.beside_alignment)
+    if beside and not source:
+        raise InputError("--beside needs a source to be compared with: give one")
     if beside:
         _check_beside(beside, source, opener, builder)
     variant = command.variant or ("modern" if command.methods else warmup.at_first(command.config))
@@ -61,9 +63,9 @@ def open_page(command: Serve, builder: Builder) -> int:
             recent=RecentSources(user_config_path("ispom") / "recent.json"),
             beside=beside,
             extras=(library,),
-            autoplay=begun is None,
+            autoplay=not isinstance(command, Learn),
         )
-        if begun is not None and isinstance(command, Learn) and command.lesson:
+        if begun is not None:
             found.post(Begin(begun.name))
         return found
 
@@ -76,18 +78,19 @@ def open_page(command: Serve, builder: Builder) -> int:
             base=command.base,
             open_browser=command.browser,
             onlookers=command.read_only,
+            mode="learn" if isinstance(command, Learn) else "debug",
         ),
     )
 
 
 def _lessons(command: Serve) -> tuple[Library, Lesson | None]:
-    """What can be learned, and the lesson that is begun, or is the first of them. InputError for one that is none."""
+    """What can be learned, and the lesson that is begun. InputError for one that is none."""
     progress = user_state_path("ispom") / "lessons.json"
-    if not isinstance(command, Learn):
+    if not isinstance(command, Learn) or not command.lesson:
         return Library(progress=progress), None
     own = own_lesson(command.lesson)
-    library = Library(own, progress, leads=True)
-    return library, own or (library.lesson(command.lesson) if command.lesson else library.lessons[0])
+    library = Library(own, progress)
+    return library, own or library.lesson(command.lesson)
 
 
 def _check_beside(beside: tuple[Given, ...], source: str, opener: Callable[..., Sequence], builder: Builder) -> None:

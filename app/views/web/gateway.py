@@ -20,6 +20,7 @@ from ...engine.run_folder.run_folder import CORRECTED_RIG
 from ...features.calibration.job import Job
 from ...features.calibration.page_routes import CalibrationPage
 from ...features.lessons.state import Lessons
+from ...features.runs.routes import RunsRoutes
 from ...session.people import People, Person
 from ...session.session import Session
 from ...session.sources.known import run_name
@@ -52,8 +53,6 @@ class Backends:
     """The folder of the Rerun viewer's files; may take seconds the first time."""
     recordings: Path
     """Their folder."""
-    show_scene: Callable[[bool], None] = lambda _: None
-    """Told whether anybody has the pane wide enough to see viser's scene: drawing it for nobody costs time."""
     show_tabs: Callable[[frozenset[str]], None] = lambda _: None
     """Told which of viser's tabs anybody has open."""
 
@@ -92,6 +91,7 @@ class Gateway:
                 web.get(f"{base}viser", self._viser),
                 web.get(f"{base}viser/", self._viser),
                 *calibration.routes(base),
+                *RunsRoutes(self._to.session, lambda request: self._person(request).may_drive).routes(base),
             ]
         )
         if base != "/":
@@ -245,6 +245,5 @@ class Gateway:
 
     def _see(self, page: Hashable, pane: Pane) -> None:
         self._panes = {other: seen for other, seen in self._panes.items() if other is not page}
-        self._panes |= {page: pane} if pane.wide or pane.tab else {}
-        self._to.show_scene(any(seen.wide for seen in self._panes.values()))
+        self._panes |= {page: pane} if pane.tab else {}
         self._to.show_tabs(frozenset(seen.tab for seen in self._panes.values()))

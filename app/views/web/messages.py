@@ -14,6 +14,7 @@ from ...features.layers.state import Layers
 from ...features.lessons.state import Lessons, covered
 from ...features.plots.plotting import DEFAULT_PLOTS
 from ...features.plots.state import Plots
+from ...features.stage.drawings import hidden_now
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, PROVISIONAL, length
 from ...session.actions import actions
@@ -22,7 +23,6 @@ from ...session.registry import load_features
 from ...session.sources.known import run_name
 from ...session.state import State
 from ..rerun.blueprint import hidden_paths
-from ..rerun.layers import MEASURES
 
 STATUS = {
     "waiting": "no frame for this method yet",
@@ -44,8 +44,6 @@ class PageMessage(Message, frozen=True):
 class Pane(PageMessage, frozen=True):
     """How a page has its left pane."""
 
-    wide: bool
-    """Whether viser's scene can be seen beside its panel."""
     tab: str = ""
     """Which of the panel's tabs is open."""
 
@@ -110,7 +108,7 @@ def message_of(state: State) -> dict[str, Any]:
         "activity": state.activity.text if state.activity else None,
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
-        "hidden": hidden_paths(state.methods, layers.hidden | ({MEASURES} if covers else set()), layers.colour_by),
+        "hidden": hidden_paths(state.methods, hidden_now(state, covers=covers), layers.colour_by),
         "question": None
         if state.question is None
         else {"number": state.question.number, "text": state.question.text, "yes": state.question.yes},
@@ -145,6 +143,7 @@ def _method(method: str, state: State) -> dict[str, Any]:
         hint.append(f"Live error at this frame: {length(now.error_m)}, by the pose as given then, not aligned.")
         hint += [OWN_UNIT] if registered(method).unit == "own" else []
     return {
+        "name": method,
         "label": label,
         "colour": colours.css(colours.of(method)),
         "status": status,

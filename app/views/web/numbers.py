@@ -8,7 +8,7 @@ from io import StringIO
 
 import numpy as np
 
-from ...engine.history.quantities import Value
+from ...engine.history.quantity import Value
 from ...engine.history.series import Series
 
 FORMULA = ("=", "+", "-", "@", "\t")

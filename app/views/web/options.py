@@ -64,7 +64,7 @@ class Serve(Options):
         policy = SourcePolicy(root, self.allow_devices, self.allow_network, files)
 
         def opened(source: str, options: SourceOptions | None = None) -> Sequence:
-            if source in (named, without_secrets(named)):  # the page shows and sends it without its password
+            if named and source in (named, without_secrets(named)):  # the page shows and sends it without its password
                 return replace(options or self, camera=self.camera).opened(named)
             return (options or self).opened(source, policy)
 
@@ -78,10 +78,11 @@ class Demo(Serve):
 
 @dataclass(frozen=True, kw_only=True)
 class App(Serve):
-    """Opens the app on a source, or on a run or a recording that is over."""
+    """Opens the app: on its start screen, or on a source, or on a run or a recording that is over."""
 
-    source: tyro.conf.Positional[str]
-    """sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live
+    source: tyro.conf.Positional[str] = ""
+    """Without one, choose in the page.
+    sim:NAME, the folder of a drive (KITTI, EuRoC, TUM) or of images, a video, a bag, a sequence.yaml, or a live
     camera: camera:0, http://..., rtsp://...; or, for review, a folder that `ispom run` wrote, or a recording
     (FILE.rrd)."""
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 from ...features.recording.state import Recordings
+from ...features.stage.painter import StagePainter
 from ...session.session import Session
 from ..rerun.live import LiveStream
 from ..viser.screen import Screen
@@ -45,6 +46,8 @@ class Serving:
     open_browser: bool = True
     onlookers: bool = False
     """Whether there is an address for people who may only look."""
+    mode: str = "debug"
+    """In which the page opens: debug, compare or learn."""
 
     def access(self) -> Access:
         trusted = frozenset(checked_host(name) for name in self.allowed_hosts)
@@ -90,16 +93,16 @@ async def _serve(make_session: Callable[[LiveStream], Session], serving: Serving
     try:
         server = await asyncio.get_running_loop().create_server(gateway.connections, sock=listening, backlog=128)
         address = f"http://{_name(serving.host)}:{port}{access.base}?token="
-        _print(f"ISPOM is at {address}{access.token}   (Ctrl-C ends it)")
+        mode = "" if serving.mode == "debug" else f"#mode={serving.mode}"
+        _print(f"ISPOM is at {address}{access.token}{mode}   (Ctrl-C ends it)")
         if access.onlookers is not None:
             _print(f"Onlookers see it, and change nothing, at {address}{access.onlookers}")
         if serving.lets_others_in:
             _print("Warning: this is plain HTTP: who listens on the network can read the token and all that is shown.")
             _print(f"         Safer: ssh -L {port}:127.0.0.1:{port} HOST without --host, or a proxy with TLS in front.")
         if serving.open_browser:
-            threading.Thread(
-                target=webbrowser.open, args=(address + access.ticket.text,), daemon=True, name="browser"
-            ).start()
+            found = address + access.ticket.text + mode
+            threading.Thread(target=webbrowser.open, args=(found,), daemon=True, name="browser").start()
         await stopped.wait()
         server.close()
     finally:
@@ -118,9 +121,8 @@ def _start(make_session: Callable[[LiveStream], Session]) -> Backends:
     session.start()
     screen = Screen(session)
     screen.start()
-    return Backends(
-        session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_scene, screen.show_tabs
-    )
+    StagePainter(session, live).start()
+    return Backends(session, live, screen.viser, viewer_assets, session.recordings_dir, screen.show_tabs)
 
 
 def _name(host: str) -> str:

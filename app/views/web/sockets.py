@@ -15,6 +15,7 @@ from ispom.errors import InputError
 from ...features.lessons.page_message import LessonNews
 from ...features.lessons.state import Lessons, covered
 from ...features.plots.page_message import PlotNews
+from ...features.stage.page_message import StageNews
 from ...session.people import People, Person
 from ...session.session import Session
 from ..viser.portless import PortlessViser, understood
@@ -76,7 +77,7 @@ class Talk:
                     self._obey(command_of(message.data))
         finally:
             sending.cancel()
-            self._see(self, Pane(False))
+            self._see(self, Pane())
             self._people.leave(self._person)
 
     def _obey(self, heard: object) -> None:
@@ -108,6 +109,7 @@ class Talk:
 
     async def _send(self, socket: web.WebSocketResponse) -> None:
         shown, listed, axis, plots, lesson = (), keys(), AxisNews(), PlotNews(), LessonNews()
+        stage = StageNews()
         looking = self._looking
         with suppress(ConnectionError):  # the browser went away
             while True:
@@ -122,6 +124,7 @@ class Talk:
                     shown = now
                     message = message_of(state) | {"keys": listed, "people": seen}
                     message |= {"axis": axis.since(state, run), "plots": plots.since(covered(local), run)}
+                    message |= {"stage": stage.since(local, run)}
                     message |= {"looking": looking.index, "own": own_view(local, state), "refused": self._refused}
                     message |= lesson.since(state, run, self._answers, self._person.key)
                     listed = None

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 from ispom_app.engine.history.record import ExposureRecord
 from ispom_app.engine.history.series import Series
-from ispom_app.engine.inspection.geometry import MOST_POINTS, nearest_to_ray, pair, track_rays, triple
+from ispom_app.engine.inspection.geometry import MOST_POINTS, pair, track_rays, triple
 from ispom_app.engine.inspection.looked import Looked
 from ispom_app.engine.inspection.sightings import life
 from ispom_app.engine.model.run_model import RunModel
 
-from ispom.geometry import Pose
 from ispom.types import Camera, Rig, Status, Step, Tracks
 from tests import doubles
 from tests.app.inspect.scene import COUNT, POINTS, RIG, pose, records
@@ -70,12 +69,3 @@ def test_the_pair_sees_its_points_where_they_are():
     np.testing.assert_allclose(np.linalg.norm(found.between[0, 1] - found.between[0, 0]), 0.4)
     assert min(np.linalg.norm(POINTS - p, axis=1).min() for p in found.points) < 1e-4
     assert max(np.linalg.norm(POINTS - p, axis=1).min() for p in found.points) < 1e-3
-
-
-def test_a_click_on_a_point_in_the_scene_finds_its_track():
-    eye = Pose(translation=np.array([1.0, -4.0, -2.0])).translation
-    for number in MODEL.methods["monocular"].points.landmarks().ids[:10].tolist():
-        ray = eye, 3 * (POINTS[number] - eye)
-        assert nearest_to_ray(MODEL, looked(), {"monocular": ray}, 0.01) == ("monocular", number)
-    beside = eye, np.array([0.0, -1.0, 0.0])
-    assert nearest_to_ray(MODEL, looked(), {"monocular": beside}, 0.01) is None

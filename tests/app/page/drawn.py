@@ -42,7 +42,7 @@ class View:
     def find(screen: np.ndarray, image: np.ndarray) -> View:
         """Where this image is, whatever its size; AssertionError where it is not."""
         best, found = -1.0, None
-        for width in range(215, 250):
+        for width in range(370, 420):
             size = (width, round(width * image.shape[0] / image.shape[1]))
             if size[1] >= screen.shape[0]:
                 break

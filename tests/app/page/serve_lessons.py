@@ -23,7 +23,7 @@ def opener(source: str, _: SourceOptions | None = None) -> Sequence:
 
 if __name__ == "__main__":
     folder, own = Path(sys.argv[1]), sys.argv[2:] == ["own"]
-    library = Library(LESSON if own else None, folder / "lessons.json", leads=True)
+    library = Library(LESSON if own else None, folder / "lessons.json")
     source, builder = ("double:40", helpers.build) if own else ("sim:tiny", build)
     methods = ("stereo.paper",)
     sys.exit(
@@ -31,6 +31,6 @@ if __name__ == "__main__":
             lambda live: Session(
                 opener, source, folder, live=live, builder=builder, methods=methods, extras=(library,), autoplay=False
             ),
-            Serving(port=0, base="/ispom/", open_browser=False),
+            Serving(port=0, base="/ispom/", open_browser=False, mode="learn"),
         )
     )

@@ -61,7 +61,7 @@ class Served:
     gateway: Gateway
     session: FakeSession = field(default_factory=FakeSession)
     live: FakeLive = field(default_factory=FakeLive)
-    wide: list[bool] = field(default_factory=list)
+    tabs: list[frozenset[str]] = field(default_factory=list)
 
     @property
     def url(self) -> str:
@@ -102,8 +102,8 @@ def serving(
 async def served(folder: Path, viser: PortlessViser | None, access: Access) -> AsyncIterator[Served]:
     for name in NAMES:
         (folder / name).write_bytes(b"viewer")
-    session, live, wide = FakeSession(), FakeLive(), []
-    backends = Backends(session, live, viser, lambda: folder, folder, wide.append)  # type: ignore[arg-type]
+    session, live, tabs = FakeSession(), FakeLive(), []
+    backends = Backends(session, live, viser, lambda: folder, folder, tabs.append)  # type: ignore[arg-type]
     gateway = Gateway(backends, access, COOKIE)
     runner = runner_of(gateway.app)
     await runner.setup()
@@ -111,6 +111,6 @@ async def served(folder: Path, viser: PortlessViser | None, access: Access) -> A
     server = await asyncio.get_running_loop().create_server(gateway.connections, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     async with ClientSession(headers={"Cookie": f"{COOKIE}={access.token}"}) as client:
-        yield Served(port, access, client, gateway, session, live, wide)
+        yield Served(port, access, client, gateway, session, live, tabs)
     server.close()
     await runner.cleanup()

@@ -102,10 +102,18 @@ class Page:
     """A page that was opened, with what its console said."""
 
     def __init__(
-        self, browser, url: str, *, viewer: str | None = None, after_viewer: str = "", before: str = NOT_NEW
+        self,
+        browser,
+        url: str,
+        *,
+        viewer: str | None = None,
+        after_viewer: str = "",
+        before: str = NOT_NEW,
+        first: str = "state.total > 0",
     ) -> None:
         """`viewer` is a script in place of the Rerun viewer's, which takes seconds of processor time, and
-        `after_viewer` one behind it; `before` runs before the page's own: without it the tour begins."""
+        `after_viewer` one behind it; `before` runs before the page's own: without it the tour begins. It is there
+        when `first` holds."""
         self.faults: list[str] = []
         self.requests: list[str] = []
         self.tab = browser.new_page(viewport={"width": 1280, "height": 720}, color_scheme="dark")
@@ -124,7 +132,7 @@ class Page:
                 lambda route: route.fulfill(body=route.fetch().text() + after_viewer, content_type="text/javascript"),
             )
         self.tab.goto(url)
-        self.until("state.total > 0", "the first state")
+        self.until(first, "the first state")
 
     @property
     def state(self) -> dict:

@@ -139,13 +139,13 @@ def test_states_go_out_and_commands_come_in(tmp_path: Path):
             at.session.become(reduce(at.session.state, NoticeAdded("careful")))
             for ws in (one, two):
                 assert (await ws.receive_json())["notices"][0]["text"] == "careful"
-            await one.send_str('{"do": "pane", "wide": true}')
+            await one.send_str('{"do": "pane", "tab": "Explain"}')
             await one.send_str("nonsense")
             await one.send_str('{"do": "seek", "index": 7}')
             while not at.session.commands:
                 await asyncio.sleep(0.005)
-            assert at.session.commands == [do.Seek(7)] and at.wide == [True]
-        while at.wide[-1]:
+            assert at.session.commands == [do.Seek(7)] and at.tabs == [{"Explain"}]
+        while at.tabs[-1]:
             await asyncio.sleep(0.005)
 
     serving(tmp_path, check)
@@ -341,7 +341,7 @@ def test_a_reader_that_takes_a_file_too_slowly_is_cut_off(tmp_path: Path, monkey
         ('{"do": "play", "how": "fast"}', None),
         ('{"do": "speed", "factor": 1e9}', None),
         ('{"do": ["back"]}', None),
-        ('{"do": "pane", "wide": false}', Pane(False)),
+        ('{"do": "pane", "tab": ""}', Pane()),
         ('{"do": "seek"}', None),
         ('{"do": "seek", "index": "far"}', None),
         ('{"do": "seek", "index": 1e999}', None),

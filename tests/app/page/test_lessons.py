@@ -78,10 +78,10 @@ def both(browser, own: App) -> Iterator[tuple[Learner, Learner]]:  # noqa: F811
         page.tab.close()
 
 
-def test_the_learn_tab_comes_first_and_a_click_begins_a_lesson_for_all(both: tuple[Learner, Learner]):
+def test_the_lessons_are_listed_and_a_click_begins_one_for_all(both: tuple[Learner, Learner]):
     teacher, student = both
-    assert teacher.controls.get_by_role("tab").first.inner_text() == "Learn"
-    teacher.controls.get_by_text("Stand-ins").click()
+    assert teacher.tab.locator("#modes input[value=learn]").is_checked()
+    teacher.tab.locator("#learn [data-learn=stand-ins]").click()
     for page in both:
         page.asked("Choose")
         assert page.lesson.get_by_text("About stand-ins.").is_visible()
@@ -151,13 +151,13 @@ def test_a_click_points_at_the_nearest_track_and_a_drag_draws(both: tuple[Learne
 
 def test_the_address_names_lesson_and_step_and_ending_it_brings_the_page_back(both: tuple[Learner, Learner]):
     teacher, _ = both
-    teacher.until("location.hash === '#lesson=stand-ins:4'", "the address")
-    teacher.tab.evaluate("location.hash = '#lesson=stand-ins:2'")
+    teacher.until("location.hash === '#lesson=stand-ins:4&mode=learn'", "the address")
+    teacher.tab.evaluate("location.hash = '#lesson=stand-ins:2&mode=learn'")
     teacher.asked("Give a number")
     teacher.lesson.get_by_role("button", name="end the lesson").click()
     teacher.lesson.wait_for(state="hidden")
     teacher.until("location.hash.startsWith('#run=double')", "the address without a lesson")
-    teacher.controls.get_by_text("4 of 5").wait_for()
+    teacher.tab.locator("#learn").get_by_text("4 of 5 steps").wait_for()
 
 
 def drawn(page: Learner) -> None:

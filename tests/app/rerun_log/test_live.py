@@ -115,13 +115,14 @@ def assert_drawn(source: SceneSource, run: Playback, index: int, folder: Path) -
         exposure = sequence[frame]
         pixels = np.array(found[f"/{camera}/image"].column("Image:buffer")[0].values[0].values, np.uint8)
         others = [i for i, kind in enumerate(sequence.kinds) if kind == sequence.kinds[frame] and i != frame]
-        assert all(distance(pixels, sequence[i]) > 3 * distance(pixels, exposure) for i in others)
+        assert all(distance(pixels, sequence[i], camera) > 3 * distance(pixels, exposure, camera) for i in others)
         assert len(found[f"/{camera}/tracks"].column("Points2D:positions")[0]) > 0
 
 
-def distance(pixels: np.ndarray, exposure: Exposure) -> float:
+def distance(pixels: np.ndarray, exposure: Exposure, camera: str) -> float:
     """Mean difference of brightness: of colours that are noise, JPEG keeps little."""
-    image = exposure.left if isinstance(exposure, StereoPair) else exposure.image
+    stereo = isinstance(exposure, StereoPair)
+    image = exposure.image if not stereo else exposure.left if camera == "left" else exposure.right
     drawn, own = (cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(int) for each in (pixels.reshape(image.shape), image))
     return float(np.abs(drawn - own).mean())
 

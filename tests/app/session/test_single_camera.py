@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +17,6 @@ from ispom_app.features.branches.service import BranchService
 from ispom_app.features.branches.state import Branches
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
-from ispom_app.views.viser.scene import TRUE_LINE, Scene
 from ispom_app.views.web.messages import message_of
 
 from ispom.evaluation.trajectory_error import error_against_truth
@@ -91,35 +89,6 @@ def test_it_has_an_error_curve_and_no_live_one(single: Session) -> None:
     assert curve.label == "Monocular, Sim(3)" and np.isfinite(curve.values).sum() == len(error.estimate)
     assert np.sqrt(np.nanmean(curve.values**2)) == pytest.approx(error.ate_m)
     assert not list(live_curves(single.state, single.service(BranchService).run_of)), "its live poses have no unit"
-
-
-def test_the_true_path_is_drawn_along_its_own(single: Session, server) -> None:  # noqa: F811
-    run, sent = single.run, dict[str, Any]()
-    assert run is not None and run.opened.truth is not None
-    add = server.scene.add_line_segments
-
-    def spy(name: str, points: Any, *arguments: Any, **named: Any) -> Any:
-        sent[name] = points
-        return add(name, points, *arguments, **named)
-
-    server.scene.add_line_segments = spy
-    try:
-        scene = Scene(server.scene, lambda _: None)
-        scene.start(run.opened)
-        assert TRUE_LINE not in sent, "nothing is known of where it is"
-        last = run.history.last
-        assert last is not None
-        scene.show(run.known_at(last.index), last, frozenset())
-    finally:
-        del server.scene.add_line_segments
-    model = run.known_at(last.index)
-    poses = model.methods["monocular"].poses.trajectory(model.times)
-    rig = run.opened.sequence.rig
-    own = last.placements["monocular"].apply(poses.translations)
-    true = sent[TRUE_LINE].reshape(-1, 3)
-    nearest = np.linalg.norm(own[:, None] - true[None], axis=2).min(axis=1)
-    length = np.linalg.norm(np.diff(own, axis=0), axis=1).sum()
-    assert rig.video is not None and nearest.max() < 0.02 * length
 
 
 def test_it_is_aligned_again_a_few_times_only(single: Session) -> None:

@@ -1,4 +1,4 @@
-"""The panel of branches, and their lines in the scene."""
+"""The panel of branches, and their lines in the 3-D view."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import viser
 from ispom_app.engine.model.tally import Tally
@@ -14,7 +15,7 @@ from ispom_app.features.branches.accuracy import measured
 from ispom_app.features.branches.branches import Beside, Branch
 from ispom_app.features.branches.commands import CompareBranch, DeleteBranch, HideBranch, RenameBranch, ShowBranch
 from ispom_app.features.branches.panel import COMPARE, DELETE, SHOW, BranchesPanel, _Common, _entry
-from ispom_app.features.branches.scene import BranchScene
+from ispom_app.features.branches.stage import trajectories
 from ispom_app.presentation.texts import MILLIMETRE
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
@@ -152,16 +153,13 @@ def test_choosing_another_fills_its_name(server: viser.ViserServer, two: State) 
     assert panel._name.value == "first run" and not asked
 
 
-def test_lines_are_drawn_once_and_removed_with_their_branch(server: viser.ViserServer, run: CurrentRun) -> None:
-    sent, gone = list[str](), list[str]()
-    api: Any = SimpleNamespace(add_line_segments=lambda name, *_, **__: sent.append(name), remove_by_name=gone.append)
+def test_each_method_of_a_branch_is_a_line_where_its_poses_are(run: CurrentRun) -> None:
     last = run.history.last
     assert last is not None
-    scene, beside = BranchScene(api), {1: Beside(run.known_at(21), last.placements, (1, 2, 3))}
-    scene.show(beside, frozenset())
-    scene.show(beside, frozenset())
-    assert sent == [f"/branches/1/{m}" for m in METHODS]
-    scene.show(beside, frozenset({"stereo"}))
-    assert gone == ["/branches/1/stereo"]
-    scene.show({}, frozenset())
-    assert set(gone) == set(sent)
+    model = run.known_at(21)
+    beside = {1: Beside(model, last.placements, (1, 2, 3))}
+    drawn = {entry.path: entry.value for entry in trajectories(beside, frozenset({"stereo"}))}
+    assert set(drawn) == {f"world/branches/1/{m}" for m in METHODS if m != "stereo"}
+    (line, *others) = drawn["world/branches/1/monocular"].strips.as_arrow_array().to_pylist()
+    poses = model.methods["monocular"].poses.trajectory(model.times).translations
+    assert not others and np.allclose(line, last.placements["monocular"].apply(poses), atol=1e-5)

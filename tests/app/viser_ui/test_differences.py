@@ -58,7 +58,7 @@ def test_it_says_how_far_it_is_and_that_nothing_differs(server: viser.ViserServe
     begun = replace(COMPARISON, done=12, apart=0, first=(), thinned=0)
     panel, _ = made(server, begun)
     assert "comparing: 3 of 21 exposures" in panel._text.content and not panel._buttons.visible
-    assert "bit for bit the same" in made(server, replace(begun, done=30))[0]._text.content
+    assert "all numbers agree within 1e-9" in made(server, replace(begun, done=30))[0]._text.content
     assert not made(server, None)[0]._text.visible
 
 

@@ -1,4 +1,4 @@
-"""A/B flicker: one image with the tracks of one side at a time, and the scene with its path and points alone."""
+"""A/B flicker: one image with the tracks of one side at a time, and the 3-D view with its path and points alone."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from ispom_app.features.branches.branches import Branch
 from ispom_app.features.flicker.commands import Flick, FlickerBetween, StopFlicker
 from ispom_app.features.flicker.flicker import Flicker, Side
 from ispom_app.features.flicker.panel import OFF, TURN, FlickerPanel
-from ispom_app.features.flicker.scene import FlickerScene
+from ispom_app.features.flicker.stage import side
+from ispom_app.features.flicker.state import Flickering
 from ispom_app.presentation import colours
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
 from ispom_app.views.viser.track_picture import picture, tracks_of
+from ispom_app.views.web.messages import message_of
 
 from ispom.types import Tracks
 from tests import doubles
 from tests.alone import METHODS
 from tests.app import helpers
 from tests.app.helpers import with_values
-from tests.app.viser_ui.test_scene import Spy
 
 A, B = Side(0, "stereo"), Side(1, "stereo")
 
@@ -113,15 +114,20 @@ def test_the_tracks_are_those_of_the_method_or_of_what_it_builds_on(run: Current
     assert tracks_of(record, "nobody", camera) is None
 
 
-def test_both_sides_are_drawn_and_a_turn_only_shows_the_other(server: viser.ViserServer, run: CurrentRun) -> None:
-    spy = Spy(server.scene)
-    scene = FlickerScene(spy, lambda _: run, lambda _: None)  # type: ignore[arg-type]
-    flicker = Flicker(A, B)
-    scene.show(flicker, 21, frozenset({"stereo"}))
-    roots = {name: spy.handles[f"/flicker/{name}"] for name in ("a0_stereo", "b1_stereo")}
-    assert [root.visible for root in roots.values()] == [True, False]
-    spy.sent.clear()
-    scene.turn(flicker.turned)
-    assert [root.visible for root in roots.values()] == [False, True] and not spy.sent
-    scene.show(None, 21, frozenset())
-    assert not scene._drawn
+def test_a_side_has_its_path_points_and_camera(run: CurrentRun) -> None:
+    drawn = {entry.path: entry.value for entry in side("a", A, run, 99)}
+    assert set(drawn) == {f"world/flicker/a/{part}" for part in ("path", "cloud", "camera")}
+    (path,) = drawn["world/flicker/a/path"].strips.as_arrow_array().to_pylist()  # type: ignore[attr-defined]
+    model = run.known_at(len(run.history) - 1)
+    poses = model.methods["stereo"].poses.trajectory(model.times)
+    assert np.allclose(path, poses.translations, atol=1e-5), "as known last"
+
+
+def test_a_turn_only_hides_the_other_side(state: State) -> None:
+    def hidden(flicker: Flicker) -> str:
+        return " ".join(message_of(state.having(Flickering(flicker)))["hidden"])
+
+    first, second = hidden(Flicker(A, B)), hidden(Flicker(A, B).turned)
+    assert "world/flicker/b/" in first and "world/flicker/a/" not in first
+    assert "world/flicker/a/" in second and "world/flicker/b/" not in second
+    assert all("world/stereo/" in each for each in (first, second)), "what is drawn else is in the way"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,23 +11,21 @@ import pytest
 import viser
 from ispom_app.engine.playback import Playback
 from ispom_app.features.integration.commands import ShowIntegration, StepIntegration
-from ispom_app.features.integration.drawing import Dots, Line, bracket_rows, drawing, extent
+from ispom_app.features.integration.drawing import Dots, Line, bracket_rows, drawing, positions
 from ispom_app.features.integration.integration import Integration, latest_fit
 from ispom_app.features.integration.numbers import table
 from ispom_app.features.integration.panel import NEXT, PREVIOUS, IntegrationPanel
-from ispom_app.features.integration.scene import IntegrationScene
+from ispom_app.features.integration.stage import ROOT, entries
 from ispom_app.features.integration.state import IntegrationSteps
 from ispom_app.presentation.texts import length
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import State, reduce
-from ispom_app.views.viser.screen import Screen
+from ispom_app.views.web.messages import message_of
 
 from ispom.types import Step, Trajectory
 from tests import doubles
 from tests.app import helpers
-from tests.app.helpers import started, wait_for
-from tests.app.viser_ui.test_scene import Spy
 
 METHODS = ("monocular", "integrated", "integrated.paper")
 
@@ -98,7 +95,7 @@ def test_the_numbers_of_a_spline_stand_beside_those_before(run: CurrentRun) -> N
 def test_what_the_history_gave_up_is_neither_drawn_nor_counted(run: CurrentRun) -> None:
     step = fit_of(run, "integrated.paper")
     bare = replace(step, segments=(replace(step.segments[0], video=Trajectory.empty("video")),))
-    assert drawing(bare, 0) == () and table(bare, 0) == {} and extent(())[1] == 1.0
+    assert drawing(bare, 0) == () and table(bare, 0) == {} and not len(positions(()))
 
 
 class Panel:
@@ -131,32 +128,20 @@ def test_before_the_first_fit_the_panel_says_so(server: viser.ViserServer, run: 
     assert "Nothing is fitted up to this exposure" in made.panel._text.content
 
 
-def test_the_scene_draws_a_stage_once_and_takes_it_away(server: viser.ViserServer, run: CurrentRun) -> None:
-    spy, step = Spy(server.scene), fit_of(run, "integrated.paper")
-    scene = IntegrationScene(spy)  # type: ignore[arg-type]
-    scene.show(step, 1)
-    scene.show(step, 1)
-    assert set(spy.sent) == {f"/integration/{name}" for name in names(step, 1)} and set(spy.sent.values()) == {1}
-    scene.show(step, 2)
-    assert "/integration/bracket" not in spy.handles and "/integration/ends" in spy.handles
-    scene.show(None, 0)
-    assert not spy.handles
+@pytest.mark.parametrize("stage", [0, 1, 2])
+def test_the_3d_view_has_all_that_a_stage_consists_of(run: CurrentRun, stage: int) -> None:
+    step = fit_of(run, "integrated.paper")
+    assert {entry.path for entry in entries(step, stage)} == {f"{ROOT}/{name}" for name in names(step, stage)}
 
 
 def test_rounding_is_no_length() -> None:
     assert [length(metres) for metres in (4.5e-16, 0.0, 6.13e-4, -0.5)] == ["0 mm", "0 mm", "0.61 mm", "-500 mm"]
 
 
-def test_key_frames_and_cameras_do_not_hide_the_fit_that_is_looked_at(tmp_path: Path) -> None:
-    session = started(tmp_path, methods=("stereo", "integrated"))
-    wait_for(lambda: session.state.ended, "the end")
-    screen, drawn = Screen(session), lambda: set(screen.server.scene._handle_from_node_name)
-    screen.paint()
-    assert "/stereo/key_frames/0" in drawn()
-    session.post(ShowIntegration("integrated"))
-    wait_for(lambda: session.state[IntegrationSteps].shown is not None, "the integration")
-    screen._scene_due_s = 0.0
-    screen.paint()
-    assert "/stereo/key_frames/0" not in drawn() and "/stereo/path/0" in drawn()
-    screen.server.stop()
-    session.close(5)
+def test_key_frames_and_cameras_do_not_hide_the_fit_that_is_looked_at(run: CurrentRun) -> None:
+    state = reduce(State("double:40"), run.opened)
+    before = " ".join(message_of(state)["hidden"])
+    during = " ".join(message_of(state.having(IntegrationSteps(Integration("integrated"))))["hidden"])
+    for part in ("key_frames", "camera"):
+        assert f"world/monocular/{part}/" not in before and f"world/monocular/{part}/" in during
+    assert "world/monocular/path" not in during

@@ -18,7 +18,7 @@ from ispom_app.features.tracks.commands import LookAt
 from ispom_app.features.tracks.geometry import geometry_report
 from ispom_app.features.tracks.key_frames import key_frames_report
 from ispom_app.features.tracks.residuals import residuals_report
-from ispom_app.features.tracks.scene import LookScene, clicked
+from ispom_app.features.tracks.stage import ROOT, in_images, in_world
 from ispom_app.features.tracks.tab import EMPTY, LookTab
 from ispom_app.features.tracks.track import CHIP_PX, MOST_KEPT, TrackChips, cut, spread, track_report
 from ispom_app.features.tracks.track_picture import track_picture
@@ -26,9 +26,9 @@ from ispom_app.features.tracks.tracks import lifetimes_chart, tracks_table
 from ispom_app.session import commands as do
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.session.state import Computed, State, reduce
+from ispom_app.views.rerun import entities
 
 from ispom.errors import InputError, UnreadableImage
-from ispom.geometry import Pose, Similarity
 from ispom.types import Rig, Tracks
 from tests import doubles
 from tests.alone import METHODS
@@ -197,23 +197,20 @@ def test_it_is_drawn_when_something_changed_and_at_most_once_a_second_while_play
     assert tab._picture.content != first
 
 
-def test_the_scene_shows_the_selected_track_and_the_layer_only_where_wanted(server: viser.ViserServer, run: CurrentRun):
-    scene = LookScene(server.scene)
-    scene.show(looked(run, "track:stereo:5", "left"), False)
-    assert scene._drawn == {"/look/track/points", "/look/track/spread"}
-    scene.show(looked(run), True)
-    assert {f"/look/{of}/cameras" for of in ("triple", "pair")} <= scene._drawn
-    assert not any("track" in name for name in scene._drawn)
-    scene.show(None, False)
-    assert not scene._drawn
+def test_the_3d_view_has_the_selected_track_and_the_layer_only_where_wanted(run: CurrentRun):
+    paths = {entry.path for entry in in_world(looked(run, "track:stereo:5", "left"), geometry=False)}
+    assert paths == {f"{ROOT}/track/{part}" for part in ("rays", "point", "region")}
+    paths = {entry.path for entry in in_world(looked(run), geometry=True)}
+    assert {f"{ROOT}/{of}/cameras" for of in ("triple", "pair")} <= paths
+    assert not any("track" in path for path in paths)
 
 
-def test_a_click_in_the_scene_is_taken_into_the_world_of_each_method(run: CurrentRun):
-    shown = looked(run)
-    placed = Similarity(2.5, Pose.from_rotvec(np.array([0.1, -0.3, 0.2]), np.array([4.0, 1.0, -2.0])))
-    shown = replace(shown, record=replace(shown.record, placements={"monocular": placed}))
-    model = shown.known_at(shown.index)
-    points = model.methods["monocular"].points.landmarks()
-    eye = np.array([0.0, -60.0, 0.0])
-    for number, xyz in zip(points.ids[:5].tolist(), points.xyz_in_world[:5], strict=True):
-        assert clicked(shown, model, eye, placed.apply(xyz) - eye) == parsed(f"track:monocular:{number}")
+def test_the_selected_track_has_a_ring_in_its_image(run: CurrentRun):
+    shown = looked(run, "track:stereo:5", "left")
+    (entry,) = in_images(shown)
+    index = max(i for i in range(shown.record.index + 1) if run.opened.sequence.kinds[i] == "stereo")
+    tracks = next(step for step in run.history[index].steps if step.method == "stereo").tracks["left"]
+    ring = np.array(entry.value.strips.as_arrow_array().to_pylist()[0])  # type: ignore[attr-defined]
+    at = entities.shown_uv(tracks.uv[tracks.ids == 5], run.opened.sequence.rig.camera("left"))
+    assert entry.path == "left/selected" and np.allclose(ring[:-1].mean(0), at[0], atol=1e-3)
+    assert not list(in_images(looked(run, "key_frame:stereo:5")))

@@ -8,7 +8,6 @@ from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 import viser
 from ispom_app.engine.history.record import ExposureRecord
@@ -95,11 +94,6 @@ def panel(screen: Screen, kind: type) -> Any:
     return next(p for p in screen.panels if isinstance(p, kind))
 
 
-def camera(screen: Screen) -> np.ndarray:
-    handle: Any = screen._scene._methods["stereo"]._camera
-    return np.array(handle.position)
-
-
 def test_every_panel_shows_the_exposure(screen: Screen, session: FakeSession):
     screen.paint()
     assert f"Frame {session.state.index}<" in panel(screen, ExplainPanel)._verdicts.content
@@ -153,38 +147,6 @@ def test_while_it_plays_the_panels_are_painted_ten_times_a_second(screen: Screen
     clock.now += screens.PLAYING_S
     screen.paint()
     assert f"Frame {5}<" in panel(screen, ExplainPanel)._verdicts.content
-
-
-def test_the_scene_is_of_the_exposure_shown_and_rarer_than_the_panels(screen: Screen, session: FakeSession, clock):
-    screen.paint()
-    end = camera(screen)
-    session.seek(3)
-    screen.paint()
-    assert np.array_equal(camera(screen), end)
-    clock.now += screens.SCENE_S
-    screen.paint()
-    poses = session.known_at(3).methods["stereo"].poses
-    row = poses.last_known()
-    assert row is not None and np.allclose(camera(screen), poses.position(row), atol=1e-6)
-
-
-def test_a_scene_that_nobody_sees_is_not_drawn(screen: Screen, session: FakeSession, clock):
-    screen.show_scene(False)
-    screen.paint()
-    assert not screen._scene._methods
-    screen.show_scene(True)
-    screen.paint()
-    assert camera(screen).any()
-
-
-def test_another_run_empties_the_scene(screen: Screen, session: FakeSession, clock):
-    screen.paint()
-    before = screen._scene._methods["stereo"]
-    session.state = with_values(reduce(session.state, session.opened), displayed=None)
-    clock.now += screens.SCENE_S
-    screen.paint()
-    after = screen._scene._methods["stereo"]
-    assert after is not before and after._camera is None
 
 
 def test_a_panel_that_fails_is_reported_once_and_the_others_go_on(

@@ -1,12 +1,12 @@
 // The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that
 // somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at and plotted, exposure.
-// Of a lesson it names that and the step alone: `#lesson=collapse:2`.
+// Of a lesson it names that and the step alone: `#lesson=collapse:2`. The page's own mode, which nobody else sees, stands behind: `&mode=learn`.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
 const PATIENCE_MS = 8000; // for a part that the run does not have, such as an exposure beyond its end
-const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "" }; // what need not be written
+const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "", mode: "debug" }; // what need not be written
 const STEPS = [
   step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? learn(lesson) : { do: "end_lesson" })),
-  step("run", (state) => state.address.run, (run) => ({ do: "open_named", run })),
+  step("run", (state) => state.address.run, (run) => ({ do: "open_named", name: run })),
   step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
   step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
   step("select", (state) => state.selected, (what) => ({ do: "select", what })),
@@ -20,7 +20,8 @@ function step(name, shown, ask) {
 }
 
 // `drives` says whether this page may change all that; one that follows another's may look at an exposure of its own.
-export function makeAddress(send, drives) {
+// `modes` has the page's mode.
+export function makeAddress(send, drives, modes) {
   let wanted = read(late.instead(location.hash)); // what is still to be reached; null while the address follows the page
   if (wanted && played.before()) delete wanted.at; // a run that plays goes on: its address is behind it
   let since = performance.now(); // when that was read
@@ -34,11 +35,13 @@ export function makeAddress(send, drives) {
     late.forget();
     if (location.hash !== written) return;
     writtenAt = performance.now();
-    const hash = hashOf(state);
+    const hash = hashOf(state, modes.mode);
     if (hash !== written) history.replaceState(null, "", hash);
     written = location.hash;
   };
+  modes.set(modeIn(location.hash));
   addEventListener("hashchange", () => {
+    modes.set(modeIn(location.hash));
     asked = null;
     wanted = read(location.hash);
     since = performance.now();
@@ -56,10 +59,10 @@ export function makeAddress(send, drives) {
   const follow = (state) => {
     if (state.playing !== shown?.playing) played.keep(state.playing);
     shown = state;
-    if (state.phase === "opening" || state.index < 0) return;
+    if (state.phase !== "empty" && (state.phase === "opening" || state.index < 0)) return;
     if (wanted && !reached(state)) return;
     clearTimeout(due);
-    late.keep(written, hashOf(state));
+    late.keep(written, hashOf(state, modes.mode));
     due = setTimeout(() => write(state), Math.max(0, writtenAt + WRITE_MS - performance.now()));
   };
   // Whether there is nothing more to ask for; where there is, it is asked for, which may come back here at once.
@@ -88,9 +91,9 @@ const refused = (state, asked) => state.notices.some(({ kind, number }) => kind 
 const idle = (state) => state.target === null && !state.activity && !state.question;
 
 // What is shown, as an address names it.
-function hashOf(state) {
-  const named = state.address.lesson ? STEPS.slice(0, 1) : STEPS;
-  const parts = named.map(({ name, shown }) => [name, String(shown(state))]);
+function hashOf(state, mode) {
+  const named = state.phase === "empty" ? [] : state.address.lesson ? STEPS.slice(0, 1) : STEPS;
+  const parts = [...named.map(({ name, shown }) => [name, String(shown(state))]), ["mode", mode]];
   const found = new URLSearchParams(parts.filter(([name, value]) => value !== DEFAULTS[name]));
   return `#${String(found).replaceAll("%3A", ":").replaceAll("%2C", ",")}`;
 }
@@ -120,6 +123,8 @@ function stored(ask) {
     return null;
   }
 }
+
+const modeIn = (hash) => new URLSearchParams(hash.slice(1)).get("mode") ?? "debug";
 
 // The parts of an address; null where it names nothing.
 function read(hash) {

@@ -2,15 +2,18 @@
 import { action } from "./actions.js";
 import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
+import { makeCompare } from "./compare.js";
 import { openControls } from "./controls.js";
 import { listen, setKeys } from "./keyboard.js";
 import { makeLesson } from "./lesson.js";
 import { showNotice, showNotices } from "./notices.js";
+import { makeModes } from "./modes.js";
 import { makePeople } from "./people.js";
 import { makeQuestion } from "./question.js";
 import { openViewer } from "./rerun.js";
 import { openSaving } from "./save_view.js";
 import { makeSplitter } from "./splitter.js";
+import { makeStart } from "./start.js";
 import { showOffline, showState, showViewer } from "./status_bar.js";
 import { makeTour } from "./tour.js";
 import { makeTransport } from "./transport.js";
@@ -25,16 +28,16 @@ addEventListener("beforeunload", () => leaving.abort()); // a reload would undo 
 let socket;
 let state = null;
 let taught = null; // the lesson, as the server sent it last
-const pane = { wide: false, tab: "" };
+const pane = { tab: "" };
 const send = (message) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const people = makePeople(send, command, (text) => showNotice({ text, kind: "info" }));
-const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), showViewer);
+const viewer = openViewer(dark.matches, (index) => people.command({ do: "seek", index }), (message) => people.command(message), showViewer);
 
 function paneBecame(change) {
   if (Object.entries(change).every(([key, value]) => pane[key] === value)) return;
   send({ do: "pane", ...Object.assign(pane, change) });
 }
-makeSplitter((wide) => paneBecame({ wide }));
+makeSplitter();
 
 function connect() {
   socket = new WebSocket(new URL("ws", document.baseURI).href.replace("http", "ws"));
@@ -45,7 +48,7 @@ function connect() {
     if (state.lesson !== undefined) lesson.news((taught = state.lesson));
     window.ispom = { state, viewer, send, action, axis: axis.data, lesson: taught };
     show(state);
-    showNotices(state.notices);
+    showNotices(start.heard(state));
   };
   socket.onclose = () => {
     showOffline();
@@ -65,7 +68,18 @@ function show(state) {
   controls.follow(!people.drives());
   ask(shown.question, people.drives());
   lesson.follow(people.drives(), state.people);
+  start.follow(shown);
+  modes.follow(shown, taught);
+  compare.follow(shown);
+  cover();
   tour(shown);
+}
+
+// What lies over the run, which has its keys back when that is closed.
+function cover() {
+  const sheet = document.querySelector(".sheet:not([hidden])");
+  document.body.dataset.sheet = sheet?.id ?? "";
+  for (const id of ["panes", "dock"]) document.getElementById(id).inert = Boolean(sheet);
 }
 
 function fileName() {
@@ -93,7 +107,14 @@ function press(message) {
 listen(window, press);
 const controls = openControls(dark.matches, press, command, (tab) => paneBecame({ tab }));
 
-const address = makeAddress(people.command, people.drives);
+const again = () => state && show(state);
+const modes = makeModes(command, () => {
+  start.close();
+  again();
+});
+const start = makeStart(command, modes, again);
+const compare = makeCompare(command, modes, start.open);
+const address = makeAddress(people.command, people.drives, modes);
 const showTransport = makeTransport(command);
 const tour = makeTour();
 const ask = makeQuestion(send);

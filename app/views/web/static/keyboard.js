@@ -2,11 +2,12 @@
 // server says (app/session/actions.py); "?" is the list's of them, and Escape closes that, or the tour.
 import { action, setActions } from "./actions.js";
 import { hideKeys, listKeys, toggleKeys } from "./key_list.js";
+import { frameAgain } from "./stage_view.js";
 import { hideTour } from "./tour.js";
 
 const TEXT = "textarea, select, input:not([type=checkbox], [type=radio], [type=range], [type=button]), [contenteditable=true]";
 const LIST = "[aria-haspopup=listbox]"; // a text field as well: what is typed there searches in the list
-const MOVED = "[role=slider], [role=tab], [role=radio], input[type=radio], #splitter"; // with the arrows, and with these:
+const MOVED = "[role=slider], [role=tab], [role=radio], input:is([type=radio], [type=range]), #splitter"; // with the arrows, and with these:
 const MOVES = ["ArrowLeft", "ArrowRight", "Home", "End", "Space"];
 const PRESSED = "button, [role=checkbox], input[type=checkbox]";
 const reached = new WeakSet(); // what got the focus by key: any key makes a button that was clicked look as if it had
@@ -25,8 +26,8 @@ export function listen(page, command) {
   page.addEventListener("keydown", (event) => {
     pointed = false;
     const key = keyOf(event);
-    const own = { "?": toggleKeys, Escape: () => hideKeys() || hideTour() }[key];
-    if ((!own && !names[key]) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
+    const own = { "?": toggleKeys, f: frameAgain, Escape: () => hideKeys() || hideTour() }[key];
+    if ((!own && (!names[key] || document.body.dataset.sheet)) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
     if (own) {
       if (!own()) return;
     } else command(action(names[key]));

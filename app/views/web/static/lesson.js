@@ -1,5 +1,6 @@
 // A lesson: its step's text and question, one's own answer, and, when it is revealed, what the run showed. Everybody
 // answers for themselves; whoever drives leads through the steps.
+import { element } from "./element.js";
 import { draw } from "./lesson_curve.js";
 import { point } from "./lesson_picture.js";
 
@@ -121,10 +122,6 @@ function row(...parts) {
   const made = element("div", "row");
   made.append(...parts);
   return made;
-}
-
-export function element(tag, kind = "", text = "") {
-  return Object.assign(document.createElement(tag), { className: kind, textContent: text });
 }
 
 const escaped = (text) => element("i", "", text).innerHTML;

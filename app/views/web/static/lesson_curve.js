@@ -1,5 +1,5 @@
 // A question that is answered by drawing a curve, and the run's own curve over it.
-import { made } from "./lesson_picture.js";
+import { made } from "./svg.js";
 
 const WIDTH = 340, HEIGHT = 170, LEFT = 34, BOTTOM = 30, TOP = 8, RIGHT = 14;
 const ACROSS = WIDTH - LEFT - RIGHT, UP = HEIGHT - TOP - BOTTOM;

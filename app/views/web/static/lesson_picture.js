@@ -1,5 +1,5 @@
 // A question that is answered by a click on a track: the picture with its tracks, all alike until the answer is known.
-const SVG = "http://www.w3.org/2000/svg";
+import { made } from "./svg.js";
 
 export function point(into, { image, width, height, dots }, answer) {
   if (!image) {
@@ -31,10 +31,4 @@ export function point(into, { image, width, height, dots }, answer) {
 function nearest(dots, u, v) {
   const away = ([, x, y]) => (x - u) ** 2 + (y - v) ** 2;
   return dots.reduce((best, dot) => (away(dot) < away(best) ? dot : best));
-}
-
-export function made(tag, attributes) {
-  const element = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
-  return element;
 }

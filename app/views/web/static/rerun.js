@@ -3,6 +3,7 @@
 import { feedLive } from "./live.js";
 import { makeCursor } from "./rerun_cursor.js";
 import { afterData, afterFrames, hurry, wake } from "./render_throttle.js";
+import { makeEye } from "./stage_view.js";
 import { closeRecordings, stateOf, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
@@ -15,16 +16,21 @@ const STILL_MS = 2000;
 const PICTURE_MS = 15_000; // for a frame of the viewer: with software graphics one takes up to a second
 const at = (id) => document.getElementById(id);
 
-// `seek` is told where a hand went on Rerun's side, `drawn` what the views show: see status_bar.js.
-export function openViewer(dark, seek, drawn) {
+// `seek` is told where a hand went on Rerun's side, `pick` what it clicked, `drawn` what the views show: see status_bar.js.
+export function openViewer(dark, seek, pick, drawn) {
   const canvas = at("canvas");
   const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: new Set(), drawn };
   viewer.cursor = makeCursor(canvas, seek, (message) => control(viewer, message));
+  viewer.eye = makeEye(canvas, (message) => control(viewer, message));
+  const heard = (event) => {
+    viewer.cursor.heard(event);
+    if (event.type === "selection_change") picked(viewer, event, pick);
+  };
   // Not before the source is open: starting takes seconds of processor time. With the first exposure would be too late:
   // that would be out of date when the viewer has started.
   viewer.start = () => {
     viewer.start = () => {};
-    start(canvas, dark, (event) => viewer.cursor.heard(event)).then(
+    start(canvas, dark, heard).then(
       (handle) => {
         viewer.handle = handle;
         viewer.stage = feedLive(handle, () => watch(viewer), () => keepStill(viewer, canvas));
@@ -38,6 +44,7 @@ export function openViewer(dark, seek, drawn) {
   for (const kind of ["resize", "focus", "visibilitychange"]) addEventListener(kind, () => wake());
   viewer.follow = (state) => {
     viewer.state = state;
+    viewer.eye.follow(state.stage);
     if (state.total) viewer.start();
     if (viewer.handle) watch(viewer);
   };
@@ -132,6 +139,15 @@ function watch(viewer) {
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
   viewer.cursor.show(recording, state.index);
   showLayers(viewer, id);
+  viewer.eye.show(id);
+}
+
+// A click in a view: what it hit there, in the frame that the views show.
+function picked({ stage }, { items }, pick) {
+  const hit = items.find(({ type, position }) => type === "entity" && position);
+  if (!hit || !stage?.shown) return;
+  const position = [0, 1, 2].map((i) => hit.position[i] ?? null);
+  pick({ do: "pick_on_stage", path: hit.entity_path, index: stage.shown.index, position, instance: hit.instance_id ?? null });
 }
 
 // The viewer takes in a little of the stream with each frame that it draws, and where graphics are software a frame takes

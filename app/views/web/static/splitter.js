@@ -1,9 +1,8 @@
 // The border between the controls and the Rerun viewer. Remembered by the browser, where it allows that.
 const NARROW = 380; // the width of viser's panel: less would cut its controls
-const SCENE = 620; // pixels from which viser's scene shows beside its panel
 const KEEP = 420; // pixels that the right side always has
 
-export function makeSplitter(onWide) {
+export function makeSplitter() {
   const splitter = document.getElementById("splitter");
   const panes = document.getElementById("panes");
   let width = Number(read()) || NARROW;
@@ -12,7 +11,6 @@ export function makeSplitter(onWide) {
     wanted = asked;
     width = Math.round(Math.min(Math.max(wanted, NARROW), Math.max(innerWidth - KEEP, NARROW)));
     panes.style.setProperty("--left", `${width}px`);
-    onWide(width > SCENE);
   };
   place(width);
   addEventListener("resize", () => place(wanted));
@@ -26,7 +24,7 @@ export function makeSplitter(onWide) {
     write(width);
   });
   splitter.addEventListener("dblclick", () => {
-    place(width === NARROW ? innerWidth / 2 : NARROW);
+    place(NARROW);
     write(width);
   });
   splitter.addEventListener("keydown", (event) => {

@@ -50,7 +50,6 @@ export function showOffline() {
 }
 
 const doing = (state) => {
-  if (state.phase === "failed") return "no source is open: choose one on the left";
   if (state.target !== null) return `computing up to exposure ${state.target}: ${state.computed} done`;
   if (state.activity) return `${state.activity} …`;
   return null;

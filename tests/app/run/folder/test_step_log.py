@@ -7,7 +7,7 @@ from io import FileIO
 from pathlib import Path
 
 import pytest
-from ispom_app.engine.history.quantities import DROPPED
+from ispom_app.engine.history.step_quantities.step import DROPPED
 from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_folder import run_folder, step_log, table
 from ispom_app.engine.run_folder.run_folder import RunFolder

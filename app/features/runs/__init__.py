@@ -1,0 +1,1 @@
+"""Every run that there is in one table: of the session, and of the recordings folder."""

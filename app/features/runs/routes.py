@@ -1,0 +1,165 @@
+"""The addresses of the start screen, the runs table and the mode Compare: JSON and pictures."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from aiohttp import web
+
+from ispom.errors import InputError, is_text
+from ispom.io.files import bounded
+
+from ...engine.differences.compare import divergences
+from ...engine.run_folder.run_file import read_run_file
+from ...session.session import Session
+from ...session.state import State
+from ...views.web.files import SECURITY
+from ..branches.service import BranchService
+from ..branches.state import Branches
+from ..diff.folder import run_rows
+from ..diff.settings import differing
+from ..diff.text import shown
+from ..lessons.library import Library
+from ..lessons.state import Lessons
+from .compare import comparison_message, divergence_message
+from .folder import RecordedRuns
+from .frame_picture import frame_picture
+from .live import live_rows, merged
+from .table import table_message
+
+NOT_KEPT = {"Cache-Control": "no-store"}
+WIDTHS = range(40, 641)
+"""Of a picture of a frame [px]."""
+ROUNDING = 1e-9
+"""As of a comparison of branches."""
+
+
+class RunsRoutes:
+    """`may_drive` says whether who asks may change the session: nobody else looks into folders."""
+
+    def __init__(self, session: Session, may_drive: Callable[[web.Request], bool]) -> None:
+        self._session, self._may_drive = session, may_drive
+        self._recorded: RecordedRuns | None = None
+        self._reading = asyncio.Lock()
+
+    def routes(self, base: str) -> list[web.RouteDef]:
+        return [
+            web.get(f"{base}runs", self._runs),
+            web.get(f"{base}folders", self._folders),
+            web.get(f"{base}frame", self._frame),
+            web.get(f"{base}comparison", self._comparison),
+            web.get(f"{base}differences", self._differences),
+        ]
+
+    async def _runs(self, request: web.Request) -> web.StreamResponse:
+        """The runs table, the sources that were opened before, and the lessons with their progress."""
+        session, state = self._session, self._session.state
+        live = {} if _covers(state) else live_rows(state, session.service(BranchService).run_of, session.recordings_dir)
+        async with self._reading:  # one thread at a time
+            self._recorded = self._recorded or RecordedRuns(session.recordings_dir)
+            recorded = await asyncio.to_thread(self._recorded.rows)
+        message = table_message(merged(live.values(), recorded))
+        return _json(message | {"recent": state.recent, "lessons": self._lessons(state)})
+
+    def _lessons(self, state: State) -> list[dict[str, Any]]:
+        return [
+            {
+                "name": lesson.name,
+                "title": lesson.title,
+                "minutes": lesson.minutes,
+                "steps": len(lesson.steps),
+                "done": min(state[Lessons].progress.get(lesson.name, 0), len(lesson.steps)),
+            }
+            for lesson in self._session.extra(Library).lessons
+        ]
+
+    async def _folders(self, request: web.Request) -> web.StreamResponse:
+        """What can be opened in the folder `in`, or where the app was started."""
+        if not self._may_drive(request):
+            raise web.HTTPForbidden(text="Onlookers change nothing.")
+        asked = request.query.get("in", "")
+        return _json(await _found(lambda: self._entries(asked)))
+
+    def _entries(self, asked: str) -> dict[str, Any]:
+        folders = self._session.folders
+        folder = Path(asked) if asked else folders.home
+        if not folder.is_absolute() or "\0" in asked:
+            raise InputError("give the whole path of a folder")
+        above = folders.above(folder)
+        entries = [{"name": e.path.name, "path": str(e.path), "source": e.source} for e in folders.entries(folder)]
+        path = str(folder)
+        return {"path": path if is_text(path) else "", "above": above and str(above), "entries": entries}
+
+    async def _frame(self, request: web.Request) -> web.StreamResponse:
+        """The image of a frame of a branch; without `at`, of the newest one."""
+        if _covers(self._session.state):
+            raise web.HTTPForbidden(text="A question of the lesson is open.")
+        branch, width = _number(request, "branch", 0), _number(request, "width", WIDTHS.stop - 1)
+        run = self._session.service(BranchService).run_of(branch)
+        if run is None or width not in WIDTHS:
+            raise web.HTTPNotFound
+        at = _number(request, "at", len(run.history) - 1)
+        method = request.query.get("method", "")
+        content = await asyncio.to_thread(frame_picture, run, at, method if method in run.opened.methods else "", width)
+        if content is None:
+            raise web.HTTPNotFound
+        return web.Response(body=content, content_type="image/jpeg", headers=SECURITY | NOT_KEPT)
+
+    async def _comparison(self, request: web.Request) -> web.StreamResponse:
+        """Of the two branches that the session compares."""
+        session, state = self._session, self._session.state
+        compared = state[Branches].comparison
+        if compared is None or _covers(state):
+            raise web.HTTPNotFound
+        run_of = session.service(BranchService).run_of
+        rows = live_rows(state, run_of, session.recordings_dir)
+        return _json(await asyncio.to_thread(comparison_message, state, compared, rows, run_of))
+
+    async def _differences(self, request: web.Request) -> web.StreamResponse:
+        """Of two runs of the recordings folder, which need not be of one source: as `ispom diff` finds them."""
+        pair = request.query.get("a", ""), request.query.get("b", "")
+        return _json(await _found(lambda: self._diff(*pair)))
+
+    def _diff(self, a: str, b: str) -> dict[str, Any]:
+        folder = self._session.recordings_dir
+        known = self._recorded.known if self._recorded is not None else frozenset[str]()
+        if not {a, b} <= known:
+            raise InputError("one of these runs is not in the recordings folder any more: choose another one")
+        with bounded((folder,)):
+            runs = read_run_file(folder / a), read_run_file(folder / b)
+            methods = tuple(method for method in runs[0].config if method in runs[1].config)
+            settings = differing(*runs, methods)
+            with run_rows(folder / a) as left, run_rows(folder / b) as right:
+                first = next(divergences(left, right, methods, ROUNDING), None) if methods else None
+        return {
+            "settings": [{"name": each.name, "a": shown(each.a, 6), "b": shown(each.b, 6)} for each in settings],
+            "first": None if first is None else divergence_message(first),
+            "methods": methods,
+        }
+
+
+def _covers(state: State) -> bool:
+    return state[Lessons].covers
+
+
+def _number(request: web.Request, name: str, usual: int) -> int:
+    text = request.query.get(name, "")
+    if not text:
+        return usual
+    if not (text.isascii() and text.isdigit() and len(text) <= 9):
+        raise web.HTTPBadRequest(text=f"{name} is a number.")
+    return int(text)
+
+
+async def _found(look: Callable[[], Any]) -> Any:
+    try:
+        return await asyncio.to_thread(look)
+    except InputError as fault:
+        raise web.HTTPNotFound(text=str(fault)) from fault
+
+
+def _json(value: object) -> web.Response:
+    return web.json_response(value, headers=SECURITY | NOT_KEPT)

@@ -1,0 +1,67 @@
+"""Runs of the table, as branches of the session."""
+
+from __future__ import annotations
+
+from os.path import abspath
+from pathlib import PurePath
+
+import numpy as np
+
+from ispom.errors import InputError
+
+from ...session.service import Service
+from ...session.sources.known import Known
+from ..branches.service import BranchService
+from ..branches.state import Branches
+from ..recording.service import RecordingService
+from ..recording.state import Recordings
+
+
+class RunsService(Service):
+    place = 70
+
+    def compare(self, a: str, b: str) -> None:
+        """Shows run `a` and compares it with `b`. InputError if they are of different sources, or one of them cannot be
+        opened."""
+        self.session.service(RecordingService).show()  # another process may have finished a run
+        named = {kept.name: kept.source for kept in self.state[Recordings].listed}
+        if a in named and b in named and named[a] != named[b]:
+            raise InputError(f"{a} is a run on {named[a]}, and {b} on {named[b]}: choose two runs on one source")
+        numbers = [self.branch_of(key) for key in (a, b)]
+        if numbers == [None, None]:
+            self.session.open(self._source(a), None)
+            numbers[0] = 0
+        shown, other = (self._with_recorded(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
+        branches = self.session.service(BranchService)
+        branches.show(shown)
+        branches.compare(other)
+
+    def branch_of(self, key: str) -> int | None:
+        """The number of the branch that a row of the runs table is; None if it is to be read from its folder.
+
+        InputError for a branch that was deleted.
+        """
+        kind, _, number = key.partition(":")
+        run_of = self.session.service(BranchService).run_of
+        if kind == "live":
+            if not number.isdecimal() or run_of(int(number)) is None:
+                raise InputError("this run is not in the session any more: choose another one")
+            return int(number)
+        path = abspath(self.session.recordings / key)
+        runs = ((b.number, run_of(b.number)) for b in self.state[Branches].all)
+        return next((n for n, run in runs if run and run.stored and abspath(run.stored.path) == path), None)
+
+    def _with_recorded(self, name: str) -> int:
+        """The number of the branch that a run of the recordings folder becomes."""
+        found = self.session.opener.stored(self._source(name), self.session.history_bytes)
+        run = self.run
+        if found is None or run is None:
+            raise InputError(f"{name} holds no run: choose another one")
+        times_ns = [each.playback.sequence.times_ns[: len(found.history)] for each in (run, found)]
+        if not np.array_equal(times_ns[0], times_ns[1]):
+            raise InputError(f"{name} has other frames than the run that is shown: choose two runs on one source")
+        self.session.service(BranchService).add(found, PurePath(name).name, 0, (), reproducible=True)
+        return self.state[Branches].all[-1].number
+
+    def _source(self, name: str) -> str:
+        return Known(self.session.recordings).source(name, self.state)

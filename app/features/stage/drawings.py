@@ -1,0 +1,96 @@
+"""What is drawn over the frames of the shown run, and what each drawing is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+
+from ...engine.inspection.looked import Looked
+from ...session.current_run import CurrentRun
+from ...session.session import Session
+from ...session.state import State
+from ...views.rerun.batch import Entry
+from ...views.rerun.layers import MEASURES
+from ..branches.beside import branches_beside
+from ..branches.service import BranchService
+from ..branches.stage import trajectories
+from ..branches.state import Branches
+from ..flicker.stage import side
+from ..flicker.state import Flickering
+from ..integration.integration import Integration, latest_fit
+from ..integration.stage import entries
+from ..integration.state import IntegrationSteps
+from ..layers.state import Layers
+from ..lessons.state import covered
+from ..tracks.stage import in_images, in_world
+from ..tracks.state import Inspection
+from ..tracks.tab import looked_at
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Made again when one of the values that it is made of has changed."""
+
+    name: str
+    made_of: tuple[object, ...]
+    entries: Callable[[], Iterable[Entry]]
+    takes_long: bool = False
+    is_of_frame: bool = False
+    """Whether it is to be seen over the frame shown alone."""
+
+
+def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
+    """All of them, those that are empty included. None shows while a question of a lesson is open: they would answer
+    it."""
+    if covered(state) is not state:
+        return []
+    inspection, branches, hidden = state[Inspection], state[Branches], state[Layers].hidden
+    shown, selected, geometry = (run, state.displayed), inspection.selected, inspection.panel == "geometry"
+    looked = cache(lambda: looked_at(session, state))
+
+    def closely(wanted: bool, draw: Callable[[Looked], Iterable[Entry]]) -> Iterable[Entry]:
+        found = looked() if wanted else None
+        return draw(found) if found is not None else ()
+
+    found = [
+        Drawing("track", (selected and shown,), lambda: closely(bool(selected), in_images), is_of_frame=True),
+        Drawing(
+            "look",
+            ((selected or geometry) and shown, selected, geometry),
+            lambda: closely(bool(selected) or geometry, lambda it: in_world(it, geometry=geometry)),
+            takes_long=True,
+        ),
+    ]
+    flicker, step = state[Flickering].between, state[IntegrationSteps].shown
+    others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown) if not flicker else ()
+    found += [
+        Drawing(
+            "branches",
+            (others and shown, others, hidden),
+            lambda: trajectories(branches_beside(session, state) if others else {}, hidden),
+            takes_long=True,
+        ),
+        Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
+    ]
+    for name, of in (("a", flicker.a), ("b", flicker.b)) if flicker is not None else (("a", None), ("b", None)):
+        other = session.service(BranchService).run_of(of.branch) if of is not None else None
+        draw = (lambda n=name, o=of, r=other: side(n, o, r, state.index)) if of and other else tuple
+        found.append(Drawing(f"flicker {name}", (of, other, of and shown), draw, takes_long=True))
+    return found
+
+
+def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable[Entry]:
+    found = latest_fit(run, step.method, state.index) if step is not None else None
+    return entries(found[1], step.stage) if found is not None and step is not None else ()
+
+
+def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
+    """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
+    `covers`: a question of a lesson is open."""
+    found, flicker = state[Layers].hidden | ({MEASURES} if covers else set()), state[Flickering].between
+    if state[IntegrationSteps].shown is not None:
+        found |= {"key_frames", "cameras", "error"}
+    if flicker is not None:
+        found |= {*state.methods, "flicker a" if flicker.on_b else "flicker b"}
+    return found

@@ -1,0 +1,96 @@
+"""Where the eye of a page's 3-D view may stand: the page is sent what has changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ispom.geometry import Array, Similarity
+from ispom.methods import method as registered
+
+from ...engine.model.poses import PoseHistory, Times
+from ...session.current_run import CurrentRun
+from ...session.state import State
+from ...views.rerun.blueprint import EYE, WORLD_SHARE, least_size
+from ...views.rerun.eye import Eye, extent, eye_above, eye_behind, eye_beside, eye_of, eye_on, is_framed
+from ..integration.drawing import drawing, positions
+from ..integration.integration import latest_fit
+from ..integration.state import IntegrationSteps
+
+FOLLOWING = 0.25
+"""Distance of the eye that follows a camera, relative to the extent of the path."""
+
+LOOKED_BACK = 20
+"""Frames among which the newest pose is looked for: without one for longer, there is no camera to go with."""
+
+
+class StageNews:
+    """What one page has. The eyes on the whole path change only where the path has left what they frame."""
+
+    def __init__(self) -> None:
+        self._run: CurrentRun | None = None
+        self._framed: Array | None = None
+        self._shown: tuple[object, ...] = ()
+
+    def since(self, state: State, run: CurrentRun | None) -> dict[str, Any] | None:
+        """What is new to the page, which shows this state; None where nothing is."""
+        if run is None or state.displayed is None or state.displayed.index >= len(run.history):
+            return None
+        steps = state[IntegrationSteps].shown
+        shown = (run, state.displayed, steps)
+        if shown == self._shown:
+            return None
+        self._shown = shown
+        news: dict[str, Any] = {}
+        if run is not self._run:
+            self._run, self._framed = run, None
+            news |= {"eye": EYE, "share": WORLD_SHARE}
+        path, least = self._path(state, run), least_size(run.opened)
+        if self._framed is None or not is_framed(path, self._framed, least):
+            self._framed = path
+            eyes = {"frame": eye_on(path, least), "top": eye_above(path, least), "side": eye_beside(path, least)}
+            news |= {name: _values(eye) for name, eye in eyes.items()}
+        return news | self._of_camera(state, run, FOLLOWING * max(extent(path), least)) or None
+
+    def _path(self, state: State, run: CurrentRun) -> Array:
+        """(N, 3) in the shared world: of all methods up to the frame shown, or of the integration that is looked at."""
+        steps = state[IntegrationSteps].shown
+        fit = latest_fit(run, steps.method, state.index) if steps is not None else None
+        if steps is not None and fit is not None and (shapes := drawing(fit[1], steps.stage)):
+            return positions(shapes)
+        assert state.displayed is not None
+        model, found = run.model, list[Array]([np.zeros((0, 3))])
+        for method, known in model.methods.items():
+            placement = state.displayed.placements.get(method, Similarity())
+            found.append(placement.apply(_positions(known.poses, model.times, state.index)))
+        return np.concatenate(found)
+
+    def _of_camera(self, state: State, run: CurrentRun, distance: float) -> dict[str, Any]:
+        """The eyes that go with the camera, of the method that needs most sensors."""
+        assert state.displayed is not None
+        rig, methods = run.opened.sequence.rig, run.opened.methods
+        if not methods or (rig.video or rig.left) is None:
+            return {}
+        method = max(methods, key=lambda m: len(registered(m).needs))
+        steps = (s for i in range(state.index, max(state.index - LOOKED_BACK, -1), -1) for s in run.history[i].steps)
+        step = next((s for s in steps if s.method == method and s.world_from_frame is not None), None)
+        if step is None or step.world_from_frame is None:
+            return {}
+        camera = "video" if rig.video is not None else "left"
+        own = step.world_from_frame @ rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
+        pose = state.displayed.placements.get(method, Similarity()).apply_pose(own)
+        return {"camera": _values(eye_of(pose, distance)), "follow": _values(eye_behind(pose, distance))}
+
+
+def _positions(poses: PoseHistory, times: Times, index: int) -> Array:
+    """(N, 3) of all known poses up to a frame."""
+    known = np.concatenate([np.zeros(0, bool), *(block.known for block in poses.blocks)])
+    xyz = np.concatenate([np.zeros((0, 3)), *(block.positions for block in poses.blocks)])
+    count = times.rows_until(index)
+    return xyz[:count][known[:count]]
+
+
+def _values(eye: Eye) -> list[list[float]]:
+    """Position, target and up, as the page gives them to the viewer."""
+    return [[round(float(x), 5) for x in part] for part in (eye.position, eye.target, eye.up)]

@@ -1,0 +1,96 @@
+"""What a click in a view of the stage means: a track to select, or a frame to show."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from ispom.errors import InputError
+from ispom.geometry import Array, Similarity
+from ispom.types import Frame
+
+from ...engine.inspection.selection import Selection
+from ...engine.inspection.sightings import nearest, seen_by
+from ...session.current_run import CurrentRun
+from ...views.rerun import entities
+from ...views.rerun.parts import latest_of_each_camera
+
+Meaning = Selection | int | None
+"""A frame is given by its index."""
+
+
+def meaning(
+    run: CurrentRun, path: str, index: int, position: tuple[float | None, ...], instance: int | None
+) -> Meaning:
+    """Of a click on an entity while a frame is shown: `position` is in image pixels as Rerun counts them, or in the
+    shared world. None where it means nothing. InputError where the image has no tracks to select."""
+    if not 0 <= index < len(run.history):
+        return None
+    path = path.removeprefix("/")
+    camera = path.partition("/")[0]
+    at = np.array([np.nan if value is None else value for value in position])
+    if camera in ("video", "left", "right"):
+        return _in_image(run, camera, index, at[:2]) if np.isfinite(at[:2]).all() else None
+    if found := re.fullmatch(r"world/([^/]+)/(cloud|key_frames|path)/(\d+)", path):
+        method, kind, block = found[1], found[2], int(found[3])
+        if method not in run.opened.methods:
+            return None
+        if kind == "cloud" and instance is not None and method in _following(run, index):
+            blocks = run.known_at(index).methods[method].points.blocks
+            ids = blocks[block].ids if block < len(blocks) else np.zeros(0, np.int64)
+            return Selection("track", method, int(ids[instance])) if 0 <= instance < len(ids) else None
+        if kind != "cloud" and np.isfinite(at).all():
+            return _on_path(run, method, index, at, only_key_frames=kind == "key_frames")
+    return _in_world(run, index, at) if path.startswith("world/") and np.isfinite(at).all() else None
+
+
+def _in_image(run: CurrentRun, camera: str, index: int, shown_uv: Array) -> Selection:
+    """The track nearest to the click."""
+    name: Frame = "video" if camera == "video" else "left"
+    frame = latest_of_each_camera(run.opened.sequence.kinds, index).get(camera)
+    seen = seen_by(run.history[frame], camera=name) if frame is not None else None
+    shape = run.opened.sequence.rig.camera(name)
+    uv = shown_uv / entities.shown_scale(shape.width, shape.height) - 0.5
+    if seen is not None and camera == "right":
+        seen = replace(seen, tracks=entities.in_right(seen.tracks))
+    number = nearest(seen, uv) if seen is not None else None
+    if seen is None or number is None:
+        raise InputError(f"frame {index} has no tracks of the {camera} camera to select: click into another image")
+    return Selection("track", seen.step.method, number)
+
+
+def _on_path(run: CurrentRun, method: str, index: int, at: Array, *, only_key_frames: bool) -> int | None:
+    """The frame whose pose is nearest."""
+    known, times = run.known_at(index).methods[method].poses, run.known_at(index).times
+    own = run.history[index].placements.get(method, Similarity()).inverse().apply(at)
+    xyz = np.concatenate([np.zeros((0, 3)), *(block.positions for block in known.blocks)])
+    usable = [block.known & block.key if only_key_frames else block.known for block in known.blocks]
+    rows = np.flatnonzero(np.concatenate([np.zeros(0, bool), *usable]))
+    if not len(rows):
+        return None
+    row = rows[np.argmin(np.linalg.norm(xyz[rows] - own, axis=1))]
+    return int(times.indices(np.array([row]))[0])
+
+
+def _in_world(run: CurrentRun, index: int, at: Array) -> Selection | None:
+    """The landmark nearest to the click, of all methods that follow tracks themselves."""
+    best, found = np.inf, None
+    model, placements = run.known_at(index), run.history[index].placements
+    for method in _following(run, index):
+        known = model.methods[method]
+        placement = placements.get(method, Similarity())
+        for block in known.points.blocks:
+            distances = np.linalg.norm(placement.apply(block.xyz.astype(float)) - at, axis=1)
+            row = int(np.argmin(distances))
+            if distances[row] < best:
+                best, found = float(distances[row]), Selection("track", method, int(block.ids[row]))
+    return found
+
+
+def _following(run: CurrentRun, index: int) -> list[str]:
+    """Methods that follow tracks themselves, by their latest steps."""
+    frames = set(latest_of_each_camera(run.opened.sequence.kinds, index).values())
+    found = {step.method for frame in frames for step in run.history[frame].steps if step.tracks}
+    return [method for method in run.opened.methods if method in found]

@@ -1,0 +1,59 @@
+// Debug | Compare | Learn: what the page is laid out for. Each page has its own mode; the session knows nothing of it.
+import { element } from "./element.js";
+
+const MODES = ["debug", "compare", "learn"];
+const buttons = [...document.querySelectorAll("#modes input")];
+const list = document.getElementById("learn");
+
+// `command` asks the session for something, `changed` is called after a person, or the address, chose another mode.
+export function makeModes(command, changed) {
+  const modes = { mode: "debug", set, follow };
+  let lessons = null; // as the server sent them
+  let asked = ""; // the progress that they were fetched for
+
+  for (const button of buttons) button.addEventListener("change", () => set(button.value));
+
+  function set(mode) {
+    const known = MODES.includes(mode) ? mode : "debug";
+    const before = modes.mode;
+    modes.mode = known;
+    document.body.dataset.mode = known;
+    for (const button of buttons) button.checked = button.value === known;
+    if (before !== known) changed();
+  }
+
+  // Without a run there is nothing to debug or compare. In Learn the list of lessons is shown until one is on.
+  function follow(state, lesson) {
+    for (const button of buttons) button.disabled = button.value !== "learn" && ["empty", "failed"].includes(state.phase);
+    const shown = modes.mode === "learn" && !lesson && !document.body.dataset.home;
+    list.hidden = !shown;
+    const key = JSON.stringify([state.address.lesson, state.run]);
+    if (!shown || (asked === key && lessons)) return;
+    asked = key;
+    fetch("runs").then((answer) => answer.json()).then((found) => paint((lessons = found.lessons)), () => (asked = ""));
+  }
+
+  function paint(found) {
+    const done = found.filter(({ done, steps }) => done === steps).length;
+    const head = element("div", "head");
+    const count = done ? `${done} of ${found.length} done.` : `${found.length} lessons.`;
+    head.append(element("h1", "", "Lessons"), element("span", "quiet", `${count} Predict, run, see. A lesson opens simulated recordings; the current run will be closed.`));
+    const cards = element("ol", "lessons");
+    cards.append(...found.map(card));
+    list.replaceChildren(head, cards);
+  }
+
+  function card({ name, title, minutes, steps, done }, i) {
+    const made = element("li");
+    const button = made.appendChild(element("button", "lesson-card"));
+    button.dataset.learn = name;
+    button.addEventListener("click", () => command({ do: "learn", name }));
+    button.append(element("span", "quiet", `${i + 1}`), element("b", "", title));
+    const state = done === steps ? "done" : done ? `${done} of ${steps} steps` : `${minutes} min`;
+    const bar = Object.assign(document.createElement("progress"), { max: steps, value: done, ariaLabel: `${done} of ${steps} steps done` });
+    button.append(element("span", "quiet", state), bar);
+    return made;
+  }
+
+  return modes;
+}

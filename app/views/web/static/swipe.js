@@ -1,0 +1,71 @@
+// The images of one frame in two runs, one over the other: the handle moves the border between them.
+import { element } from "./element.js";
+
+export function makeSwipe(place) {
+  const stack = place.appendChild(element("div", "stack"));
+  const images = ["A", "B"].map((name) => {
+    const image = stack.appendChild(document.createElement("img"));
+    image.className = `image-${name.toLowerCase()}`;
+    stack.append(element("span", `tag side-${name.toLowerCase()}`, name));
+    return image;
+  });
+  const handle = stack.appendChild(document.createElement("input"));
+  Object.assign(handle, { type: "range", min: 0, max: 100, value: 50, ariaLabel: "Border between the images of A and B", title: "Drag: A is at its left, B at its right" });
+  const move = () => stack.style.setProperty("--border", `${handle.value}%`);
+  handle.addEventListener("input", move);
+  move();
+  const caption = place.appendChild(element("figcaption"));
+  const text = caption.appendChild(element("span"));
+  const label = caption.appendChild(element("label", "", "tracks of "));
+  const choice = label.appendChild(document.createElement("select"));
+  choice.ariaLabel = "Method whose tracks are drawn";
+  choice.addEventListener("change", () => load());
+  let wanted = null; // { numbers, index }
+  let shown = ""; // key of what is shown
+  let busy = false;
+
+  // Both images change together, when both are there; a frame that was passed meanwhile is not loaded.
+  async function load() {
+    if (busy || !wanted) return;
+    const { numbers, index } = wanted;
+    const key = JSON.stringify([numbers, index, choice.value]);
+    if (key === shown || index < 0) return;
+    busy = true;
+    const loaded = await Promise.all(numbers.map((branch) => image(branch, index, choice.value)));
+    busy = false;
+    shown = key;
+    loaded.forEach((source, i) => {
+      URL.revokeObjectURL(images[i].src);
+      images[i].hidden = !source;
+      images[i].src = source;
+      images[i].alt = source ? `Frame ${index} of run ${"AB"[i]}` : "";
+    });
+    const missing = loaded.map((source, i) => (source ? "" : "AB"[i])).filter(Boolean);
+    text.textContent = `Frame ${index}${missing.length ? `: no image of ${missing.join(" and ")}` : ""}`;
+    load();
+  }
+
+  return {
+    show: (visible) => (place.hidden = !visible),
+    methods: (methods) => {
+      const key = JSON.stringify(methods);
+      if (choice.dataset.of === key) return;
+      const before = choice.value;
+      choice.dataset.of = key;
+      choice.replaceChildren(...methods.map(([name, label]) => new Option(label, name, false, name === before)), new Option("no method", ""));
+    },
+    at: (numbers, index) => {
+      wanted = { numbers, index };
+      load();
+    },
+  };
+}
+
+async function image(branch, at, method) {
+  try {
+    const answer = await fetch(`frame?${new URLSearchParams({ branch, at, method })}`);
+    return answer.ok ? URL.createObjectURL(await answer.blob()) : "";
+  } catch {
+    return "";
+  }
+}

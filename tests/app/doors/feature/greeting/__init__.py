@@ -1,0 +1,1 @@
+"""A feature of a test: it keeps how often somebody was greeted."""
