@@ -101,7 +101,9 @@ export function makeRuns(command, ask, close, compared) {
   }
 
   function heading(text, kind = "") {
-    return Object.assign(element("th", kind, text), { scope: "col" });
+    const made = Object.assign(element("th", kind, text), { scope: "col" });
+    if (!text) made.replaceChildren(element("span", "unseen", "Choose, image"));
+    return made;
   }
 
   function tableRow(row) {
