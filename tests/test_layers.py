@@ -39,7 +39,7 @@ APP_LAYERS = (
 """The same for the app's folders. The session, the features and the page still import each other."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
-TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json"}
+TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json"}
 """What the repository holds at its top, and nothing else."""
 
 

@@ -4,7 +4,7 @@ a run gets these and nothing else."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from uuid import uuid4
 
 import numpy as np
@@ -82,18 +82,6 @@ Event = Stepped | Finished | Pictured
 
 
 def blank(sequence: Sequence, index: int) -> Exposure:
-    """An exposure with empty images, which nobody draws."""
-    return _without_image(int(sequence.times_ns[index]), sequence.kinds[index] == "stereo")
-
-
-def without_images(event: Event) -> Event:
-    """The event with empty images: its pictures are not drawn, all else is."""
-    if not isinstance(event, Stepped):
-        return event
-    exposure = event.exposure
-    return replace(event, exposure=_without_image(exposure.time_ns, isinstance(exposure, StereoPair)))
-
-
-def _without_image(time_ns: int, stereo: bool) -> Exposure:
-    nothing = np.zeros((0, 0), np.uint8)
-    return StereoPair(time_ns, nothing, nothing) if stereo else VideoFrame(time_ns, nothing)
+    """Returns a frame with empty images, which nobody draws."""
+    time_ns, nothing = int(sequence.times_ns[index]), np.zeros((0, 0), np.uint8)
+    return StereoPair(time_ns, nothing, nothing) if sequence.kinds[index] == "stereo" else VideoFrame(time_ns, nothing)

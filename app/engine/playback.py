@@ -149,11 +149,6 @@ class Playback:
         """Nothing comes any more: the sequence is as if it had been opened up to here."""
         self.sequence = replace(self.sequence.truncated(self.position), grow=None)
 
-    @property
-    def placed_methods(self) -> frozenset[str]:
-        """The methods with a unit of their own whose unit a stereo segment has fixed."""
-        return frozenset(self._placements.keys() - self._placing.keys())
-
     def unit_m(self, method: str) -> float | None:
         """The unit of a method's own world [m]; None where nothing tells it."""
         if method in self._placing:

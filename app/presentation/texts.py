@@ -74,7 +74,7 @@ def length_unit(metres: Iterable[float | None]) -> Unit:
 def length(metres: float, unit: Unit | None = None) -> str:
     """A length with its unit: 83.9 mm, 6.83 m, 0.28 mm."""
     unit = unit or length_unit([metres])
-    return f"{_length_number(metres, unit)} {unit.name}"
+    return f"{unit.of(metres) if not abs(metres) < ROUNDING_M else 0} {unit.name}"
 
 
 def lengths(metres: Iterable[float | None], unknown: str = "") -> list[str]:
@@ -82,15 +82,6 @@ def lengths(metres: Iterable[float | None], unknown: str = "") -> list[str]:
     values = list(metres)
     unit = length_unit(values)
     return [unknown if m is None else length(m, unit) for m in values]
-
-
-def length_numbers(metres: Iterable[float | None], unit: Unit) -> list[str | None]:
-    """The same without the unit, which is in the head of the column."""
-    return [None if m is None else _length_number(m, unit) for m in metres]
-
-
-def _length_number(metres: float, unit: Unit) -> str:
-    return unit.of(metres) if not abs(metres) < ROUNDING_M else "0"
 
 
 def angle(degrees: float) -> str:

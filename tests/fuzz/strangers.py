@@ -13,7 +13,7 @@ from ispom_app.features.calibration.kept import NUMBERS, REPORT, RIG, files_of, 
 from ispom_app.features.experiments.options import Experiment
 from ispom_app.features.experiments.plan_file import read_plan
 from ispom_app.features.lessons.library import own_lesson
-from ispom_app.features.lessons.markdown import html
+from ispom_app.features.lessons.page_message import html
 from ispom_app.features.recording.listing import list_recordings
 from ispom_app.session.sources.opening import stored_at
 from ispom_app.session.state import State

@@ -23,8 +23,9 @@ const stateOf = ({ run = "sim:city", branch = 0, hidden = [], plots = "", lesson
 function opened(hash, drives = true) {
   location.hash = hash;
   const sent = [];
-  const address = makeAddress((command) => sent.push(command), () => drives);
-  return { sent, ...address };
+  const modes = { mode: "debug", set: (mode) => (modes.mode = mode) };
+  const address = makeAddress((command) => sent.push(command), () => drives, modes);
+  return { sent, modes, ...address };
 }
 
 beforeEach(() => [listeners, kept] = [{}, {}]);
@@ -56,7 +57,7 @@ test("of many changes in a moment one is written", async () => {
 test("an address that is opened is reached step by step, in its order", () => {
   const { follow, sent } = opened("#run=other&branch=1&at=7");
   follow(stateOf({}));
-  assert.deepEqual(sent, [{ do: "open_named", run: "other" }]);
+  assert.deepEqual(sent, [{ do: "open_named", name: "other" }]);
   follow(stateOf({ phase: "opening" }));
   assert.equal(sent.length, 1);
   follow(stateOf({ run: "other" }));
@@ -106,6 +107,15 @@ test("a reload before the address was written goes by what was shown", () => {
   const late = opened("#run=sim:city&at=4");
   late.follow(stateOf({ index: 0 }));
   assert.deepEqual(late.sent, [{ do: "seek", index: 5 }]);
+});
+
+test("the page's mode is taken from the address and named in it", async () => {
+  const { follow, modes } = opened("#run=sim:city&at=5&mode=learn");
+  assert.equal(modes.mode, "learn");
+  modes.mode = "compare";
+  follow(stateOf({}));
+  await advance(1000);
+  assert.equal(location.hash, "#run=sim:city&at=5&mode=compare");
 });
 
 test("a lesson is named alone", async () => {

@@ -16,8 +16,7 @@ from ispom.types import TrackStatus
 from ..history.quantities import by_method
 from ..model.run_model import RunModel
 from .covisibility import key_frames
-from .looked import Looked
-from .poses import pose_at
+from .looked import Looked, pose_at
 from .sightings import Seen, TrackLife, camera_pose, seen_by
 
 MOST_POINTS = 16

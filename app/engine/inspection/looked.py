@@ -3,26 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ispom.estimators.modern.lens import Lens
-from ispom.geometry import Array, Similarity
+from ispom.geometry import Array, Pose, Similarity
 from ispom.types import Camera, Frame, Rig, Sequence, Step
 
 from ..history.history import Records
 from ..history.record import ExposureRecord
 from ..history.series import Series
 from ..model.drawn_size import unit_in_metres
+from ..model.poses import POSES_PER_BLOCK
 from ..model.run_model import RunModel
 from .colouring import Colouring
 from .knowledge import Knowledge, known_from
 from .point import PointEstimate, estimate
-from .poses import revised
 from .selection import Selection
 from .sightings import Seen, TrackLife, life, missing_tracks, seen_before, seen_by
+
+
+def revised(life: TrackLife, model: RunModel, rig: Rig) -> TrackLife:
+    """With the poses that the model knows, in place of those given at each exposure.
+
+    A method that runs only for another one is not in the model: its poses stay as they were given.
+    """
+    if life.method not in model.methods:
+        return life
+    found = []
+    for sighting in life.sightings:
+        pose = pose_at(model, life.method, sighting.time_ns, rig, life.camera)
+        known = sighting.world_from_camera is not None and pose is not None
+        found.append(replace(sighting, world_from_camera=pose) if known else sighting)
+    return replace(life, sightings=tuple(found))
+
+
+def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: Frame) -> Pose | None:
+    """world_from_camera of a method of the model at the time of an exposure; None where it has no pose there."""
+    poses, times = model.methods[method].poses, model.times
+    row = int(times.rows(np.array([time_ns]))[0])
+    block, at = divmod(row, POSES_PER_BLOCK)
+    if block >= len(poses.blocks) or not poses.blocks[block].known[at]:
+        return None
+    if not times.count or int(times.times_ns(slice(row, row + 1))[0]) != time_ns:
+        return None
+    return poses.pose(row) @ rig.rig_from(poses.frame).inverse() @ rig.rig_from(camera)
+
 
 EXPOSURES = 60
 """Of the camera, up to the one shown: what lifetimes and residuals are drawn of."""

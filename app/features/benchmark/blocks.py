@@ -25,8 +25,7 @@ from ispom.sequences.formats.simulated import open_simulated
 from ispom.solvers.right_camera import COLUMNS, PAIR
 from ispom.solvers.window import adjustment as window
 
-from .peers import PEERS_UNIT_MS, WINDOW_PEERS
-from .plan import CASES
+from .plan import CASES, PEERS_UNIT_MS, WINDOW_PEERS
 from .unit import Unit, cpu_clock
 
 KEY_FRAMES, POINTS, SEEN_FROM = 10, 1000, 4

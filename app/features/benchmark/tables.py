@@ -9,8 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from .peers import PEERS, PEERS_UNIT_MS
-from .plan import Case
+from .plan import PEERS, PEERS_UNIT_MS, Case
 
 COLUMNS = ("ms", "p95", "in U", "t_err %", "ATE m", "poses", "MB")
 

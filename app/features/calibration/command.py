@@ -17,7 +17,6 @@ from ispom.types import Image
 from ...engine.outputs import require_own, write_file
 from ...engine.signals import Signals, terminable
 from .choose import best_frames, near
-from .convert import convert
 from .detecting import bar, detected, moving_views, require_target
 from .from_tracks import lens_from_motion, print_lens
 from .images import Source, open_sources, own_clock, paired
@@ -25,7 +24,7 @@ from .live import camera_frames, filmed, is_camera
 from .numbers import JSON_HEAD, failed_text, numbers_text, redo_text
 from .options import Calibrate
 from .report import GENERATOR, page
-from .saved import require_writable, save
+from .saved import convert, require_writable, save
 from .simulated import is_simulated, simulated, truth_words
 from .words import printed
 

@@ -5,22 +5,103 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from ispom.errors import InputError, printable
 from ispom.io.files import exists
-from ispom.types import Frame
+from ispom.io.tum import read_tum
+from ispom.types import Frame, Trajectory
 
-from ...engine.differences.compare import Divergence, divergences
-from ...engine.run_folder.run_file import read_run_file
-from ...engine.run_folder.run_folder import MARKER
-from .final import final_divergences
-from .folder import run_rows
+from ...engine.differences.compare import ORIENTATION, Difference, Divergence, MethodRow, distance, divergences, further
+from ...engine.differences.order import in_order, stored_pose
+from ...engine.run_folder.run_file import RunFile, read_run_file
+from ...engine.run_folder.run_folder import MARKER, trajectory_file
+from ...engine.run_folder.step_reader import StoredStep, stored_steps
 from .options import Diff
-from .settings import Setting, differing
 from .text import lines, shown
+
+WRITTEN = ("recording", "methods")
+"""Options that say what is written, not what is computed."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One that is not the same; None where a run has none of this name."""
+
+    name: str
+    a: Any
+    b: Any
+
+
+def differing(a: RunFile, b: RunFile, methods: tuple[str, ...]) -> list[Setting]:
+    """Source, options, images, settings of these methods, and versions."""
+    left, right = _flat(a, methods), _flat(b, methods)
+    pairs = ((name, left.get(name), right.get(name)) for name in dict.fromkeys((*left, *right)))
+    return [Setting(name, x, y) for name, x, y in pairs if x != y]
+
+
+def _flat(run: RunFile, methods: tuple[str, ...]) -> dict[str, Any]:
+    found: dict[str, Any] = {"source": run.source, "sequence": run.sequence}
+    found |= {name: value for name, value in run.options.items() if name not in WRITTEN}
+    found["images_sha256"] = run.images_sha256
+    for method in methods:
+        found |= dict(_leaves(method, run.config.get(method)))
+    return {**found, **dict(_leaves("versions", run.versions)), "platform": run.platform}
+
+
+def _leaves(prefix: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if not isinstance(value, Mapping):
+        yield prefix, value
+        return
+    for name, inner in value.items():
+        yield from _leaves(f"{prefix}.{name}", inner)
+
+
+def final_divergences(
+    a: Path, b: Path, methods: tuple[str, ...], frame: Frame, tolerance: float
+) -> Iterator[Divergence]:
+    """Of each method whose final trajectories differ: the first pose that does. InputError where one is unreadable."""
+    for method in methods:
+        name = trajectory_file(method)
+        if exists(a / name) and exists(b / name):
+            poses = read_tum(a / name, frame), read_tum(b / name, frame)
+            yield from _first(method, *poses, tolerance)
+
+
+def _first(method: str, a: Trajectory, b: Trajectory, tolerance: float) -> Iterator[Divergence]:
+    for i in range(min(len(a), len(b))):
+        time_ns = int(a.times_ns[i])
+        pairs = {
+            "final_time_s": (time_ns / 1e9, int(b.times_ns[i]) / 1e9),
+            "final_position": (tuple(a.translations[i].tolist()), tuple(b.translations[i].tolist())),
+            f"final_{ORIENTATION}": (tuple(a.pose(i).xyzw.tolist()), tuple(b.pose(i).xyzw.tolist())),
+        }
+        found = [Difference(f"{method}.{k}", x, y, distance(k, x, y)) for k, (x, y) in pairs.items() if x != y]
+        found = [difference for difference in found if further(difference, tolerance)]
+        if found:
+            yield Divergence(None, time_ns, tuple(found))
+            return
+    if len(a) != len(b):
+        longer = a if len(a) > len(b) else b
+        counts = Difference(f"{method}.final_poses", len(a), len(b), abs(len(a) - len(b)))
+        yield Divergence(None, int(longer.times_ns[min(len(a), len(b))]), (counts,))
+
+
+@contextmanager
+def run_rows(folder: Path) -> Iterator[Iterator[MethodRow]]:
+    """Of a run's folder, in order; InputError, also while they are read, where there are none, or not as written."""
+    with stored_steps(folder) as steps:
+        yield map(_row, steps)
+
+
+def _row(step: StoredStep) -> MethodRow:
+    values = in_order(step.said, step.decisions, stored_pose(step.said))
+    return MethodRow(step.exposure, step.time_ns, step.method, values)
+
 
 APART = 1
 """The exit code where the runs differ; 0 where they do not."""

@@ -12,10 +12,9 @@ from ispom.io.kitti import read_times
 from ispom.io.trajectories import TrajectoryFile, read_trajectory
 
 from ...engine.outputs import require_own, write_file
-from .evaluated import Evaluated, distinct_names, repeated_note
+from .evaluated import Evaluated, distinct_names, protocol_of, repeated_note
 from .options import Evaluate
 from .output import CSV_HEAD, JSON_HEAD, csv_text, json_text, print_table
-from .protocol import protocol_of
 
 MAX_DIFFERENCE_S = 3600.0
 """Poses farther apart in time than this are never of the same moment."""

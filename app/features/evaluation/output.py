@@ -15,8 +15,7 @@ from ispom.evaluation.comparison import local_scale
 from ispom.io.trajectories import TrajectoryFile
 
 from ...presentation.texts import length_unit
-from .evaluated import Evaluated
-from .protocol import frame_of
+from .evaluated import Evaluated, frame_of
 
 JSON_HEAD, CSV_HEAD = '"protocol": {', "estimate,"
 """How the files begin: by this they are known as ours."""

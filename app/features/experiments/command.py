@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from importlib.util import find_spec
+from typing import Protocol
 
 import yaml
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ispom.ensemble import build
 from ispom.errors import InputError, printable
@@ -19,14 +22,14 @@ from ...engine import warmup
 from ...engine.outputs import claim_folder
 from ...engine.playback import Builder
 from ...engine.signals import terminable
-from ..headless.console import wait_for_compiler
-from . import cluster, serial
-from .execute import finished_before
+from ..headless.console import Progress as OfRun
+from ..headless.console import silent, wait_for_compiler
+from . import cluster
+from .execute import execute_in_order, finished_before
 from .options import Experiment
 from .output import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
-from .progress import Terminal, Watcher
 from .results import by_plan
 from .row import Row
 from .statistics import Outcome
@@ -98,7 +101,7 @@ def _scheduled(
     plan: Plan, runs: Sequence[Run], options: Experiment, workers: int, builder: Builder, watcher: Watcher
 ) -> Generator[Row, None, None]:
     if not runs or (options.scheduler is None and workers == 0):
-        return serial.rows(plan, runs, options.out, options.recordings, builder, watcher.of_run)
+        return execute_in_order(plan, runs, options.out, options.recordings, builder, watcher.of_run)
     return cluster.rows(plan, runs, options.out, options.recordings, workers, options.memory_gb, options.scheduler)
 
 
@@ -107,3 +110,40 @@ def _plain(value: object) -> object:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+class Watcher(Protocol):
+    """Who is told how far an experiment is."""
+
+    def rows(self, rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
+        """The same rows, of which `before` were known already."""
+        ...
+
+    def of_run(self, run: Run) -> OfRun:
+        """Who is told of the exposures of a run, where it is computed in this process."""
+        ...
+
+
+class Terminal:
+    """A line for each run."""
+
+    def rows(self, rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
+        return shown(rows, total, before)
+
+    def of_run(self, run: Run) -> OfRun:
+        return silent
+
+
+def shown(rows: Iterable[Row], total: int, before: int) -> Iterator[Row]:
+    """The same rows; on standard error a line for each, and on a terminal a bar below them with the time left."""
+    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    if before:
+        console.print(f"{before} of {total} runs were done before")
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, TextColumn("left"), console=console, disable=not console.is_terminal) as bar:
+        task, done = bar.add_task("", total=total - before), before
+        for row in rows:
+            done += 1
+            bar.update(task, advance=1)
+            console.print(f"[{done}/{total}] {row.run}{'' if row.failure is None else f': failed: {row.failure}'}")
+            yield row

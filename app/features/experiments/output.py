@@ -36,8 +36,7 @@ def write_output(out: Path, plan: Plan, rows: Sequence[Row]) -> list[Outcome]:
 
 def _figures(out: Path, plan: Plan, rows: Sequence[Row]) -> Iterator[tuple[str, str, bytes]]:
     """Name, format and content."""
-    from .figures import FORMATS, file_bytes, path_figures, quantity_figure
-    from .paths import drawn
+    from .figures import FORMATS, drawn, file_bytes, path_figures, quantity_figure
 
     for name, figure in [*path_figures(plan, drawn(rows, out)), ("quantities", quantity_figure(plan, rows))]:
         yield from ((name, form, file_bytes(figure, form)) for form in FORMATS)

@@ -8,15 +8,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ispom.evaluation.association import associate
 from ispom.evaluation.ate import alignment
 from ispom.evaluation.step_scale import step_scale
+from ispom.evaluation.trajectory_error import MIN_POSES
 from ispom.io.files import exists
+from ispom.io.tum import read_tum
 from ispom.methods import method as registered
+from ispom.types import Trajectory
 
 from ...engine.run_folder.run_file import RunFile, read_run_file
-from ...engine.run_folder.run_folder import METRICS, RUN, is_incomplete
-from .associated import compared
+from ...engine.run_folder.run_folder import METRICS, RUN, TRUTH, is_incomplete, trajectory_file
 from .plan import Run
+
+
+def paths_of(run: Run, folder: Path) -> tuple[Trajectory, Trajectory] | None:
+    """The method's poses and the true ones; None without truth."""
+    if not exists(folder / TRUTH):
+        return None
+    return read_tum(folder / trajectory_file(run.line.method)), read_tum(folder / TRUTH)
+
+
+def compared(run: Run, folder: Path) -> tuple[Trajectory, Trajectory] | None:
+    """Those of the same times; None without truth, or with too few."""
+    paths = paths_of(run, folder)
+    pairs = associate(*paths) if paths is not None else None
+    return pairs if pairs is not None and len(pairs[0]) >= MIN_POSES else None
 
 
 @dataclass(frozen=True)

@@ -4,22 +4,59 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import Self
 
+from ispom.errors import InputError
 from ispom.stop import LOOK_S
 
-from ...engine.events import Finished
+from ...engine.events import Event, Finished
 from ...engine.memory import release_library_pages
 from ...engine.model.corrections import CorrectionMemory
 from ...engine.model.map_memory import MapCollectors
 from ...engine.run_folder.journal import PoseJournal
-from ...engine.run_folder.run_folder import trajectory_file
+from ...engine.run_folder.run_folder import RECORDING, trajectory_file
 from ...engine.run_folder.statistics import RunStatistics
 from ...engine.run_folder.step_log import StepLog
 from ...engine.signals import Signals
 from .console import wait_for_compiler
 from .job import Job
 from .output import write_results
-from .recording import NoRecording, Recording
+
+
+class NoRecording:
+    """Where none is asked for."""
+
+    failure: str | None = None
+    """Why the recording ended early, one sentence; None where it did not."""
+
+    def add(self, event: Event) -> None: ...
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class Recording(NoRecording):
+    """run.rrd, as far as the disk takes it; the run goes on without."""
+
+    def __init__(self, job: Job, signals: Signals) -> None:
+        from ...views.rerun.file_recording import FileRecording  # brings Rerun
+
+        self._file: FileRecording | None = None
+        self._signals = signals
+        try:
+            self._file = FileRecording(job.folder.path / RECORDING, job.playback.opened)
+        except InputError as error:
+            self.failure = str(error)
+
+    def add(self, event: Event) -> None:
+        if self._file is not None:
+            self._file.write(event)
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            self._file.close(self._signals.overdue)
+            self.failure = self._file.failure
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
+from markdown_it import MarkdownIt
 
 from ispom.types import Sequence
 
@@ -16,9 +19,19 @@ from ..tracks.track_picture import image_of
 from .judge import places
 from .learning import Learning
 from .lesson import Ask, Choose, Draw, Number, Point
-from .markdown import html
 from .reveal import Revealed, sampled
 from .state import Lessons
+
+
+def html(markdown: str, values: Mapping[str, float] | None = None) -> str:
+    """With the values in their places; without values, as it stands."""
+    return _renderer().render(markdown if values is None else markdown.format(**values))
+
+
+@cache
+def _renderer() -> MarkdownIt:
+    return MarkdownIt("js-default")
+
 
 WIDTH = 640
 """Of the picture that is pointed at [px]."""

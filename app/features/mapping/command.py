@@ -18,10 +18,9 @@ from ...engine.outputs import claim_folder
 from ...engine.run_folder.made_map import MAP
 from ...engine.signals import terminable
 from ..headless.console import progress
-from .dense import Dense, dense
 from .inputs import Ran, read_ran
 from .laser import Placed, measured, placed
-from .looks import MAX_DEPTH_BASELINES, VOXELS_PER_BASELINE, DenseSettings, looks, stereo_pairs
+from .looks import MAX_DEPTH_BASELINES, VOXELS_PER_BASELINE, Dense, DenseSettings, dense, looks, stereo_pairs
 from .options import Map
 from .output import LASER_PICTURE, write_dense, write_laser, write_numbers, write_recording
 
@@ -88,7 +87,7 @@ def _draw(options: Map, points: dict[str, Placed]) -> None:
     if find_spec("matplotlib") is None:
         _say("no picture of the laser's points: it is drawn with Matplotlib, run 'pip install matplotlib'")
         return
-    from .picture import picture
+    from .laser import picture
 
     write_whole(folder / LASER_PICTURE, picture(points))
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +15,8 @@ from numpy.typing import NDArray
 from ispom.errors import InputError, UnreadableImage
 from ispom.geometry import Pose
 from ispom.reconstruction.depth import DenseStereo, Depth
+from ispom.reconstruction.fusion import Fusion, FusionSettings
+from ispom.reconstruction.model import Mesh, Points
 from ispom.reconstruction.plane_sweep import PlaneSweep, undistorted
 from ispom.solvers.trajectory.continuous import Between, known_at, poses_at
 from ispom.types import Camera, Image, Kind, Sequence, StereoPair, Trajectory, VideoFrame
@@ -147,3 +153,49 @@ def _read(sequence: Sequence, exposure: int) -> StereoPair | VideoFrame | None:
         return sequence[exposure]
     except UnreadableImage:
         return None
+
+
+_Made = TypeVar("_Made")
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """In the world of the method that gave the poses."""
+
+    mesh: Mesh
+    cloud: Points
+    fused: int
+    """Looks."""
+    skipped: int
+    """Those without a pose, or unreadable."""
+
+
+def dense(looks: Iterable[Making], settings: DenseSettings, advance: Callable[[], None]) -> Dense:
+    """Of all looks; `advance` is called after each. InputError where they show no surface."""
+    fusion = Fusion(FusionSettings(settings.voxel_m, settings.memory_gb))
+    fused = skipped = 0
+    for look in _ahead(_made, looks):
+        if look is None:
+            skipped += 1
+        else:
+            fusion.add(look.depth, look.image, look.camera, look.world_from_camera, settings.max_depth_m)
+            fused += 1
+        advance()
+    mesh = fusion.mesh()
+    return Dense(mesh, fusion.cloud(), fused, skipped)
+
+
+def _made(making: Making) -> Look | None:
+    return making()
+
+
+def _ahead(make: Callable[[Making], _Made], items: Iterable[Making]) -> Iterator[_Made]:
+    """What is made of each, in their order; a few at a time."""
+    threads, waiting = os.cpu_count() or 1, deque[Future[_Made]]()
+    with ThreadPoolExecutor(threads) as pool:
+        for item in items:
+            waiting.append(pool.submit(make, item))
+            if len(waiting) > threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

@@ -24,8 +24,8 @@ from ...engine.run_folder.run_folder import RECORDING
 from ...presentation import colours
 from ...session.review.recording import identity
 from ...views.rerun.streams import APPLICATION
-from .dense import Dense
 from .laser import TRUE, Placed
+from .looks import Dense
 
 MESH, CLOUD, GLTF, MEASURED = "mesh.ply", "cloud.ply", "mesh.glb", "points.csv"
 LASER_PICTURE = "laser.png"

@@ -10,13 +10,12 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
-from . import paths, plots, tables
+from . import plots, tables
 from .blocks import Block, Details, Grid, Heading, Moments, Paragraph, Plot, Section, Shown
 from .folder import Run
 from .html import own_text, rendered
 from .moments import ALL, MOST, with_images, worst
-from .provenance import provenance
-from .results import results
+from .results import provenance, results
 from .traces import Figure, points_per_line
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -77,8 +76,8 @@ def page(runs: list[Run]) -> str:
 
 
 def _paths(figures: Figures, run: Run, most: int) -> list[Block]:
-    in_space = figures.place(paths.in_space(run, most))
-    return [figures.place(paths.in_planes(run, most)), Details(f"{run.label} in 3-D", [in_space])]
+    in_space = figures.place(plots.in_space(run, most))
+    return [figures.place(plots.in_planes(run, most)), Details(f"{run.label} in 3-D", [in_space])]
 
 
 def _errors(figures: Figures, runs: list[Run], most: int) -> list[Block]:

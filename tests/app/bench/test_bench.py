@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.features.benchmark import child, measure, plan, tables, unit
-from ispom_app.features.benchmark.peers import PEERS
+from ispom_app.features.benchmark.plan import PEERS
 
 from tests.alone import METHODS
 from tests.app import helpers

@@ -10,7 +10,7 @@ from ispom_app.engine.history.quantities import by_method
 from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_folder.run_folder import DECISIONS, STEPS, RunFolder
 from ispom_app.engine.run_folder.step_log import StepLog
-from ispom_app.features.diff.folder import run_rows
+from ispom_app.features.diff.command import run_rows
 
 from ispom.errors import InputError
 from tests import doubles

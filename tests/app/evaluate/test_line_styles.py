@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
-from ispom_app.features.evaluation.line_styles import OTHERS, line_styles
+from ispom_app.features.evaluation.plots import OTHERS, line_styles
 from ispom_app.presentation import colours
 
 NAMES = [*colours.METHOD, "orbslam", "vins", "truth-like"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from ispom_app.features.lessons.lesson import Choose, Lesson, Point
 from ispom_app.features.lessons.library import built_in
-from ispom_app.features.lessons.markdown import html
+from ispom_app.features.lessons.page_message import html
 
 from tests.app.learn.runs import shown
 

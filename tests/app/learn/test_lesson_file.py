@@ -8,7 +8,7 @@ import pytest
 from ispom_app.features.lessons.lesson import Choose, Fact, Number
 from ispom_app.features.lessons.lesson_file import read_lesson
 from ispom_app.features.lessons.library import ORDER, Library, built_in, own_lesson
-from ispom_app.features.lessons.markdown import html
+from ispom_app.features.lessons.page_message import html
 
 from ispom.errors import InputError
 

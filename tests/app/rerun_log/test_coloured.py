@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ispom_app.engine.events import Opened, without_images
+from ispom_app.engine.events import Opened, blank
 from ispom_app.engine.inspection.colouring import BINS, COLOURINGS, SCALES
 from ispom_app.engine.inspection.knowledge import known_from
 from ispom_app.engine.inspection.sightings import seen_before
@@ -28,8 +28,7 @@ def recorded(*, without: int = -1) -> list[dict[str, Entry]]:
     recorder = Recorder(Opened(sequence, ("monocular",), Config(), None))
     found = []
     for record in RECORDS:
-        event = record.stepped(sequence[0])
-        event = without_images(event) if record.index == without else event
+        event = record.stepped(blank(sequence, 0) if record.index == without else sequence[0])
         found.append({e.path: e for e in recorder.batch(event).entries if isinstance(e, Entry)})
     return found
 

@@ -10,7 +10,7 @@ from ispom.geometry import Array
 from ispom.methods import method as registered
 
 from ..ran import Ran
-from . import geometry, paths, series
+from . import geometry, paths
 
 NUMBERS: Mapping[str, Callable[..., float]] = {
     f.__name__: f
@@ -27,11 +27,11 @@ NUMBERS: Mapping[str, Callable[..., float]] = {
         paths.located_percent,
         paths.between_stereo_m,
         paths.spline_between_stereo_m,
-        series.median,
-        series.largest,
-        series.total,
-        series.last,
-        series.holds_percent,
+        paths.median,
+        paths.largest,
+        paths.total,
+        paths.last,
+        paths.holds_percent,
         geometry.focal_times_baseline,
         geometry.doubled_world_px,
         geometry.printed_over_vector,
@@ -44,7 +44,7 @@ NUMBERS: Mapping[str, Callable[..., float]] = {
     )
 }
 CURVES: Mapping[str, Callable[..., tuple[Array, Array]]] = {
-    f.__name__: f for f in (paths.step_scale_curve, paths.error_curve, series.quantity_curve)
+    f.__name__: f for f in (paths.step_scale_curve, paths.error_curve, paths.quantity_curve)
 }
 
 

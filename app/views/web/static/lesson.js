@@ -43,7 +43,7 @@ export function makeLesson(send, command) {
     question = KINDS[ask.kind](asked, ask, answer);
     place.replaceChildren(
       row(element("b", "", title), element("span", "quiet", `${at + 1} of ${steps}`), act("✕", "end the lesson", { do: "end_lesson" }, "sign")),
-      Object.assign(element("div", "text"), { innerHTML: about + `<h2>${escaped(heading)}</h2>` + before }),
+      Object.assign(element("div", "text"), { innerHTML: `${about}<h2>${escaped(heading)}</h2>${before}` }),
       asked,
       element("p", "count quiet"),
       ...(verdict === null || phase !== "revealed" ? [] : [element("p", verdict ? "verdict right" : "verdict wrong", verdict ? "Your answer is right." : "Your answer is not what the run shows.")]),

@@ -1,5 +1,5 @@
 // The stacked plots of the time dock: what the server sent of each curve, and its picture. A click on a check adds a plot.
-import { GUTTER, PAD, placeOf } from "./time_scale.js";
+import { GUTTER, placeOf } from "./time_scale.js";
 import { digits, shownUnit } from "./units.js";
 
 const HEIGHT = 46;
