@@ -14,6 +14,8 @@ from .poses import PoseHistory
 
 OF_TRUE_PATH = 0.04
 """Depth of a camera, relative to the extent of the true path."""
+OF_SPACING = 0.35
+"""Depth of a keyframe, relative to their distance or to a camera, whichever is less."""
 OF_BASELINE = 2.0
 """The same relative to the stereo baseline: the least, where there is no true path."""
 NOTICED = 1.5
@@ -61,7 +63,7 @@ def drawn_size(
     known = unit_in_metres(method, unit_m) is not None
     true, least = true_size(truth), OF_BASELINE * rig.baseline_m if rig.has_stereo else 0.0
     camera = true / unit_m if true is not None and known else max(spacing, least / unit_m) or 1.0
-    return DrawnSize(camera, 0.35 * min(camera, spacing or camera), spacing)
+    return DrawnSize(camera, OF_SPACING * min(camera, spacing or camera), spacing)
 
 
 def _spacing(poses: PoseHistory) -> float:
