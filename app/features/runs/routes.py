@@ -19,8 +19,7 @@ from ...session.state import State
 from ...views.web.files import SECURITY
 from ..branches.service import BranchService
 from ..branches.state import Branches
-from ..diff.folder import run_rows
-from ..diff.settings import differing
+from ..diff.command import differing, run_rows
 from ..diff.text import shown
 from ..lessons.library import Library
 from ..lessons.state import Lessons
