@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from keyword import iskeyword
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ispom.errors import InputError
 
@@ -219,7 +219,7 @@ class _Reader:
         raise _mistake(node.col_offset + 1, re.sub(r"\s", " ", what))
 
 
-def _applied(function: Callable[..., Value], *operands: Evaluate) -> Evaluate:
+def _applied(function: Callable[..., Any], *operands: Evaluate) -> Evaluate:
     """The function's value; None where an operand is missing, or where the result is no finite number."""
 
     def evaluate(now: Row, before: Row) -> Value:

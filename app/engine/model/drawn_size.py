@@ -61,7 +61,7 @@ def drawn_size(
     known = unit_in_metres(method, unit_m) is not None
     true, least = true_size(truth), OF_BASELINE * rig.baseline_m if rig.has_stereo else 0.0
     camera = true / unit_m if true is not None and known else max(spacing, least / unit_m) or 1.0
-    return DrawnSize(camera, 0.5 * min(camera, spacing or camera), spacing)
+    return DrawnSize(camera, 0.35 * min(camera, spacing or camera), spacing)
 
 
 def _spacing(poses: PoseHistory) -> float:

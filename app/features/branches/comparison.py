@@ -56,7 +56,7 @@ def begin(branches: tuple[Branch, ...], shown: int, other: int, a: CurrentRun, b
         raise InputError("the branches have no method in common: choose others")
     start, stop = forked_at(branches, shown, other), min(len(a.history), len(b.history))
     if start >= stop:
-        raise InputError(f"one of the branches has computed nothing from exposure {start} on: run it on first")
+        raise InputError(f"one of the runs ends before frame {start}, where the other begins: play it on first")
     return Comparison(shown, other, start, stop, methods, start)
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from ispom.errors import InputError
 
+from ...session import moves
+from ...session.current_run import CurrentRun
 from ...session.service import Service
 from ...session.sources.known import Known
 from ..branches.service import BranchService
@@ -19,6 +21,8 @@ from ..recording.state import Recordings
 
 class RunsService(Service):
     place = 70
+    _waiting: tuple[int, int] | None = None
+    """Two branches that are compared when the first, which is shown, has come as far as the second."""
 
     def compare(self, a: str, b: str) -> None:
         """Shows run `a` and compares it with `b`. InputError if they are of different sources, or one of them cannot be
@@ -33,8 +37,34 @@ class RunsService(Service):
             numbers[0] = 0
         shown, other = (self._with_recorded(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
         branches = self.session.service(BranchService)
-        branches.show(shown)
+        if _computed(branches.run_of(shown)) > _computed(branches.run_of(other)):
+            branches.show(other)
+            self._run_to(_computed(branches.run_of(shown)))
+        else:
+            branches.show(shown)
+            self._run_to(_computed(branches.run_of(other)))
+        self._waiting = shown, other
+
+    def _run_to(self, count: int) -> None:
+        """Computes the run on the screen up to so many frames, if it can go on."""
+        if self.run is not None and not self.run.done and len(self.run.history) < count:
+            self.session.player.move(*moves.seek(self.run, count - 1))
+
+    def watch(self) -> None:
+        """Begins the comparison when both runs have the same frames, or a person has stopped the computation."""
+        if self._waiting is None or self.state.target is not None:
+            return
+        (shown, other), self._waiting = self._waiting, None
+        branches = self.session.service(BranchService)
+        if branches.run_of(shown) is None or branches.run_of(other) is None:
+            return  # another source was opened meanwhile
+        if self.state[Branches].shown != shown:
+            branches.show(shown)
         branches.compare(other)
+
+    @property
+    def impatient(self) -> bool:
+        return self._waiting is not None and self.state.target is None
 
     def branch_of(self, key: str) -> int | None:
         """The number of the branch that a row of the runs table is; None if it is to be read from its folder.
@@ -65,3 +95,7 @@ class RunsService(Service):
 
     def _source(self, name: str) -> str:
         return Known(self.session.recordings).source(name, self.state)
+
+
+def _computed(run: CurrentRun | None) -> int:
+    return 0 if run is None else len(run.history)

@@ -17,7 +17,6 @@ import rerun.blueprint as rrb
 
 from ispom.geometry import Array
 from ispom.methods import method
-from ispom.types import Camera
 
 from ...engine.events import Opened
 from ...engine.inspection.colouring import SCALES, Colouring
@@ -54,9 +53,8 @@ GRID_COLOUR = (128, 128, 128, 50)
 def blueprint(opened: Opened, hidden: Collection[str] = (), *, is_alone: bool = False) -> rrb.Blueprint:
     """The stage: a 3-D view and one image. `hidden` names layers and methods. `is_alone`: for a viewer without the
     page's curves and verdicts, so that a row of these stands below."""
-    rig, hidden_in = opened.sequence.rig, _hidden_entities(opened.methods, hidden, "state")
-    cameras = {"video": rig.video, "left": rig.left, "right": rig.left if rig.has_stereo else None}
-    images = [_image(name, cameras[name], hidden_in[f"/{name}"]) for name in IMAGES if cameras[name] is not None]
+    hidden_in = _hidden_entities(opened.methods, hidden, "state")
+    images = [_image(opened, name, hidden_in[f"/{name}"]) for name in IMAGES if _has(opened, name)]
     world = _world(opened, hidden_in["/world"])
     stage = rrb.Horizontal(
         world,
@@ -203,10 +201,20 @@ def least_size(opened: Opened) -> float:
     return 10.0 * rig.baseline_m if rig.has_stereo else 2.0
 
 
-def _image(name: str, camera: Camera | None, hidden: list[str]) -> rrb.View:
-    assert camera is not None
-    width, height = entities.shown_size(camera)
-    bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
+def _has(opened: Opened, name: str) -> bool:
+    """Whether there are images of a camera; a recording alone knows no rig, but the kinds of its frames."""
+    rig, kinds = opened.sequence.rig, opened.sequence.kinds
+    if rig.video is None and rig.left is None:
+        return ("video" if name == "video" else "stereo") in kinds
+    return {"video": rig.video is not None, "left": rig.left is not None, "right": rig.has_stereo}[name]
+
+
+def _image(opened: Opened, name: str, hidden: list[str]) -> rrb.View:
+    rig = opened.sequence.rig
+    camera, bounds = rig.video if name == "video" else rig.left, None
+    if camera is not None:
+        width, height = entities.shown_size(camera)
+        bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
     view = rrb.Spatial2DView(origin=f"/{name}", name=IMAGES[name], overrides=_hide(hidden), visual_bounds=bounds)
     return _lasting(view)
 

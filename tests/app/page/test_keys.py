@@ -208,8 +208,6 @@ def test_a_key_or_button_while_a_source_is_opened_is_answered_once_and_does_noth
     field.fill(source)
     page.controls.get_by_role("button", name="Open", exact=True).click()
     page.until(f"state.phase === 'opening' && state.source === '{source}'", "the opening")
-    page.controls.get_by_role("button", name="Step ▶").click()
-    page.controls.get_by_text("The source is still being opened: moves work once it is.").wait_for(timeout=5_000)
     page.tab.keyboard.press("Space")  # in viser's panel
     FOCUSED["the page"](page)
     for key in ("Space", "Space", "ArrowRight"):

@@ -180,7 +180,7 @@ def learner(browser, app: App) -> Iterator[Learner]:  # noqa: F811
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in ALWAYS else pytest.mark.slow) for n in NAMES])
 def test_a_lesson_is_finished_and_shows_no_answer_before_it_is_revealed(learner: Learner, name: str):
     lesson = next(each for each in built_in() if each.name == name)
-    learner.send(f"{{do: 'learn', lesson: '{name}:1'}}")
+    learner.send(f"{{do: 'learn', name: '{name}', place: 0}}")
     for number, step in enumerate(lesson.steps, 1):
         learner.asked(step.title)
         before = NUMBER.findall(learner.text())

@@ -86,9 +86,9 @@ class Stage(Page):
         return {"left": self._view("left", newest(STEREO, 30)), "video": self._view("video", 30)}
 
     def _view(self, camera: str, frame: int) -> View:
-        turn(self, camera)
         until = time.monotonic() + PATIENCE_MS / 1000
         while True:
+            turn(self, camera)
             screen = screen_of(self.tab)  # views find their sizes a frame or two after the first
             try:
                 return View.find(screen, image(frame))
@@ -104,9 +104,9 @@ def assert_drawn(page: Page, views: dict[str, View], index: int) -> None:
     """Both cameras' images are those of the exposure, and more like them than like any other."""
     seek(page, index)
     for camera, frames in (("video", VIDEO), ("left", STEREO), ("video", VIDEO)):
-        turn(page, camera)
         until, score = time.monotonic() + PATIENCE_MS / 1000, 0.0
         while score <= SAME:  # a tab turns with the viewer's next frame
+            turn(page, camera)
             found, score = views[camera].frame(screen_of(page.tab), image, frames)
             assert time.monotonic() < until, f"timed out waiting for the image of {camera}"
         assert found == newest(frames, index), f"{camera} at {index}: {score:.2f}"

@@ -115,7 +115,7 @@ const modes = makeModes(command, () => {
 const start = makeStart(command, modes, again);
 const compare = makeCompare(command, modes, start.open);
 const address = makeAddress(people.command, people.drives, modes);
-const showTransport = makeTransport(command);
+const showTransport = makeTransport(press);
 const tour = makeTour();
 const ask = makeQuestion(send);
 const lesson = makeLesson(send, command);

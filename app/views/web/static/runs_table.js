@@ -58,12 +58,12 @@ export function makeRuns(command, ask, close, compared) {
     const focus = table.contains(document.activeElement) ? document.activeElement.dataset.focus : null;
     const rows = visible();
     for (const key of selected) if (!found.rows.some((row) => row.key === key)) selected.delete(key);
-    const body = element("tbody");
-    body.append(...rows.map(tableRow));
-    table.replaceChildren(head(), body);
-    if (!rows.length) body.append(empty());
-    if (found.omitted) body.append(wide(`${found.omitted} older runs are not listed.`));
-    if (focus) table.querySelector(`[data-focus="${CSS.escape(focus)}"]`)?.focus();
+    const made = [head(), element("tbody")];
+    made[1].append(...rows.map(tableRow));
+    if (!rows.length) made[1].append(empty());
+    if (found.omitted) made[1].append(wide(`${found.omitted} older runs are not listed.`));
+    if (!patched([...table.rows], made.flatMap((part) => [...part.rows]))) table.replaceChildren(...made);
+    if (focus && !table.contains(document.activeElement)) table.querySelector(`[data-focus="${CSS.escape(focus)}"]`)?.focus();
     choose();
   }
 
@@ -101,7 +101,9 @@ export function makeRuns(command, ask, close, compared) {
   }
 
   function heading(text, kind = "") {
-    return Object.assign(element("th", kind, text), { scope: "col" });
+    const made = Object.assign(element("th", kind, text), { scope: "col" });
+    if (!text) made.replaceChildren(element("span", "unseen", "Choose, image"));
+    return made;
   }
 
   function tableRow(row) {
@@ -110,7 +112,7 @@ export function makeRuns(command, ask, close, compared) {
     made.append(chooser(row), picture(row), element("td", "source", row.source || "–"), name(row), differs(row));
     for (const cells of row.ate) made.append(ates(cells));
     made.append(located(row), events(row), element("td", "quiet", row.when === null ? "live" : whenText(row.when, Date.now() / 1000)), note(row));
-    made.addEventListener("click", ({ target }) => target.closest("input, button, a") || open(row));
+    made.addEventListener("click", ({ target }) => target.closest("input, button, a") || open(found.rows.find(({ key }) => key === row.key)));
     return made;
   }
 
@@ -154,8 +156,8 @@ export function makeRuns(command, ask, close, compared) {
     return cell;
   }
 
-  function differs({ differs, kind }) {
-    const texts = differs.length ? differs : kind === "recording" ? [] : ["defaults"];
+  function differs({ differs, kind, parent }) {
+    const texts = differs.length ? differs : kind === "recording" ? [] : [kind === "live" && parent ? "nothing" : "defaults"];
     const cell = element("td", differs.length ? "differs" : "differs quiet", texts.slice(0, 2).join("; "));
     if (texts.length > 2) cell.append(` and ${texts.length - 2} more`);
     cell.title = texts.join("\n");
@@ -237,6 +239,21 @@ export function makeRuns(command, ask, close, compared) {
   }
 
   return { follow };
+}
+
+// Brings rows to what new ones show, cell by cell, so that what is pointed at or pressed stays; false where they are other rows.
+function patched(old, rows) {
+  const keys = (each) => JSON.stringify(each.map(({ dataset, cells }) => [dataset.key, cells.length]));
+  if (keys(old) !== keys(rows)) return false;
+  rows.forEach((row, i) => {
+    old[i].className = row.className;
+    [...row.cells].forEach((cell, j) => {
+      const [before, box] = [old[i].cells[j], cell.querySelector("[type=checkbox]")];
+      if (before.outerHTML !== cell.outerHTML) before.replaceWith(cell);
+      else if (box) before.firstElementChild.checked = box.checked;
+    });
+  });
+  return true;
 }
 
 const isGroup = ({ kind }) => kind === "sweep" || kind === "experiment";

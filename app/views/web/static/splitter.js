@@ -11,6 +11,7 @@ export function makeSplitter() {
     wanted = asked;
     width = Math.round(Math.min(Math.max(wanted, NARROW), Math.max(innerWidth - KEEP, NARROW)));
     panes.style.setProperty("--left", `${width}px`);
+    splitter.ariaValueNow = String(width);
   };
   place(width);
   addEventListener("resize", () => place(wanted));

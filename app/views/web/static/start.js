@@ -61,10 +61,11 @@ export function makeStart(command, modes, changed) {
       if (before.done(next)) [open, before.fault.textContent] = [false, ""];
       else asked = before;
     }
-    const waiting = asked && next.phase === "opening";
+    const computing = asked && next.target !== null;
+    const waiting = computing || (asked && next.phase === "opening");
     const shown = open || needed() || Boolean(waiting);
     if (next.phase === "failed" && before?.phase !== "failed" && !asked) failed(next);
-    if (waiting) asked.fault.textContent = `${next.activity ?? "opening"} …`;
+    if (waiting) asked.fault.textContent = computing ? `Computing frames up to ${next.target}: ${next.computed} done` : `${next.activity ?? "opening"} …`;
     asked?.fault.classList.toggle("busy", Boolean(waiting));
     screen.hidden = !shown;
     document.body.dataset.home = shown ? "shown" : "";
