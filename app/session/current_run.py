@@ -10,12 +10,10 @@ from ispom.errors import InputError
 from ispom.methods import Config
 from ispom.types import Trajectory
 
-from ..engine.differences.compare import divergences
-from ..engine.differences.order import record_rows
+from ..engine.differences.compare import divergences, record_rows
 from ..engine.events import Finished, Opened, Stepped
 from ..engine.history.checkpoints import Checkpoint, Checkpoints
-from ..engine.history.held import Held
-from ..engine.history.history import History, Past
+from ..engine.history.history import Held, History, Past
 from ..engine.history.record import ExposureRecord
 from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel

@@ -14,7 +14,7 @@ from ispom.methods import Config, possible_methods
 from ispom.types import Guess
 
 from ..engine.events import Finished, Opened
-from ..engine.history.held import Held
+from ..engine.history.history import Held
 from ..engine.history.record import ExposureRecord, MethodStatus
 from ..engine.model.tally import Tally
 from ..engine.options import SourceOptions

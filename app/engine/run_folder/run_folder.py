@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Self
+
+from filelock import FileLock, Timeout
 
 from ispom.errors import InputError
 from ispom.io.files import exists
@@ -14,7 +17,38 @@ from ispom.io.whole import PART, part_of, replace_whole
 from ispom.methods import names
 
 from ..outputs import is_signed, mark_text, signature
-from .lock import LOCK, locked
+
+LOCK = ".lock"
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Keeps others from writing this file, or into this folder. A killed process holds nothing.
+
+    InputError where somebody else is writing; OSError where the disk does not take the lock.
+    """
+    place = path / LOCK if path.is_dir() else path.with_name(f".{path.name}{LOCK}")
+    lock = FileLock(place)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        raise InputError(f"{path} is being written by another run: wait for its end, or choose another name") from None
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # a lock file that stays behind is nobody's
+            place.unlink(missing_ok=True)
+        lock.release()
+
+
+def is_locked(path: Path) -> bool:
+    """Whether somebody is writing this file, or into this folder. OSError as `locked`."""
+    try:
+        with locked(path):
+            return False
+    except InputError:
+        return True
+
 
 MARKER = "INCOMPLETE"
 """The file that says that a run is not complete, and in its first line why."""

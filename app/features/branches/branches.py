@@ -10,7 +10,7 @@ from ispom.evaluation.trajectory_error import TrajectoryError
 from ispom.geometry import Similarity
 from ispom.methods import Config, with_asked
 
-from ...engine.history.held import Held
+from ...engine.history.history import Held
 from ...engine.model.run_model import RunModel
 from ...engine.model.tally import Tally
 from ...presentation.colours import Rgb

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 from ispom.errors import InputError
 
-from ...engine.differences.compare import Divergence, MethodRow, divergences
-from ...engine.differences.order import FROM_POINTS, record_rows
+from ...engine.differences.compare import FROM_POINTS, Divergence, MethodRow, divergences, record_rows
 from ...engine.history.record import ExposureRecord
 from ...session.current_run import CurrentRun
 from .branches import Branch

@@ -16,8 +16,17 @@ from ispom.io.files import exists
 from ispom.io.tum import read_tum
 from ispom.types import Frame, Trajectory
 
-from ...engine.differences.compare import ORIENTATION, Difference, Divergence, MethodRow, distance, divergences, further
-from ...engine.differences.order import in_order, stored_pose
+from ...engine.differences.compare import (
+    ORIENTATION,
+    Difference,
+    Divergence,
+    MethodRow,
+    distance,
+    divergences,
+    further,
+    in_order,
+    stored_pose,
+)
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import MARKER, trajectory_file
 from ...engine.run_folder.step_reader import StoredStep, stored_steps

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ispom.errors import InputError
 
 from ...engine.run_events.event import RunEvent
-from ...engine.run_events.find import nearest, with_bookmarks
+from ...engine.run_events.registry import nearest, with_bookmarks
 from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.goals import Goal

@@ -27,7 +27,7 @@ from ..headless.console import silent, wait_for_compiler
 from . import cluster
 from .execute import execute_in_order, finished_before
 from .options import Experiment
-from .output import PAGE, write_output
+from .page import PAGE, write_output
 from .plan import Plan, Run, config_of
 from .plan_file import read_plan
 from .results import by_plan

@@ -20,8 +20,7 @@ from ispom.methods import method as registered
 from ispom.types import Trajectory
 
 from ...presentation.colours import TRUTH, css
-from .names import Style, label, styles
-from .plan import Plan, Run
+from .plan import Plan, Run, Style, label, styles
 from .row import Row, compared, paths_of
 from .statistics import value_of
 

@@ -12,8 +12,7 @@ from ispom.methods import Config
 
 from ...engine.history.record import ExposureRecord
 from ...engine.run_events.event import RunEvent
-from ...engine.run_events.find import with_bookmarks
-from ...engine.run_events.registry import event_kinds
+from ...engine.run_events.registry import event_kinds, with_bookmarks
 from ...presentation import colours
 from ...session.current_run import CurrentRun
 from ...session.state import State

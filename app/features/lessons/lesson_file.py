@@ -19,8 +19,7 @@ from ...engine.conditions.parser import Expression, parse, parse_number
 from ...engine.history.quantities import quantities
 from ...engine.history.quantity import Quantity
 from . import facts
-from .lesson import OWN, Ask, Asked, Choose, Draw, Fact, Lesson, Number, Option, Point, Step
-from .track_facts import TRACK
+from .lesson import OWN, TRACK, Ask, Asked, Choose, Draw, Fact, Lesson, Number, Option, Point, Step
 
 FRONT = re.compile(r"---\r?\n(.*?)\r?\n---\r?\n(.*)", re.DOTALL)
 SECTION = re.compile(r"^## +", re.MULTILINE)

@@ -17,10 +17,9 @@ from ...views.viser.drawing import in_view, picture
 from ...views.web.answers import Answers
 from ..tracks.track_picture import image_of
 from .judge import places
-from .learning import Learning
 from .lesson import Ask, Choose, Draw, Number, Point
 from .reveal import Revealed, sampled
-from .state import Lessons
+from .state import Learning, Lessons
 
 
 def html(markdown: str, values: Mapping[str, float] | None = None) -> str:

@@ -19,9 +19,8 @@ from ...engine.history.history import Records
 from ...engine.history.quantities import NO_ROW, Row
 from ...engine.inspection.sightings import seen_before
 from . import facts
-from .lesson import OWN, Choose, Draw, Fact, Number, Point, Step
+from .lesson import OWN, Choose, Draw, Fact, Number, Point, Step, right_tracks
 from .ran import Ran
-from .track_facts import right_tracks
 
 
 @dataclass(frozen=True, eq=False)

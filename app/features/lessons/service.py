@@ -20,12 +20,11 @@ from ..layers.state import Layers
 from ..plots.state import Plots
 from ..tracks.commands import LookAt, Pick, Select
 from ..tracks.state import Inspection
-from .learning import Learning
 from .lesson import OWN, Asked, Lesson, Point
 from .library import Library
 from .ran import Ran
 from .reveal import pictured, revealed
-from .state import Lessons
+from .state import Learning, Lessons
 
 Job = Callable[[], None]
 """A part of the way; what it has computed is waited for before the next one."""

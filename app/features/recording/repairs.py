@@ -9,7 +9,7 @@ from threading import Thread
 from ispom.errors import InputError
 from ispom.io.whole import whole_of
 
-from ...engine.run_folder.lock import is_locked
+from ...engine.run_folder.run_folder import is_locked
 from ...views.rerun.repair import finish, unfinished
 
 log = logging.getLogger(__name__)

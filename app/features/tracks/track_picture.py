@@ -11,8 +11,8 @@ from ispom.errors import InputError
 from ispom.types import Image, Sequence, StereoPair, Tracks, TrackStatus
 
 from ...engine.inspection.colouring import SCALES, Colouring, palette
-from ...engine.inspection.epipolar import EpipolarLine, epipolar
 from ...engine.inspection.looked import Looked
+from ...engine.inspection.point import EpipolarLine, epipolar
 from ...presentation import colours
 from ...session.review.recorded_tracks import RecordedTracks, RecordedViews
 from ...views.viser.drawing import dots, in_view, picture, polyline

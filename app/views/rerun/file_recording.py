@@ -25,7 +25,7 @@ from ispom.errors import InputError
 from ispom.io.whole import part_of
 
 from ...engine.events import Bookmark, Event, Opened
-from ...engine.run_folder.lock import locked
+from ...engine.run_folder.run_folder import locked
 from . import blueprint
 from .piped_file import PIPES, PipedFile
 from .recorder import Recorder

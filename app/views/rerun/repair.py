@@ -14,7 +14,7 @@ from ispom.errors import InputError
 from ispom.io.whole import part_of, whole_of
 from ispom.sequences.decoder_output import silenced
 
-from ...engine.run_folder.lock import locked
+from ...engine.run_folder.run_folder import locked
 from .piped_file import PipedFile
 from .rrd import count_messages, is_empty, is_finished, whole_bytes
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ...features.lessons.judge import Answer, accepted, is_right
-from ...features.lessons.learning import Learning
+from ...features.lessons.state import Learning
 
 
 class Answers:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ispom_app.engine.differences.order import step_row
+from ispom_app.engine.differences.compare import step_row
 from ispom_app.engine.history.quantities import by_method
 from ispom_app.engine.playback import Playback
 from ispom_app.engine.run_folder.run_folder import DECISIONS, STEPS, RunFolder

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from ispom_app.engine.inspection.epipolar import epipolar
 from ispom_app.engine.inspection.looked import revised
-from ispom_app.engine.inspection.point import covariance, estimate, ideal, residuals
+from ispom_app.engine.inspection.point import covariance, epipolar, estimate, ideal, residuals
 from ispom_app.engine.inspection.sightings import TrackLife, life
 from ispom_app.engine.model.run_model import RunModel
 

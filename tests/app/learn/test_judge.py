@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from ispom_app.engine.conditions.parser import parse
 from ispom_app.features.lessons.judge import SAMPLES, accepted, is_right
-from ispom_app.features.lessons.lesson import Ask, Choose, Draw, Fact, Number, Option, Point
+from ispom_app.features.lessons.lesson import TRACK, Ask, Choose, Draw, Fact, Number, Option, Point, right_tracks
 from ispom_app.features.lessons.reveal import Revealed
-from ispom_app.features.lessons.track_facts import TRACK, right_tracks
 
 from ispom.types import Rig, Tracks, TrackStatus
 from tests import doubles

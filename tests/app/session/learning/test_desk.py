@@ -11,9 +11,8 @@ from ispom_app.features.breakpoints.commands import RunUntil
 from ispom_app.features.layers.commands import Hide
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.commands import EndLesson, Learn, Reveal, TurnTo
-from ispom_app.features.lessons.learning import Learning
 from ispom_app.features.lessons.library import Library
-from ispom_app.features.lessons.state import Lessons, covered
+from ispom_app.features.lessons.state import Learning, Lessons, covered
 from ispom_app.features.plots.commands import Plot
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
