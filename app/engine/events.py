@@ -36,10 +36,10 @@ class Opened:
 
 @dataclass(frozen=True, eq=False)
 class Stepped:
-    """One exposure went through the estimators."""
+    """One frame went through the estimators."""
 
     index: int
-    """Of the exposure in the sequence."""
+    """Of the frame in the sequence."""
     exposure: Exposure
     steps: tuple[Step, ...]
     placements: Mapping[str, Similarity]
@@ -62,7 +62,7 @@ class Finished:
 
 @dataclass(frozen=True, eq=False)
 class Pictured:
-    """An earlier exposure that was drawn without its images is shown to somebody: here they are."""
+    """An earlier frame that was drawn without its images is shown to somebody: here they are."""
 
     index: int
     exposure: Exposure
@@ -71,7 +71,7 @@ class Pictured:
 
 @dataclass(frozen=True)
 class Bookmark:
-    """An exposure that a person marked."""
+    """A frame that a person marked."""
 
     exposure: int
     time_ns: int

@@ -38,7 +38,7 @@ def _values(words: Iterable[str]) -> Iterator[str]:
 
 
 def _named(value: str) -> tuple[type[ProgramConfig], list[Kind]]:
-    """The settings of the program, and on which exposures it steps."""
+    """The settings of the program, and on which frames it steps."""
     names_it, equals, command = value.partition("=")
     name, colon, kinds = names_it.partition(":")
     needs = kinds.split("+") if colon else ["video"]

@@ -69,7 +69,7 @@ class SourceOptions:
     seed: int = 0
     """Seed of a simulation."""
     max_exposures: int | None = None
-    """Use only the first N exposures."""
+    """Use only the first N frames."""
     camera: Path | None = None
     """Calibration (a camera.yaml) of a live camera; of images or a video, instead of the file beside them."""
 

@@ -1,6 +1,6 @@
 """One run of the asked methods over one sequence, as events. Headless runs and the app both pull from here.
 
-A run may have been forked from others: then it begins with what those did up to the exposures where they were left.
+A run may have been forked from others: then it begins with what those did up to the frames where they were left.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ class Stage:
     """What ran before a fork."""
 
     until: int
-    """The first exposure that ran with other methods or settings."""
+    """The first frame that ran with other methods or settings."""
     methods: tuple[str, ...]
     config: Config
 
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A run between two exposures, as a value: from here it can be run on, any number of times."""
+    """A run between two frames, as a value: from here it can be run on, any number of times."""
 
     position: int
-    """The next exposure."""
+    """The next frame."""
     skipped: tuple[str, ...]
     states: Mapping[str, Any]
     """Of each method's estimator."""
@@ -65,7 +65,7 @@ class Playback:
     """Trajectories of other programs over the same sequence."""
 
     def __post_init__(self) -> None:
-        begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first exposure shares none
+        begun = (stage for stage in self.earlier if stage.until > 0)  # a fork at the first frame shares none
         self._stages = (*begun, Stage(sys.maxsize, self.methods, self.config))
         # The last one first: a mistake in what was asked is found before anything runs.
         self._final: Ensemble = self.builder(self.config, self.methods, self.sequence.rig)
@@ -73,7 +73,7 @@ class Playback:
         self.truth = truth_from_start(self.sequence)
         self.position = 0
         self.skipped: list[str] = []
-        """What was wrong with each skipped exposure."""
+        """What was wrong with each skipped frame."""
         self._state = self.ensemble.start()
         start = Pose() if self.sequence.rig.has_stereo else self.sequence.rig.rig_from_video
         own = [name for name in self.methods if registered(name).unit == "own"]
@@ -89,7 +89,7 @@ class Playback:
         return Snapshot(self.position, tuple(self.skipped), self._state, dict(self._placements), placing)
 
     def forked(self, at: int, methods: tuple[str, ...], config: Config, snapshot: Snapshot | None = None) -> Playback:
-        """Another run, that is as this one up to exposure `at`, and has other methods or settings from there on.
+        """Another run, that is as this one up to frame `at`, and has other methods or settings from there on.
 
         It stands at `snapshot`, one of this run's at or before `at`, or else at the start. InputError as `builder`.
         """
@@ -118,7 +118,7 @@ class Playback:
         return self._final if same else self.builder(stage.config, stage.methods, self.sequence.rig)
 
     def _enter_stage(self) -> None:
-        """Changes to the methods and settings of the next stage, where one begins at this exposure."""
+        """Changes to the methods and settings of the next stage, where one begins at this frame."""
         ended = [i for i, stage in enumerate(self._stages) if stage.until == self.position]
         if ended:
             self.ensemble = self._build(self._stages[ended[-1] + 1])
@@ -134,7 +134,7 @@ class Playback:
         return self.position >= len(self.sequence) and self.sequence.grow is None
 
     def more(self, patience_s: float | None = None) -> bool:
-        """Whether there is an exposure to step to; of a live source, waits for it so long (None: until it ends).
+        """Whether there is a frame to step to; of a live source, waits for it so long (None: until it ends).
 
         InputError, once, where the live source fails.
         """
@@ -156,7 +156,7 @@ class Playback:
         return self._placements[method].scale if method in self._placements else 1.0
 
     def step(self) -> Stepped:
-        """Runs the next exposure. The position does not advance where loading it raises InputError.
+        """Runs the next frame. The position does not advance where loading it raises InputError.
 
         One in a hundred may be unreadable: the estimators go on from the one before to the one after.
         """
@@ -218,7 +218,7 @@ class Playback:
 
 
 def truth_from_start(sequence: Sequence) -> Trajectory | None:
-    """The truth, with the rig at the first stereo exposure (without stereo: the first exposure) as its world."""
+    """The truth, with the rig at the first stereo frame (without stereo: the first frame) as its world."""
     if sequence.truth is None or not len(sequence.truth):
         return None
     wanted = "stereo" if sequence.rig.has_stereo else "video"

@@ -1,7 +1,7 @@
 """Numba's first compilation, in a process of its own: in this one it would hold up the page, and stall the first steps.
 
 `start(config)` begins where machine code is still missing; `while not finished(0.05): say(message())` comes before the
-first exposure is computed. The app's first start of all does not wait: it shows the paper's methods meanwhile.
+first frame is computed. The app's first start of all does not wait: it shows the paper's methods meanwhile.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _failed(how: str, words: str = "") -> None:
     """Once: one that failed is not tried again in this process."""
     sentence = (
         f"the estimators could not be compiled in advance ({how}): each compiles at its first use, "
-        "which delays its first exposures"
+        "which delays its first frames"
     )
     _failures.append(sentence)
     log.warning("\n".join(filter(None, [sentence, words])))

@@ -36,7 +36,7 @@ class Compiling:
             self._store.emit(NoticeAdded(warmup.MEANWHILE, "info"))
 
     def ready(self, playback: Playback) -> bool:
-        """Whether the next exposure may be computed; otherwise shows what it waits for, a little while."""
+        """Whether the next frame may be computed; otherwise shows what it waits for, a little while."""
         if not warmup.needed(playback.methods, playback.config) or warmup.finished(WAIT_S):
             return True
         before, text = self._store.state.activity, warmup.message()

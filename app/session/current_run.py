@@ -25,7 +25,7 @@ from .review.recorded_tracks import RecordedViews
 from .review.stored import Stored
 
 EXPOSURES_SHARE, STATES_SHARE = 0.1, 0.1
-"""Of its memory: for the newest exposures, which are on disk as well and from there take a millisecond, and for states
+"""Of its memory: for the newest frames, which are on disk as well and from there take a millisecond, and for states
 to fork from. The rest is for what no count of arrays shows: what is known of all poses and points, the objects around
 them, and what the allocator keeps for itself."""
 REST_SHARE = 16
@@ -44,7 +44,7 @@ class CurrentRun:
         series: Series | None = None,
         events: EventLog | None = None,
     ) -> None:
-        """A fork has a `past`, the exposures that it did not compute itself, with their `series` and `events`, and
+        """A fork has a `past`, the frames that it did not compute itself, with their `series` and `events`, and
         `checkpoints` among them, at the last of which its playback stands.
         """
         self.playback = playback
@@ -67,7 +67,7 @@ class CurrentRun:
 
     @staticmethod
     def of_stored(stored: Stored, memory_bytes: int) -> CurrentRun:
-        """A run that is over: its exposures are read, not computed. InputError where they cannot be."""
+        """A run that is over: its frames are read, not computed. InputError where they cannot be."""
         history, series, events = History(0), Series(stored.methods), EventLog()
         for record in stored.records():
             history.append(record)
@@ -85,7 +85,7 @@ class CurrentRun:
         return run
 
     def forked(self, at: int, methods: tuple[str, ...], config: Config) -> CurrentRun:
-        """A run that is as this one up to exposure `at`, of those computed, and has these methods and settings from
+        """A run that is as this one up to frame `at`, of those computed, and has these methods and settings from
         there on. InputError as `Playback.forked`."""
         self.require_source()
         checkpoints = self.checkpoints.until(at)
@@ -110,12 +110,12 @@ class CurrentRun:
 
     @property
     def last(self) -> int:
-        """The last exposure that can be shown, be it computed by then or not."""
+        """The last frame that can be shown, be it computed by then or not."""
         return (len(self.history) if self.stored is not None else len(self.playback.sequence)) - 1
 
     @property
     def catching_up(self) -> bool:
-        """Whether exposures that are known have to be run through again, to reach the state that a fork begins with."""
+        """Whether frames that are known have to be run through again, to reach the state that a fork begins with."""
         return not self.done and self.playback.position < len(self.history)
 
     def catch_up(self) -> str:
@@ -133,12 +133,12 @@ class CurrentRun:
         if found is None:
             return ""
         return (
-            f"the replay is not the stored run: {min(found.names)} differs at exposure {event.index}, by other images, "
+            f"the replay is not the stored run: {min(found.names)} differs at frame {event.index}, by other images, "
             "another version or another machine; what is computed from here on follows the replay"
         )
 
     def step(self) -> tuple[Stepped, ExposureRecord]:
-        """Computes the next exposure and keeps what was said of it. InputError as `Playback.step`."""
+        """Computes the next frame and keeps what was said of it. InputError as `Playback.step`."""
         self.checkpoints.offer(self.playback.position, self._checkpoint)
         event = self.playback.step()
         record = ExposureRecord.of(event, self.history.last)
@@ -146,7 +146,7 @@ class CurrentRun:
         before = self.series.newest
         self.series.append(record)
         self.events.append(record, before, self.series.newest)
-        # After the history: who finds an exposure in the model finds its record, too.
+        # After the history: who finds a frame in the model finds its record, too.
         self._learn(record)
         return event, record
 
@@ -176,19 +176,19 @@ class CurrentRun:
         return self._model
 
     def known_at(self, index: int) -> RunModel:
-        """What was known after exposure `index`."""
+        """What was known after frame `index`."""
         model, history = self._model, self.history
         return model if index + 1 >= len(history) else model.as_known_at(index, lambda i: history[i].steps)
 
     def trajectories(self) -> Mapping[str, Trajectory]:
         """Each method's trajectory as known now, in its own world: what `ispom run` would write if the run ended here.
 
-        Of a fork that has to run through known exposures first, as far as that came.
+        Of a fork that has to run through known frames first, as far as that came.
         """
         return self.stored.final if self.stored is not None else self.playback.finish().trajectories
 
     def rest(self) -> None:
-        """Gives most of its memory back; older exposures are read from disk, and more of them are replayed."""
+        """Gives most of its memory back; older frames are read from disk, and more of them are replayed."""
         self._limit(self._memory_bytes // REST_SHARE)
 
     def wake(self) -> None:
@@ -200,15 +200,15 @@ class CurrentRun:
         self.checkpoints.limit(int(STATES_SHARE * memory_bytes))
 
     def finish(self) -> Finished:
-        """The trajectories as of the last computed exposure."""
+        """The trajectories as of the last computed frame."""
         while self.catching_up:
             self.catch_up()
         return self.playback.finish()
 
     def finished_within(self, timeout_s: float) -> Finished | None:
-        """The trajectories as of the last computed exposure, while the worker is busy; None where that takes longer.
+        """The trajectories as of the last computed frame, while the worker is busy; None where that takes longer.
 
-        Also None while exposures are run through again: only the worker may do that, and it would take too long.
+        Also None while frames are run through again: only the worker may do that, and it would take too long.
         """
         if self.catching_up:
             return None
@@ -219,14 +219,14 @@ class CurrentRun:
         return found[0] if found else None
 
     def doing(self, source: str) -> str:
-        """What takes its time when an exposure does."""
+        """What takes its time when a frame does."""
         if not source.startswith("sim:"):
             return "computing" if self.history else "compiling, then computing"
         return "rendering and computing" if self.history else "building the scene, then"
 
     @property
     def live(self) -> bool:
-        """Whether more exposures come than are known now."""
+        """Whether more frames come than are known now."""
         return self.playback.sequence.grow is not None
 
     def stop(self) -> None:

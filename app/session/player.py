@@ -1,4 +1,4 @@
-"""Shows a run exposure by exposure, at the chosen speed or towards a target, and computes what is not known yet."""
+"""Shows a run frame by frame, at the chosen speed or towards a target, and computes what is not known yet."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Player:
         """The run whose replay is not what is stored of it."""
 
     def move(self, *events: Event) -> None:
-        """From now on as these events say, without waiting for the exposure that was due."""
+        """From now on as these events say, without waiting for the frame that was due."""
         self._due_s = 0.0
         self._store.emit(*events)
 
@@ -43,7 +43,7 @@ class Player:
         return min(idle_s, max(0.0, self._due_s - time.monotonic())) if state.playing else idle_s
 
     def advance(self) -> None:
-        """One exposure on, where it is time for that."""
+        """One frame on, where it is time for that."""
         run, state = self.run, self._store.state
         if run is None:
             self._store.set(playing=False, target=None)
@@ -66,7 +66,7 @@ class Player:
             self._due_s = moves.due_s(self._store.state, run, self._due_s, time.monotonic())
 
     def _more(self, run: CurrentRun) -> bool:
-        """Whether there is an exposure to compute; a live source is waited for a while."""
+        """Whether there is a frame to compute; a live source is waited for a while."""
         live = run.live
         found = run.playback.more(LIVE_WAIT_S)
         if live:
@@ -80,16 +80,16 @@ class Player:
         if not self._compiling.ready(run.playback):
             return
         if run.catching_up:
-            self._store.busy(f"replaying exposure {run.playback.position} up to {len(run.history)}")
+            self._store.busy(f"replaying frame {run.playback.position} up to {len(run.history)}")
             if (apart := run.catch_up()) and run is not self._apart:
                 self._apart = run  # said once: what follows from the first difference differs as well
                 self._store.emit(NoticeAdded(apart))
             return
-        self._store.busy(f"{run.doing(self._store.state.source)} exposure {run.playback.position}")
+        self._store.busy(f"{run.doing(self._store.state.source)} frame {run.playback.position}")
         event, record = run.step()
         self._store.emit(Computed(record, run.tally, run.held))
         if event.skipped:
-            self._store.emit(NoticeAdded(f"exposure {event.index} is skipped: {event.skipped}"))
+            self._store.emit(NoticeAdded(f"frame {event.index} is skipped: {event.skipped}"))
         self._viewers.write(event)
         self.computed(event)
         release_library_pages(run.playback.position)

@@ -60,7 +60,7 @@ class Session:
 
         An empty `source` opens nothing: the session waits for the first command that does.
         `methods` None means all that the source has the cameras for; `compiling` begins to compile what settings
-        need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the exposures of a run
+        need, when they are about to run; `builder` makes the estimators; `history_bytes` is what the frames of a run
         may take of memory; `folders` is where the page may look for sources, and `recent` keeps those that were opened;
         `beside` are trajectories of other programs; `extras` are values that features look up by their type.
         """
@@ -138,7 +138,7 @@ class Session:
         return self.run.opened if self.run is not None else None
 
     def known_at(self, index: int) -> RunModel:
-        """What was known after exposure `index` of the run that is on the screen."""
+        """What was known after frame `index` of the run that is on the screen."""
         return self.run.known_at(index) if self.run is not None else RunModel.start(())
 
     def close(self, timeout_s: float) -> bool:

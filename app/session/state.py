@@ -60,7 +60,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Loop:
-    """The exposures between which playing goes round."""
+    """The frames between which playing goes round."""
 
     start: int = 0
     end: int | None = None
@@ -98,11 +98,11 @@ class State:
     """Of the run, in the viewers."""
     total: int = 0
     computed: int = 0
-    """Exposures computed."""
+    """Frames computed."""
     start_ns: int = 0
-    """The first exposure's time."""
+    """The first frame's time."""
     displayed: ExposureRecord | None = None
-    """The exposure that is shown."""
+    """The frame that is shown."""
     playing: bool = False
     speed: float | None = 1.0
     """Times the recorded time; None for as fast as possible."""
@@ -112,9 +112,9 @@ class State:
     until: Goal | None = None
     """What a run goes on towards."""
     target: int | None = None
-    """The exposure that a seek is computing towards."""
+    """The frame that a seek is computing towards."""
     ended: bool = False
-    """Whether every exposure was computed."""
+    """Whether every frame was computed."""
     activity: Activity | None = None
     source_options: SourceOptions = field(default_factory=SourceOptions)
     """How the source was opened."""
@@ -141,12 +141,12 @@ class State:
 
     @property
     def index(self) -> int:
-        """Of the exposure that is shown; -1 for none yet."""
+        """Of the frame that is shown; -1 for none yet."""
         return self.displayed.index if self.displayed else -1
 
     @property
     def time_s(self) -> float:
-        """Of the exposure that is shown, since the first one."""
+        """Of the frame that is shown, since the first one."""
         return (self.displayed.time_ns - self.start_ns) * 1e-9 if self.displayed else 0.0
 
     @property
@@ -175,11 +175,11 @@ class Restored:
 
 @dataclass(frozen=True, eq=False)
 class Computed:
-    """One more exposure is in the history."""
+    """One more frame is in the history."""
 
     record: ExposureRecord
     tally: Tally
-    """Of the branch, this exposure included."""
+    """Of the branch, this frame included."""
     held: Held = Held()
     """Of the branch."""
 
@@ -197,7 +197,7 @@ class Resumed:
 
 @dataclass(frozen=True, eq=False)
 class Displayed:
-    """Another exposure of the history is shown."""
+    """Another frame of the history is shown."""
 
     record: ExposureRecord
 

@@ -14,7 +14,7 @@ from ..engine.history.history import History
 
 log = logging.getLogger(__name__)
 RESTARTS = 1
-"""How often in a run what failed is started again, from the run's first exposure on."""
+"""How often in a run what failed is started again, from the run's first frame on."""
 
 
 class EventSink(Protocol):
@@ -25,14 +25,14 @@ class EventSink(Protocol):
         ...
 
     def replay(self, *recordings: Path, kinds: Sequence[Kind] = ()) -> None:
-        """Shows a finished recording, in one file or several, in place of a run; `kinds` are those of its exposures.
+        """Shows a finished recording, in one file or several, in place of a run; `kinds` are those of its frames.
         InputError where it cannot be read."""
         ...
 
     def write(self, event: Event) -> None: ...
 
     def look_at(self, index: int) -> None:
-        """An exposure is shown: where it was drawn without its images, they are wanted now."""
+        """A frame is shown: where it was drawn without its images, they are wanted now."""
         ...
 
     def check(self) -> None:
@@ -63,7 +63,7 @@ class Viewers:
         self._guarded(lambda sink: sink.write(event))
 
     def look_at(self, index: int) -> None:
-        """The exposure that is shown now; told once."""
+        """The frame that is shown now; told once."""
         if index >= 0 and index != self._looked_at:
             self._looked_at = index
             self._guarded(lambda sink: sink.look_at(index))

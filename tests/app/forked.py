@@ -1,7 +1,7 @@
 """A fork with nothing changed against its parent, to the byte: through the session, as the page forks, and by
 `ispom fork`.
 
-`python -m tests.app.forked SOURCE [OPTIONS OF ISPOM RUN]` forks a run over a recording at five exposures for each of
+`python -m tests.app.forked SOURCE [OPTIONS OF ISPOM RUN]` forks a run over a recording at five frames for each of
 its methods, and prints what differs.
 """
 
@@ -72,10 +72,10 @@ def differing(files: Files, parent: Files) -> list[str]:
 
 
 def worth_forking(folder: Path, method: str) -> list[int]:
-    """Of a run, five first exposures of forks: just before a key frame, at it and after it; and at a loss, in it and
-    after it, or where there is none around a later key frame.
+    """Of a run, five first frames of forks: just before a keyframe, at it and after it; and at a loss, in it and
+    after it, or where there is none around a later keyframe.
 
-    An integration's segment ends at its key frames: so one fork is in a segment, one at its end, one in the next.
+    An integration's segment ends at its keyframes: so one fork is in a segment, one at its end, one in the next.
     """
     own = [row for row in rows(folder) if row["method"] == method]
     at = [int(row["exposure"]) for row in own]
@@ -113,10 +113,10 @@ def played(arguments: list[str], methods: tuple[str, ...], folder: Path) -> Iter
 
 
 def fork_in(session: Session, at: int) -> CurrentRun:
-    """Shows the exposure before `at` of the first run, forks there with nothing changed, and waits for the end."""
+    """Shows the frame before `at` of the first run, forks there with nothing changed, and waits for the end."""
     session.post(ShowBranch(0))
     session.post(do.Seek(at - 1))
-    wait_for(lambda: session.state[Branches].shown == 0 and session.state.index == at - 1, "the exposure")
+    wait_for(lambda: session.state[Branches].shown == 0 and session.state.index == at - 1, "the frame")
     session.post(Fork(session.state.methods, session.state.config))
     # One state says both: the session has the branch's run before that state, when the parent's is ended still.
     wait_for(lambda: (state := session.state)[Branches].shown != 0 and state.ended, "the end of the branch", PATIENCE_S)

@@ -1,6 +1,6 @@
-"""A run without end, as the app keeps it: does an exposure cost as much, and the process hold as much, as at first?
+"""A run without end, as the app keeps it: does a frame cost as much, and the process hold as much, as at first?
 
-`python -m tests.app.soak` takes 20,000 exposures of small made images through playback, history, run model, recorder
+`python -m tests.app.soak` takes 20,000 frames of small made images through playback, history, run model, recorder
 and live stream, and prints a table; `tests/app/run/test_long_run.py` takes fewer, and looks at counts only.
 """
 
@@ -36,7 +36,7 @@ SCENARIOS: dict[str, tuple[tuple[str, ...], Callable[[int], Kind]]] = {
     "both": (("monocular", "stereo", "integrated"), lambda i: "stereo" if i % 4 == 0 else "video"),
     "pairs stop": (("monocular", "stereo", "integrated"), lambda i: "stereo" if i in (0, 4) else "video"),
 }
-"""Methods, and the kind of each exposure."""
+"""Methods, and the kind of each frame."""
 
 
 class Walker:
@@ -100,7 +100,7 @@ def sequence(kind_of: Callable[[int], Kind], count: int) -> Sequence:
 
 @dataclass(frozen=True)
 class Measured:
-    """One exposure, as the app kept and drew it."""
+    """One frame, as the app kept and drew it."""
 
     entries: int
     """What the recorder logs."""
@@ -109,7 +109,7 @@ class Measured:
 
 
 def walked(scenario: str, count: int, budget_bytes: int, sink: live.LiveStream | None) -> Iterator[Measured]:
-    """Yields after each exposure; `CurrentRun` and recorder stay alive meanwhile."""
+    """Yields after each frame; `CurrentRun` and recorder stay alive meanwhile."""
     methods, kind_of = SCENARIOS[scenario]
     playback = Playback(
         sequence(kind_of, count), methods, builder=lambda _c, wanted, _r: doubles.ensemble(wanted, Walker)

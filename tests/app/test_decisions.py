@@ -55,14 +55,14 @@ def test_questions_keep_their_order():
 
 PARALLAX = Check(
     "parallax", "parallax", "trigger", "New keyframe?", unit="deg",
-    passes="Key frame: moved {value} degrees, {margin} more than needed.",
+    passes="Keyframe: moved {value} degrees, {margin} more than needed.",
     fails="Moved {value} of {threshold} degrees.",
 )  # fmt: skip
 
 
 def test_a_check_says_its_outcome_in_its_own_words():
     assert sentence(PARALLAX.of(1.2, 2.5), PARALLAX) == "Moved 1.2 of 2.5 degrees."
-    assert sentence(PARALLAX.of(3, 2.5), PARALLAX) == "Key frame: moved 3 degrees, 0.5 more than needed."
+    assert sentence(PARALLAX.of(3, 2.5), PARALLAX) == "Keyframe: moved 3 degrees, 0.5 more than needed."
     assert sentence(PARALLAX.of(1.2, 2.5, "place held"), PARALLAX) == "Moved 1.2 of 2.5 degrees; place held."
     share = Check("share", "share", "finding", relation="<", passes="{value:.0%} left.")
     assert sentence(share.of(0.85, 0.3), share) == "85 % left.", "a finding has one sentence for both outcomes"

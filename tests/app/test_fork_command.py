@@ -84,9 +84,9 @@ def test_a_fork_at_the_first_exposure_has_the_settings_given_from_there_on(paren
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--at", "-1"), "--at is -1: give an exposure of the run, counted from 0"),
-        (("--at", "9"), "--at is 9, but the last exposure of the source is 8: give a value from 0 to 8"),
-        (("--at", "99"), "--at is 99, but the last exposure of the source is 8: give a value from 0 to 8"),
+        (("--at", "-1"), "--at is -1: give a frame of the run, counted from 0"),
+        (("--at", "9"), "--at is 9, but the last frame of the source is 8: give a value from 0 to 8"),
+        (("--at", "99"), "--at is 99, but the last frame of the source is 8: give a value from 0 to 8"),
         (("--at", "2", "--source", "nowhere"), "nowhere, the source of the run, is not there: give --source"),
     ],
 )

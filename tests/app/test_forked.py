@@ -1,4 +1,4 @@
-"""A fork with nothing changed writes what its parent wrote, at each kind of exposure, for every method."""
+"""A fork with nothing changed writes what its parent wrote, at each kind of frame, for every method."""
 
 from __future__ import annotations
 

@@ -210,15 +210,15 @@ def without_times(path: Path) -> list[list[str]]:
 
 
 def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its folder is complete: that of a run over the exposures up to there, with the recording."""
-    condition = "monocular.key_frame and exposure > 3"
+    """Its folder is complete: that of a run over the frames up to there, with the recording."""
+    condition = "monocular.key_frame and frame > 3"
     assert run(drive, tmp_path / "a", "--until", condition) == 0
     told = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
     last, time_s = told["stopped"]["exposure"], told["stopped"]["time_ns"] / 1e9
     assert told["options"]["until"] == condition and sum(told["exposures"].values()) == last + 1
     assert told["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
-    sentence = f"stopped at exposure {last} ({time_s:.3f} s) by --until {condition}: "
-    assert f"{sentence}monocular.key_frame yes, exposure {last}\n" in capsys.readouterr().out
+    sentence = f"stopped at frame {last} ({time_s:.3f} s) by --until {condition}: "
+    assert f"{sentence}monocular.key_frame yes, frame {last}\n" in capsys.readouterr().out
     assert names(tmp_path / "a") == FILES | {"run.rrd"}
     assert run(drive, tmp_path / "b", "--max-exposures", str(last + 1)) == 0
     for name in (*(f"{m}.tum" for m in METHODS), "landmarks.npz", "decisions.csv"):
@@ -312,7 +312,7 @@ def test_a_signal_keeps_what_was_computed(
     out = tmp_path / "out"
     assert ended(drive, out, Interrupted) == code
     assert names(out) == FILES | {"run.rrd", MARKER}
-    assert "signal after 7 of 12 exposures" in (out / MARKER).read_text()
+    assert "signal after 7 of 12 frames" in (out / MARKER).read_text()
     assert len(read_tum(out / "monocular.tum")) == 3
     assert run(drive, out) == 0 and names(out) == FILES | {"run.rrd"}
 
@@ -329,7 +329,7 @@ def test_a_signal_that_a_destructor_drops_still_ends_the_run(
             return super().step(state, exposure, *asked)
 
     assert ended(drive, tmp_path / "out", Signalled) == code
-    assert (tmp_path / "out" / MARKER).read_text().startswith("Stopped by a signal after 9 of 12 exposures.")
+    assert (tmp_path / "out" / MARKER).read_text().startswith("Stopped by a signal after 9 of 12 frames.")
 
 
 @SIGNALS
@@ -344,5 +344,5 @@ def test_a_signal_after_the_last_exposure_ends_the_run_with_all_its_files(
 
     out = tmp_path / "out"
     assert ended(drive, out, Signalled) == code
-    assert (out / MARKER).read_text().startswith("Stopped by a signal after 12 of 12 exposures.")
+    assert (out / MARKER).read_text().startswith("Stopped by a signal after 12 of 12 frames.")
     assert names(out) == FILES | {"run.rrd", MARKER} and is_finished(out / "run.rrd")

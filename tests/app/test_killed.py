@@ -40,7 +40,7 @@ _MIDDLE, _LATE, _KB = (int(_RANDOM.integers(*span)) for span in ((60, 160), (160
 MOMENTS: dict[str, Callable[[Path], bool]] = {
     "opening": lambda folder: (folder / MARKER).exists(),
     "recording opened": lambda folder: part_of(folder / "run.rrd").exists(),
-    "first exposure": lambda folder: _rows(folder) > 1,
+    "first frame": lambda folder: _rows(folder) > 1,
     f"{_MIDDLE} rows": lambda folder: _rows(folder) > _MIDDLE,
     f"{_KB} kB recorded": lambda folder: _recorded_bytes(folder) > 1000 * _KB,
     f"{_LATE} rows": lambda folder: _rows(folder) > _LATE,

@@ -44,7 +44,7 @@ def _run(drive: str, out: str) -> None:
 
 @pytest.fixture
 def killed(tmp_path: Path) -> Path:
-    """The folder of a run that was killed at its fifth pair, the ninth of twelve exposures."""
+    """The folder of a run that was killed at its fifth pair, the ninth of twelve frames."""
     arguments = str(make_drive(tmp_path / "kitti")), str(tmp_path / "recordings" / "out")
     process = multiprocessing.get_context("spawn").Process(target=_run, args=arguments)
     process.start()
@@ -66,7 +66,7 @@ def test_a_killed_run_keeps_its_recording_trajectories_and_metrics(
         assert len(trajectory) == 4 and f"{method}.tum: 4 poses" in said
     methods = json.loads((killed / "metrics.json").read_text())["methods"]
     assert methods["stereo"]["poses"] == 4 and methods["stereo"]["ms_per_exposure"]["median"] == pytest.approx(5)
-    assert (killed / MARKER).read_text().startswith("Repaired: 8 of 12 exposures. The run has not ended")
+    assert (killed / MARKER).read_text().startswith("Repaired: 8 of 12 frames. The run has not ended")
     assert not [path for path in killed.iterdir() if path.name.startswith(".part-")]
     assert main(["repair", str(killed)]) == 0 and "nothing to repair" in capsys.readouterr().out
 

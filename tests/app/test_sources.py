@@ -21,7 +21,7 @@ def test_cameras_rates_truth_and_notes_are_told(tmp_path: Path, capsys: pytest.C
     assert told[0] == "EuRoC V9"
     text = " ".join(" ".join(told).split())
     assert "stereo 96 x 64 px, baseline 0.11 m, 6 pairs, 20 Hz fx" in text and "no distortion" in text
-    assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 exposures, path 0.250 m" in text
+    assert "span 0.250 s, from 2014-06-25 16:54:33 UTC gaps none truth at 12 of 12 frames, path 0.250 m" in text
     assert (
         "methods monocular, stereo, integrated, monocular.paper, stereo.paper, integrated.paper note An emulation"
         in text

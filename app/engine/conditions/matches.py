@@ -18,10 +18,10 @@ def matches(expression: Expression, series: Series, index: int) -> bool:
 
 
 def first_match(expression: Expression, series: Series, among: Iterable[int]) -> int | None:
-    """The first of these exposures at which it holds."""
+    """The first of these frames at which it holds."""
     return next((i for i in among if matches(expression, series, i)), None)
 
 
 def hits(expression: Expression, series: Series, count: int) -> int:
-    """At how many of the first `count` exposures it holds."""
+    """At how many of the first `count` frames it holds."""
     return sum(matches(expression, series, i) for i in range(count))

@@ -27,7 +27,7 @@ class Stop:
 
     def __str__(self) -> str:
         said = (f"{q.name} {shown(self.values[q.name], q.unit)}" for q in self.expression.quantities)
-        where = f"exposure {self.exposure} ({self.time_ns / 1e9:.3f} s)"
+        where = f"frame {self.exposure} ({self.time_ns / 1e9:.3f} s)"
         return f"stopped at {where} by --until {self.expression.text}: {', '.join(said)}"
 
 
@@ -35,8 +35,8 @@ class Stop:
 class Until:
     """Watches a run for a condition; never stops where there is none. Not a value: it keeps the newest row.
 
-    The condition is asked at the exposures on which a method that it names stepped, and at all of them where it names
-    the exposure itself.
+    The condition is asked at the frames on which a method that it names stepped, and at all of them where it names
+    the frame itself.
     """
 
     expression: Expression | None

@@ -29,7 +29,7 @@ STEP = "step"
 
 @dataclass(frozen=True)
 class MethodRow:
-    """What one method said at one exposure."""
+    """What one method said at one frame."""
 
     exposure: int
     time_ns: int
@@ -39,7 +39,7 @@ class MethodRow:
 
 
 Rows = Mapping[str, MethodRow]
-"""By method, of one exposure."""
+"""By method, of one frame."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Divergence:
-    """An exposure at which the sides differ."""
+    """A frame at which the sides differ."""
 
     exposure: int | None
     """None: in the end, in what the whole run gave."""
@@ -78,10 +78,10 @@ class Divergence:
 def divergences(
     a: Iterable[MethodRow], b: Iterable[MethodRow], methods: tuple[str, ...], tolerance: float = 0.0
 ) -> Iterator[Divergence]:
-    """Every exposure at which one of these methods differs by more than the tolerance; reads both sides once, side by
+    """Every frame at which one of these methods differs by more than the tolerance; reads both sides once, side by
     side.
 
-    Rows come in the order of exposures. The tolerance of numbers is relative above 1, absolute below. With one, digests
+    Rows come in the order of frames. The tolerance of numbers is relative above 1, absolute below. With one, digests
     are not compared: they cannot tell by how much.
     """
     for left, right in _side_by_side(_by_exposure(a), _by_exposure(b)):
@@ -115,7 +115,7 @@ def _by_exposure(rows: Iterable[MethodRow]) -> Iterator[tuple[int, Rows]]:
 
 
 def _side_by_side(a: Iterator[tuple[int, Rows]], b: Iterator[tuple[int, Rows]]) -> Iterator[tuple[Rows, Rows]]:
-    """What both sides said of each exposure; nothing where a side lacks it."""
+    """What both sides said of each frame; nothing where a side lacks it."""
     x, y = next(a, None), next(b, None)
     while x is not None or y is not None:
         first = min(said[0] for said in (x, y) if said is not None)
@@ -156,7 +156,7 @@ def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:
 
 FOLLOWED = "tracks_digest"
 FATES = ("fates_digest", *DROPPED, "new", "alive")
-"""What became of tracks, and new ones: much of it follows from checks, such as that of a key frame."""
+"""What became of tracks, and new ones: much of it follows from checks, such as that of a keyframe."""
 RESULTS = tuple(q.key for q in STEP_QUANTITIES if q.key not in (*FATES, "seconds"))
 """What follows from tracks and checks; wall times never count."""
 FROM_POINTS = frozenset({FOLLOWED, *FATES, "inliers", "residual_median_px", "landmarks", "landmarks_digest"})
@@ -186,7 +186,7 @@ def step_row(index: int, step: Step, error_m: float | None) -> MethodRow:
 
 
 def record_rows(record: ExposureRecord, methods: Collection[str]) -> Iterator[MethodRow]:
-    """Of the exposure's steps of these methods, be they computed or read from a run's folder."""
+    """Of the frame's steps of these methods, be they computed or read from a run's folder."""
     for step in record.steps:
         if step.method not in methods:
             continue

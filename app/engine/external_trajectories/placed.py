@@ -1,4 +1,4 @@
-"""A trajectory of another program in the shared world of a run: aligned, and known at the exposures."""
+"""A trajectory of another program in the shared world of a run: aligned, and known at the frames."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class Placed:
     alignment: str
     """How it came there, in words."""
     positions: Array
-    """(N, 3) at the exposures, interpolated; NaN where the file has no poses on both sides, near enough."""
+    """(N, 3) at the frames, interpolated; NaN where the file has no poses on both sides, near enough."""
     rotations: Array
     """(N, 3, 3) likewise."""
     errors_m: Array
-    """(N,) distance of the rig from the truth at the exposures; NaN where one of them is unknown."""
+    """(N,) distance of the rig from the truth at the frames; NaN where one of them is unknown."""
 
     def pose(self, index: int) -> Pose | None:
-        """shared_world_from_rig at an exposure, where it is known."""
+        """shared_world_from_rig at a frame, where it is known."""
         if not np.isfinite(self.positions[index]).all():
             return None
         return Pose(self.rotations[index], self.positions[index])
@@ -62,7 +62,7 @@ class Beside:
     number: int
     """Its place among those given."""
     times_ns: NDArray[np.int64]
-    """(N,) of the exposures."""
+    """(N,) of the frames."""
     trajectory: Trajectory
     """world_from_frame, in its own world and unit."""
     of_truth: Placed | None
@@ -78,7 +78,7 @@ class Beside:
 
     @cached_property
     def errors_m(self) -> Array:
-        """(N,) at the exposures; NaN where unknown."""
+        """(N,) at the frames; NaN where unknown."""
         return np.full(len(self.times_ns), np.nan) if self.of_truth is None else self.of_truth.errors_m
 
     def error(self, truth: Trajectory, rig: Rig, until_ns: int) -> TrajectoryError | None:

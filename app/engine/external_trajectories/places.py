@@ -1,4 +1,4 @@
-"""Where trajectories of other programs are drawn among the methods', at each exposure of a run."""
+"""Where trajectories of other programs are drawn among the methods', at each frame of a run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Places:
         self._doublings = 0
 
     def at(self, model: RunModel, placements: Mapping[str, Similarity]) -> Mapping[str, Placed]:
-        """As known at an exposure. The same objects for as long as nothing was aligned anew."""
+        """As known at a frame. The same objects for as long as nothing was aligned anew."""
         beside = self._opened.beside
         if self._fixed:
             self._found = self._found or {b.name: b.of_truth for b in beside if b.of_truth is not None}

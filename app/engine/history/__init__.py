@@ -1,1 +1,1 @@
-"""The exposures of a run, within a budget of memory."""
+"""The frames of a run, within a budget of memory."""

@@ -1,6 +1,6 @@
 """States of a run to go on from: some of them, within a budget of memory. Any other is reached by replay from there.
 
-The rule: one at every `interval` exposures; whenever they no longer fit, every second is given up and the interval
+The rule: one at every `interval` frames; whenever they no longer fit, every second is given up and the interval
 doubles, so that they stay evenly spread over the run. Replay is exact, for runs are bit-identical.
 """
 
@@ -18,12 +18,12 @@ from ..model.tally import Tally
 from ..playback import Snapshot
 
 INTERVAL = 8
-"""Exposures from one to the next at first: so many are replayed at most."""
+"""Frames from one to the next at first: so many are replayed at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A run before the exposure `snapshot.position`, with what is known of it then."""
+    """A run before the frame `snapshot.position`, with what is known of it then."""
 
     snapshot: Snapshot
     model: RunModel
@@ -31,7 +31,7 @@ class Checkpoint:
 
 
 class Checkpoints:
-    """Offered to by one thread, after each exposure."""
+    """Offered to by one thread, after each frame."""
 
     def __init__(self, budget_bytes: int, interval: int = INTERVAL, kept: Iterable[Checkpoint] = ()) -> None:
         """It may begin with those `kept` of another run, in their order."""
@@ -46,7 +46,7 @@ class Checkpoints:
         return len(self._kept)
 
     def offer(self, position: int, make: Callable[[], Checkpoint]) -> None:
-        """Keeps the run as it is before exposure `position`, where one is due."""
+        """Keeps the run as it is before frame `position`, where one is due."""
         if position % self.interval or position in self._kept:
             return
         checkpoint = self._kept[position] = make()

@@ -13,42 +13,42 @@ from ..events import Event, Finished, Opened, Pictured, Stepped, blank
 from .history import History
 
 IMAGES_WAITING = 30
-"""Exposures whose images wait in memory: a second of video."""
+"""Frames whose images wait in memory: a second of video."""
 PEOPLE = 8
-"""Viewers whose exposures get their images, where all look at others."""
+"""Viewers whose frames get their images, where all look at others."""
 
 
 class Feed:
-    """One run, from its first exposure on. `offer`, `finish` and `close` never wait; `take` is for one other thread."""
+    """One run, from its first frame on. `offer`, `finish` and `close` never wait; `take` is for one other thread."""
 
     def __init__(self, opened: Opened, history: History, *, rereads: bool) -> None:
         """`history` is that of this run. `rereads`: images that did not wait are read from the sequence again;
-        otherwise the exposure comes without, and is counted in `dropped`."""
+        otherwise the frame comes without, and is counted in `dropped`."""
         self.opened, self.history = opened, history
         self.position = 0
-        """Exposures taken."""
+        """Frames taken."""
         self.dropped = 0
-        """Exposures that came without their images."""
+        """Frames that came without their images."""
         self._rereads = rereads
         self._fresh: deque[Stepped] = deque(maxlen=IMAGES_WAITING)
         self.finished: Finished | None = None
         """The final trajectories, while they wait."""
         self._bare: set[int] = set()
-        """Exposures that came without their images, and have not got them since."""
+        """Frames that came without their images, and have not got them since."""
         self._looked_at: deque[int] = deque(maxlen=PEOPLE * 2)
-        """Exposures whose images are wanted: for each viewer those of each camera."""
+        """Frames whose images are wanted: for each viewer those of each camera."""
         self._end: int | None = None
         self._closed = False
         self._news = Condition()
 
     def offer(self, event: Stepped) -> None:
-        """The newest exposure of the history, with its images."""
+        """The newest frame of the history, with its images."""
         with self._news:
             self._fresh.append(event)
             self._news.notify()
 
     def look_at(self, index: int) -> None:
-        """An exposure is shown to somebody: where its images, or the other camera's latest, were left out, they come
+        """A frame is shown to somebody: where its images, or the other camera's latest, were left out, they come
         as soon as may be."""
         kinds = self.opened.sequence.kinds
         other = next((i for i in range(index - 1, -1, -1) if kinds[i] != kinds[index]), index)
@@ -57,7 +57,7 @@ class Feed:
             self._news.notify()
 
     def request(self, index: int) -> None:
-        """The images of an exposure are needed again, whatever became of them."""
+        """The images of a frame are needed again, whatever became of them."""
         with self._news:
             if index < self.position:
                 self._bare.add(index)
@@ -125,7 +125,7 @@ class Feed:
         return self._closed or self._waiting or ended or self._pictured() is not None
 
     def _pictured(self) -> int | None:
-        """An exposure whose images are missed, of those that are looked at the newest."""
+        """A frame whose images are missed, of those that are looked at the newest."""
         return next((index for index in reversed(self._looked_at) if index in self._bare), None)
 
     @property
@@ -138,7 +138,7 @@ class Feed:
         return self.position < (len(self.history) if self._end is None else self._end)
 
     def _later(self, index: int) -> Stepped:
-        """An exposure whose images did not wait."""
+        """A frame whose images did not wait."""
         record = self.history[index]
         if self._rereads:
             return record.stepped(self._read(index))

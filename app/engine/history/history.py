@@ -1,8 +1,8 @@
-"""The exposures of one run within a budget of memory: all in temporary files, and the newest in memory as well.
+"""The frames of one run within a budget of memory: all in temporary files, and the newest in memory as well.
 
-The rule: every exposure goes to disk once, when it comes, so that each costs the same whether the budget is full or
+The rule: every frame goes to disk once, when it comes, so that each costs the same whether the budget is full or
 not; what no longer fits into `memory_bytes` is then only forgotten there, the oldest first. On disk, tracks, landmarks
-and residuals take at most `disk_bytes`: beyond, the oldest exposures lose theirs, and keep poses, revisions, statuses
+and residuals take at most `disk_bytes`: beyond, the oldest frames lose theirs, and keep poses, revisions, statuses
 and decisions. The files have no name and vanish with the program, however that ends. Images are read from the sequence
 again.
 """
@@ -35,7 +35,7 @@ class Records(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """The first `count` exposures of another run, with what these methods said."""
+    """The first `count` frames of another run, with what these methods said."""
 
     records: Records
     count: int
@@ -73,14 +73,14 @@ class History:
         self._lock = Lock()
 
     def __len__(self) -> int:
-        """Exposures so far, wherever they are."""
+        """Frames so far, wherever they are."""
         return self._facts.end
 
     def __iter__(self) -> Iterator[ExposureRecord]:
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self, index: int) -> ExposureRecord:
-        """The record of an exposure; IndexError beyond the last. Negative indices count from the end."""
+        """The record of a frame; IndexError beyond the last. Negative indices count from the end."""
         with self._lock:
             index = index if index >= 0 else len(self) + index
             first = len(self) - len(self._recent)
@@ -97,7 +97,7 @@ class History:
         return self._recent[-1][0] if self._recent else self[-1] if len(self) else None
 
     def append(self, record: ExposureRecord) -> None:
-        """Adds the next exposure. Its record alone stays in memory whatever the budget."""
+        """Adds the next frame. Its record alone stays in memory whatever the budget."""
         size, (facts, points) = size_bytes(record), encode(record)
         with self._lock:
             self._store(record.index, facts, points)
@@ -118,12 +118,12 @@ class History:
 
     @property
     def in_memory(self) -> int:
-        """How many of the newest exposures are in memory."""
+        """How many of the newest frames are in memory."""
         return len(self._recent)
 
     @property
     def kept_points(self) -> int:
-        """The first exposure from which on all have their tracks and landmarks."""
+        """The first frame from which on all have their tracks and landmarks."""
         first = self._points[0].first if self._points else len(self) - len(self._recent)
         past = None if self._past is None else self._past.records
         return past.kept_points if isinstance(past, History) and first <= self._facts.first else first
@@ -137,7 +137,7 @@ class History:
             self._points[-1].append(points)
         except OSError as fault:
             if not self._refused:
-                log.warning("the history keeps older exposures without their tracks: %s", fault.strerror)
+                log.warning("the history keeps older frames without their tracks: %s", fault.strerror)
             self._refused = True
             self._points.clear()
         try:
@@ -187,20 +187,20 @@ class _Blobs:
 
 @dataclass(frozen=True)
 class Held:
-    """Of one run; all its exposures are on disk, with poses, statuses and checks."""
+    """Of one run; all its frames are on disk, with poses, statuses and checks."""
 
     in_memory: int = 0
-    """The newest exposures that are in memory as well."""
+    """The newest frames that are in memory as well."""
     exposures_bytes: int = 0
     """Memory that they take."""
     points_from: int = 0
-    """The first exposure that has its tracks, landmarks and residuals still."""
+    """The first frame that has its tracks, landmarks and residuals still."""
     states: int = 0
     """States to fork from; others are reached by replay from them."""
     states_bytes: int = 0
     """Memory that they take."""
     interval: int = 0
-    """Exposures from one such state to the next."""
+    """Frames from one such state to the next."""
 
     @property
     def sentence(self) -> str:
@@ -208,10 +208,10 @@ class Held:
         if not self.interval:
             return ""
         newest = f"the newest {self.in_memory} in memory ({_mb(self.exposures_bytes)})"
-        tracks = f"tracks from exposure {self.points_from} on" if self.points_from else "tracks of all exposures"
+        tracks = f"tracks from frame {self.points_from} on" if self.points_from else "tracks of all frames"
         return (
-            f"Held: all exposures on disk, {newest}; {tracks}; "
-            f"{self.states} states to fork from, one in {self.interval} exposures ({_mb(self.states_bytes)})."
+            f"Held: all frames on disk, {newest}; {tracks}; "
+            f"{self.states} states to fork from, one in {self.interval} frames ({_mb(self.states_bytes)})."
         )
 
 

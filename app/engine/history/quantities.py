@@ -1,9 +1,9 @@
-"""The quantities of an exposure, by stable name: METHOD.KEY, in tables, break points, plots and comparisons alike.
+"""The quantities of a frame, by stable name: METHOD.KEY, in tables, break points, plots and comparisons alike.
 
 `monocular.inliers`, `stereo.status`: what each Step says (STEP_QUANTITIES), in the columns of steps.csv.
 `monocular.x`, `.moved`: its pose, in columns of steps.csv as well, and how far it is from the one before.
 `monocular.parallax`, `.passed`, `.margin`, `.threshold`: what each check of the method says, in decisions.csv.
-`exposure`, `time_s`: which exposure it is.
+`exposure`, `time_s`: which frame it is.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from .quantity import Quantity, Value
 from .step_quantities import step_quantities
 
 Row = Mapping[str, Mapping[str, Value]]
-"""By method: the values by key at its latest step; under "" those of the exposure itself."""
+"""By method: the values by key at its latest step; under "" those of the frame itself."""
 NO_ROW: Row = MappingProxyType({})
-"""Before the first exposure."""
+"""Before the first frame."""
 
 STEP_QUANTITIES = step_quantities()
 """In the order of the columns of steps.csv."""
@@ -46,7 +46,7 @@ EXPOSURE_QUANTITIES = (
 
 
 def quantities(methods: Iterable[str]) -> Mapping[str, Quantity]:
-    """By name: all that can be said at an exposure of a run of these methods."""
+    """By name: all that can be said at a frame of a run of these methods."""
     found = list(EXPOSURE_QUANTITIES)
     for method in sorted(methods, key=len):  # of `a.b.c`, method `a.b` wins over `a`
         found += [Quantity(method, q.key, q.kind, q.help, q.unit, q.choices) for q in STEP_QUANTITIES]
@@ -83,7 +83,7 @@ def check_values(decisions: Iterable[Decision]) -> dict[str, Value]:
 
 
 def row_after(before: Row, index: int, time_ns: int, steps: Iterable[Step], errors_m: Mapping[str, float]) -> Row:
-    """The row at an exposure, of its steps: see `row_with`."""
+    """The row at a frame, of its steps: see `row_with`."""
     said = {method: step_values(step, errors_m.get(method)) for method, step in by_method(steps).items()}
     return row_with(before, index, time_ns, said)
 
@@ -102,7 +102,7 @@ def _motion(before: Mapping[str, Value], now: Mapping[str, Value]) -> dict[str, 
     if now.get("restarted"):
         return dict.fromkeys(MOTION)
     usual, moved = _number(before.get("moved_usual")), _number(before.get("moved"))
-    if moved:  # a pose that is held, or told again for another camera's exposure, says nothing of the motion
+    if moved:  # a pose that is held, or told again for another camera's frame, says nothing of the motion
         usual = moved if usual is None else usual + (moved - usual) / USUAL_STEPS
     was, here = (_numbers(values) for values in (before, now))
     if was is None or here is None:

@@ -18,7 +18,7 @@ class Quantity:
     """What stands under a key."""
 
     method: str
-    """Empty for those of the exposure itself."""
+    """Empty for those of the frame itself."""
     key: str
     kind: Kind
     help: str

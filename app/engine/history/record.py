@@ -1,4 +1,4 @@
-"""One exposure of a run as it is kept: everything that was said about it, except the images."""
+"""One frame of a run as it is kept: everything that was said about it, except the images."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class MethodStatus:
 
 @dataclass(frozen=True, eq=False)
 class ExposureRecord:
-    """One exposure in the history: everything of Stepped except the images, which the sequence can give again."""
+    """One frame in the history: everything of Stepped except the images, which the sequence can give again."""
 
     index: int
     time_ns: int
@@ -66,7 +66,7 @@ class ExposureRecord:
         return {m: step_values(step, self.errors_m.get(m)) for m, step in by_method(self.steps).items()}
 
     def stepped(self, exposure: Exposure) -> Stepped:
-        """The event that this record came from, with its exposure read again."""
+        """The event that this record came from, with its frame read again."""
         return Stepped(self.index, exposure, self.steps, self.placements, self.errors_m, self.skipped)
 
 

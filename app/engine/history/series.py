@@ -1,4 +1,4 @@
-"""Every quantity of a run over its exposures, in columns: some 10 bytes for each number of each exposure."""
+"""Every quantity of a run over its frames, in columns: some 10 bytes for each number of each frame."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Series:
         self._columns = {name: array("d") for name in self.quantities}
         """Flags as 0 and 1, texts as the place among their choices; NaN where nothing was said."""
         self._stepped = {method: bytearray() for method in {q.method for q in self.quantities.values()}}
-        """Of each method, whether it stepped on the exposure."""
+        """Of each method, whether it stepped on the frame."""
         self._row: Row = NO_ROW
         self._length = 0
 
@@ -37,11 +37,11 @@ class Series:
 
     @property
     def newest(self) -> Row:
-        """The values by method at the last exposure; before the first, none."""
+        """The values by method at the last frame; before the first, none."""
         return self._row
 
     def append(self, record: ExposureRecord) -> None:
-        """The next exposure."""
+        """The next frame."""
         said = record.said
         self._row = row_with(self._row, record.index, record.time_ns, said)
         for name, quantity in self.quantities.items():
@@ -51,7 +51,7 @@ class Series:
         self._length += 1
 
     def until(self, count: int, methods: Iterable[str]) -> Series:
-        """Another's first `count` exposures, for a run of these methods that is the same up to there."""
+        """Another's first `count` frames, for a run of these methods that is the same up to there."""
         found = Series(methods)
         for name in found.quantities:
             known = name in self._columns
@@ -63,7 +63,7 @@ class Series:
         return found
 
     def row(self, index: int, wanted: Iterable[Quantity]) -> Row:
-        """The values of these quantities at an exposure; of one before the first, none."""
+        """The values of these quantities at a frame; of one before the first, none."""
         found: dict[str, dict[str, Value]] = {}
         for quantity in wanted if index >= 0 else ():
             found.setdefault(quantity.method, {})[quantity.key] = self.value(quantity, index)
@@ -97,14 +97,14 @@ class Series:
         return found if found >= 0 else None
 
     def median_seconds(self, method: str) -> float | None:
-        """Median computing time of the exposures on which a method stepped [s]; None where it never did."""
+        """Median computing time of the frames on which a method stepped [s]; None where it never did."""
         name = f"{method}.seconds"
         values = self.said(name, self._length)[1] if name in self.quantities else np.zeros(0)
         known = values[np.isfinite(values)]
         return float(np.median(known)) if len(known) else None
 
     def stepped(self, methods: Iterable[str], index: int) -> bool:
-        """Whether one of these methods stepped on the exposure; "" stands for the exposure itself."""
+        """Whether one of these methods stepped on the frame; "" stands for the frame itself."""
         return any(self._stepped[method][index] for method in methods if method in self._stepped)
 
 

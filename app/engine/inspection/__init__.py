@@ -1,1 +1,1 @@
-"""What can be looked at closely: tracks, points, key frames and residuals, as pure functions of what history keeps."""
+"""What can be looked at closely: tracks, points, keyframes and residuals, as pure functions of what history keeps."""

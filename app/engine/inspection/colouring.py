@@ -46,7 +46,7 @@ class Scale:
 
 
 SCALES: Mapping[Colouring, Scale] = {
-    "age": Scale("age [exposures of the camera]", 1.0, 256.0),
+    "age": Scale("age [frames of the camera]", 1.0, 256.0),
     "residual": Scale("residual of the last pose [px]", 1 / 16, 4.0),
     "depth": Scale("depth, relative to the image's median", 0.25, 4.0),
 }

@@ -1,4 +1,4 @@
-"""Which key frames saw the same tracks."""
+"""Which keyframes saw the same tracks."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ MOST_KEY_FRAMES = 24
 
 @dataclass(frozen=True, eq=False)
 class Covisibility:
-    """Of the key frames of one method."""
+    """Of the keyframes of one method."""
 
     indices: tuple[int, ...]
-    """(K,) their exposures, increasing."""
+    """(K,) their frames, increasing."""
     shared: NDArray[np.int64]
     """(K, K) tracks that both see; on the diagonal, all that one sees."""
 
     def neighbours(self, index: int) -> list[tuple[int, int]]:
-        """(exposure, shared tracks) of those that share any with a key frame, the most first."""
+        """(frame, shared tracks) of those that share any with a keyframe, the most first."""
         row = self.shared[self.indices.index(index)]
         found = [(i, int(n)) for i, n in zip(self.indices, row, strict=True) if i != index and n]
         return sorted(found, key=lambda item: -item[1])
 
 
 def key_frames(series: Series, method: str, index: int) -> list[int]:
-    """The exposures up to `index` that the method made key frames, increasing."""
+    """The frames up to `index` that the method made keyframes, increasing."""
     name = f"{method}.key_frame"
     return np.flatnonzero(series.values(name, 0, index + 1) == 1).tolist() if name in series.quantities else []
 
@@ -47,13 +47,13 @@ def around(key_frames: Sequence[int], index: int, most: int = MOST_KEY_FRAMES) -
 
 
 def seen_at(records: Records, method: str, indices: Sequence[int]) -> list[Seen]:
-    """The tracks at those of these exposures that have any."""
+    """The tracks at those of these frames that have any."""
     found = (seen_by(records[i], method) for i in indices)
     return [seen for seen in found if seen is not None and len(seen.tracks)]
 
 
 def covisibility(views: Sequence[Seen]) -> Covisibility:
-    """Of these key frames, oldest first. A track that ended in one was not seen by it."""
+    """Of these keyframes, oldest first. A track that ended in one was not seen by it."""
     ids = [seen.tracks.ids[seen.tracks.status < TrackStatus.LOST] for seen in views]
     known, column = np.unique(np.concatenate([np.zeros(0, np.int64), *ids]), return_inverse=True)
     table = np.zeros((len(views), len(known)), np.float32)

@@ -29,7 +29,7 @@ class Rays:
 
     method: str
     indices: tuple[int, ...]
-    """The exposures that they are of."""
+    """The frames that they are of."""
     centres: Array
     """(C, 3) of the cameras, in their order."""
     points: Array
@@ -59,7 +59,7 @@ class Rays:
 
 
 def triple(looked: Looked, model: RunModel) -> Rays | None:
-    """The last three key frames of the video camera and points that all of them saw; None before there are three with a
+    """The last three keyframes of the video camera and points that all of them saw; None before there are three with a
     pose."""
     method = next((m for m in model.methods if _follows(looked, m, "video")), None)
     if method is None:
@@ -75,7 +75,7 @@ def triple(looked: Looked, model: RunModel) -> Rays | None:
 
 
 def pair(looked: Looked) -> Rays | None:
-    """The latest stereo exposure with a pose: both cameras, and points by their disparity; None without one."""
+    """The latest stereo frame with a pose: both cameras, and points by their disparity; None without one."""
     found = next(_pairs(looked), None)
     if found is None:
         return None
@@ -106,7 +106,7 @@ def _follows(looked: Looked, method: str, camera: str) -> bool:
 
 
 def _pairs(looked: Looked) -> Iterator[tuple[Seen, Pose]]:
-    """Those up to the exposure shown, the newest first, with their poses as given then; few are looked through."""
+    """Those up to the frame shown, the newest first, with their poses as given then; few are looked through."""
     for index in range(looked.record.index, max(looked.record.index - 60, -1), -1):
         seen = seen_by(looked.records[index], camera="left")
         pose = camera_pose(seen.step, looked.rig, "left") if seen is not None else None

@@ -1,4 +1,4 @@
-"""What earlier exposures tell of the tracks of one: how old they are, and how far away their points."""
+"""What earlier frames tell of the tracks of one: how old they are, and how far away their points."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class Knowledge:
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(N,) increasing."""
     ages: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    """(N,) exposures of the camera since they began; 0 where new."""
+    """(N,) frames of the camera since they began; 0 where new."""
     xyz_in_world: Array = field(default_factory=lambda: np.zeros((0, 3)))
     """(N, 3) as said last; NaN where nothing was said."""
     depths: Array = field(default_factory=lambda: np.zeros(0))
     """(N,) of the points in the camera, in the unit of the method; NaN where unknown."""
 
     def after(self, seen: Seen, rig: Rig) -> Knowledge:
-        """With the camera's next exposure."""
+        """With the camera's next frame."""
         order = np.argsort(seen.tracks.ids, kind="stable")
         ids = seen.tracks.ids[order]
         known, at = _found(self.ids, ids)
@@ -57,7 +57,7 @@ class Knowledge:
 
 
 def known_from(exposures: Iterable[Seen], rig: Rig) -> Knowledge:
-    """Of these exposures of one camera, oldest first."""
+    """Of these frames of one camera, oldest first."""
     found = Knowledge()
     for seen in exposures:
         found = found.after(seen, rig)

@@ -15,14 +15,14 @@ from .sightings import Seen
 
 @dataclass(frozen=True, eq=False)
 class Lifetimes:
-    """The tracks of some exposures of one camera, in the order in which they began."""
+    """The tracks of some frames of one camera, in the order in which they began."""
 
     indices: NDArray[np.int64]
-    """(E,) the exposures, increasing."""
+    """(E,) the frames, increasing."""
     ids: NDArray[np.int64]
     """(N,)."""
     first: NDArray[np.int64]
-    """(N,) place among the exposures of the first that has the track."""
+    """(N,) place among the frames of the first that has the track."""
     last: NDArray[np.int64]
     """(N,) the same of the last."""
     status: NDArray[np.uint8]
@@ -30,7 +30,7 @@ class Lifetimes:
 
 
 def lifetimes(exposures: Iterable[Seen]) -> Lifetimes:
-    """Of these exposures, oldest first."""
+    """Of these frames, oldest first."""
     views = list(exposures)
     none = np.zeros(0, np.int64)
     ids = np.concatenate([none, *(seen.tracks.ids for seen in views)])

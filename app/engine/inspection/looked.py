@@ -1,4 +1,4 @@
-"""All that the closer look at one exposure is drawn from: taken once, shared by its panels."""
+"""All that the closer look at one frame is drawn from: taken once, shared by its panels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .sightings import Seen, TrackLife, life, missing_tracks, seen_before, seen_
 
 
 def revised(life: TrackLife, model: RunModel, rig: Rig) -> TrackLife:
-    """With the poses that the model knows, in place of those given at each exposure.
+    """With the poses that the model knows, in place of those given at each frame.
 
     A method that runs only for another one is not in the model: its poses stay as they were given.
     """
@@ -41,7 +41,7 @@ def revised(life: TrackLife, model: RunModel, rig: Rig) -> TrackLife:
 
 
 def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: Frame) -> Pose | None:
-    """world_from_camera of a method of the model at the time of an exposure; None where it has no pose there."""
+    """world_from_camera of a method of the model at the time of a frame; None where it has no pose there."""
     poses, times = model.methods[method].poses, model.times
     row = int(times.rows(np.array([time_ns]))[0])
     block, at = divmod(row, POSES_PER_BLOCK)
@@ -55,7 +55,7 @@ def pose_at(model: RunModel, method: str, time_ns: int, rig: Rig, camera: Frame)
 EXPOSURES = 60
 """Of the camera, up to the one shown: what lifetimes and residuals are drawn of."""
 REMEMBERED = 256
-"""Exposures that are gone through for ages and depths."""
+"""Frames that are gone through for ages and depths."""
 RAYLEIGH_MEDIAN = 1.1774
 """Of the length of an error whose two coordinates have a standard deviation of 1."""
 
@@ -101,14 +101,14 @@ class Looked:
 
     @cached_property
     def index(self) -> int | None:
-        """The camera's latest exposure; None before its first."""
+        """The camera's latest frame; None before its first."""
         kind = "stereo" if self.pictured == "left" else "video"
         kinds = self.sequence.kinds
         return next((i for i in range(self.record.index, -1, -1) if kinds[i] == kind), None)
 
     @cached_property
     def seen(self) -> Seen | None:
-        """The tracks in the picture: those of the method whose track or key frame is selected, or else the first's."""
+        """The tracks in the picture: those of the method whose track or keyframe is selected, or else the first's."""
         if self.index is None:
             return None
         record, method = self.records[self.index], self.selection.method if self.selection else ""
@@ -123,7 +123,7 @@ class Looked:
 
     @cached_property
     def recent(self) -> tuple[Seen, ...]:
-        """The exposures of the picture's camera and method up to it, oldest first."""
+        """The frames of the picture's camera and method up to it, oldest first."""
         if self.seen is None:
             return ()
         found = seen_before(self.records, self.seen.index, self.seen.step.method, self.pictured, REMEMBERED)
@@ -135,7 +135,7 @@ class Looked:
 
     @cached_property
     def life(self) -> TrackLife | None:
-        """Of the selected track, with the poses known at the exposure shown."""
+        """Of the selected track, with the poses known at the frame shown."""
         if self.selection is None or self.selection.kind != "track":
             return None
         found = life(self.records, self.record.index, self.selection, self.rig)

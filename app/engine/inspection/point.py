@@ -28,7 +28,7 @@ class PointEstimate:
     covariance: Array | None
     """(3, 3) to first order, the poses taken as exact; None where the views leave the distance open."""
     from_exposure: int | None
-    """The exposure that gave it as a landmark; None where it was intersected here from all observations."""
+    """The frame that gave it as a landmark; None where it was intersected here from all observations."""
     residuals_px: Array
     """(N,) distance from where it is seen, for each sighting; NaN where that has no pose or did not find it."""
 

@@ -18,7 +18,7 @@ class Selection:
     method: str
     """Whose; empty for the first method that has it."""
     number: int
-    """The id of a track, or the exposure of a key frame."""
+    """The id of a track, or the frame of a keyframe."""
 
     def __str__(self) -> str:
         return ":".join([self.kind, *([self.method] if self.method else []), str(self.number)])

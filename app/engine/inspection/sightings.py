@@ -16,12 +16,12 @@ from ..history.record import ExposureRecord
 from .selection import Selection
 
 SEARCHED = 300
-"""Exposures looked through for a track: each costs a millisecond where it is on disk only."""
+"""Frames looked through for a track: each costs a millisecond where it is on disk only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The tracks of one camera at one exposure, and the step that they come from."""
+    """The tracks of one camera at one frame, and the step that they come from."""
 
     index: int
     step: Step
@@ -36,7 +36,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """One track at one exposure."""
+    """One track at one frame."""
 
     index: int
     time_ns: int
@@ -51,12 +51,12 @@ class Sighting:
     world_from_camera: Pose | None
     """As it was given then; None without a pose, and in a world that was given up since."""
     xyz_in_world: Array | None
-    """(3,) where this exposure said where the point is."""
+    """(3,) where this frame said where the point is."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrackLife:
-    """A track up to the exposure shown."""
+    """A track up to the frame shown."""
 
     method: str
     camera: Frame
@@ -72,12 +72,12 @@ class TrackLife:
 
     @property
     def seen(self) -> tuple[Sighting, ...]:
-        """Those that found it: without the exposure that lost it."""
+        """Those that found it: without the frame that lost it."""
         return tuple(s for s in self.sightings if not s.status.dropped)
 
 
 def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen | None:
-    """The tracks that a method has in the exposure, in this camera; empty for the first that has any."""
+    """The tracks that a method has in the frame, in this camera; empty for the first that has any."""
     for name, step in by_method(record.steps).items():
         for of, tracks in step.tracks.items():
             if method in ("", name) and camera in ("", of) and of in ("video", "left"):
@@ -86,7 +86,7 @@ def seen_by(record: ExposureRecord, method: str = "", camera: str = "") -> Seen 
 
 
 def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
-    """Why an exposure's tracks are not known one by one, and what to do about it; empty where it simply has none.
+    """Why a frame's tracks are not known one by one, and what to do about it; empty where it simply has none.
 
     `unavailable` says why a stored run cannot be computed again.
     """
@@ -94,12 +94,12 @@ def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
         return f"A stored run keeps no single tracks, and they cannot be computed again: {unavailable}"
     if record.stored is not None:
         return (
-            "A stored run keeps no single tracks: fork it at an earlier exposure, or apply and restart (Methods); "
-            "exposures that are computed then have them."
+            "A stored run keeps no single tracks: fork it at an earlier frame, or apply and restart (Methods); "
+            "frames that are computed then have them."
         )
     if record.thinned:
         return (
-            "The tracks of this exposure were discarded to save disk space: fork at an earlier exposure (Methods) to "
+            "The tracks of this frame were discarded to save disk space: fork at an earlier frame (Methods) to "
             "compute them again."
         )
     return ""
@@ -108,14 +108,14 @@ def missing_tracks(record: ExposureRecord, unavailable: str = "") -> str:
 def seen_before(
     records: Records, index: int, method: str = "", camera: str = "", most: int = SEARCHED
 ) -> Iterator[Seen]:
-    """The same of exposure `index` and, newest first, those before it: of at most so many exposures."""
+    """The same of frame `index` and, newest first, those before it: of at most so many frames."""
     for i in range(index, max(index - most, -1), -1):
         if (found := seen_by(records[i], method, camera)) is not None:
             yield found
 
 
 def life(records: Records, index: int, wanted: Selection, rig: Rig) -> TrackLife | None:
-    """The track as known at exposure `index`; None where it is not among the last SEARCHED exposures up to there."""
+    """The track as known at frame `index`; None where it is not among the last SEARCHED frames up to there."""
     method, camera, found, same_world, whole = wanted.method, "", list[Sighting](), True, False
     for seen in seen_before(records, index, method):
         if camera and seen.camera != camera:

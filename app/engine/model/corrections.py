@@ -15,11 +15,11 @@ from ispom.types import Rig, Step
 from ..history.record import ExposureRecord
 
 RECENT = 400
-"""Exposures that are looked through for the newest corrections: methods say them at each of their key frames."""
+"""Frames that are looked through for the newest corrections: methods say them at each of their keyframes."""
 
 
 class Records(Protocol):
-    """Exposures by their number."""
+    """Frames by their number."""
 
     def __getitem__(self, index: int, /) -> ExposureRecord: ...
 
@@ -52,7 +52,7 @@ def corrected_text(found: Corrected) -> str:
 
 
 def corrected_by(records: Records, index: int, rig: Rig) -> str:
-    """A rig.yaml with what the methods had corrected by exposure `index`: the rig as it was, and that said, where they
+    """A rig.yaml with what the methods had corrected by frame `index`: the rig as it was, and that said, where they
     had corrected nothing."""
     memory = CorrectionMemory()
     for i in range(max(0, index + 1 - RECENT), index + 1):

@@ -19,7 +19,7 @@ OF_SPACING = 0.35
 OF_BASELINE = 2.0
 """The same relative to the stereo baseline: the least, where there is no true path."""
 NOTICED = 1.5
-"""The size follows the key frames' distance when that has changed by such a factor: a change draws all again."""
+"""The size follows the keyframes' distance when that has changed by such a factor: a change draws all again."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class DrawnSize:
     camera: float
     """Depth of the current camera's frustum."""
     key_frame: float
-    """The same of a key frame: neighbours do not overlap."""
+    """The same of a keyframe: neighbours do not overlap."""
     spacing: float
-    """Distance of successive key frames that they were made from; 0 where there are not two."""
+    """Distance of successive keyframes that they were made from; 0 where there are not two."""
 
 
 def drawn_truth(truth: Trajectory | None, methods: Iterable[str]) -> Trajectory | None:
@@ -67,7 +67,7 @@ def drawn_size(
 
 
 def _spacing(poses: PoseHistory) -> float:
-    """Median distance of the first key frames in a row; 0 where there are not two."""
+    """Median distance of the first keyframes in a row; 0 where there are not two."""
     for b in range(len(poses.blocks)):
         if len(rows := poses.key_frame_rows(b)) > 1:
             places = np.stack([poses.position(int(row)) for row in rows])

@@ -1,4 +1,4 @@
-"""What `ispom run` remembers of the scene: what the key frames saw, from which the final poses give the landmarks."""
+"""What `ispom run` remembers of the scene: what the keyframes saw, from which the final poses give the landmarks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _Colours = tuple[NDArray[np.int64], NDArray[np.uint8]]
 
 @dataclass
 class MapCollector:
-    """Grows with the landmarks and key frames of one method, by some 40 bytes for each point seen.
+    """Grows with the landmarks and keyframes of one method, by some 40 bytes for each point seen.
 
     Places of landmarks are not kept: what a step says of them holds for the poses of that time, which may be revised.
     """
@@ -28,7 +28,7 @@ class MapCollector:
     _seen: dict[int, Tracks] = field(default_factory=dict)
 
     def add(self, step: Step) -> None:
-        """The tracks of key frames, the step's own or those of the part that follows the video, and their colours."""
+        """The tracks of keyframes, the step's own or those of the part that follows the video, and their colours."""
         part = step if step.tracks else next((p for p in step.parts if "video" in p.tracks), step)
         placed = np.isfinite(part.landmarks.xyz_in_world).all(axis=1)
         if placed.any():
@@ -43,9 +43,9 @@ class MapCollector:
             )
 
     def scene(self, trajectory: Trajectory, rig: Rig) -> SceneMap:
-        """With the final poses of the key frames, and the landmarks where these poses put them.
+        """With the final poses of the keyframes, and the landmarks where these poses put them.
 
-        Key frames that have no final pose are absent, and so are landmarks whose distance they leave unknown.
+        Keyframes that have no final pose are absent, and so are landmarks whose distance they leave unknown.
         """
         camera = self.camera or ("video" if rig.video is not None else "left")
         times = [t for t in trajectory.times_ns.tolist() if t in self._seen]

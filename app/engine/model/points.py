@@ -27,7 +27,7 @@ class PointBlock:
     rgb: NDArray[np.uint8]
     """(K, 3)."""
     born: NDArray[np.int64]
-    """(K,) the exposure that gave each first."""
+    """(K,) the frame that gave each first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class PointMap:
     """By id: the place. Shared by versions, each of which counts its first `count` only."""
 
     def with_points(self, found: Landmarks, index: int) -> PointMap:
-        """The points that exposure `index` found or revised."""
+        """The points that frame `index` found or revised."""
         finite = np.isfinite(found.xyz_in_world).all(1)
         if not finite.any():
             return self

@@ -13,12 +13,12 @@ from ispom.types import Frame, Trajectory
 
 POSES_PER_BLOCK = 100
 QUIET = 200
-"""Exposures without a change after which a block that changes again keeps how it was."""
+"""Frames without a change after which a block that changes again keeps how it was."""
 
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """The times of the exposures so far, each once, and the first exposure at each. Versions share their arrays."""
+    """The times of the frames so far, each once, and the first frame at each. Versions share their arrays."""
 
     count: int
     _times_ns: NDArray[np.int64]
@@ -31,7 +31,7 @@ class Times:
         return Times(0, np.zeros(0, np.int64), np.zeros(0, np.int64))
 
     def with_exposure(self, index: int, time_ns: int) -> Times:
-        """Exposure `index`, which is not before the others."""
+        """Frame `index`, which is not before the others."""
         n = self.count
         if n and time_ns <= self._times_ns[n - 1]:
             return self
@@ -43,18 +43,18 @@ class Times:
         return Times(n + 1, times_ns, indices)
 
     def rows(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(N,) places of these times of exposures."""
+        """(N,) places of these times of frames."""
         return np.clip(np.searchsorted(self._times_ns[: self.count], times_ns), 0, max(self.count - 1, 0))
 
     def rows_until(self, index: int) -> int:
-        """How many of the times are of exposures up to this one."""
+        """How many of the times are of frames up to this one."""
         return int(np.searchsorted(self._indices[: self.count], index, side="right"))
 
     def times_ns(self, rows: NDArray[np.int64] | slice) -> NDArray[np.int64]:
         return self._times_ns[: self.count][rows]
 
     def indices(self, rows: NDArray[np.int64] | slice) -> NDArray[np.int64]:
-        """The exposures at these rows."""
+        """The frames at these rows."""
         return self._indices[: self.count][rows]
 
 
@@ -69,11 +69,11 @@ class PoseBlock:
     known: NDArray[np.bool_]
     """(K,)."""
     key: NDArray[np.bool_]
-    """(K,) whether it is a key frame."""
+    """(K,) whether it is a keyframe."""
     since: int
-    """The exposure that began the changes that led here."""
+    """The frame that began the changes that led here."""
     changed: int
-    """The exposure that made the latest change."""
+    """The frame that made the latest change."""
     earlier: PoseBlock | None = None
     """As it was before `since`; None where it had no pose."""
 
@@ -85,7 +85,7 @@ class PoseBlock:
         )
 
     def writable(self, index: int) -> PoseBlock:
-        """A copy, to be changed by exposure `index` before anybody else sees it."""
+        """A copy, to be changed by frame `index` before anybody else sees it."""
         rested = index - self.changed > QUIET
         return PoseBlock(
             self.rotations.copy(),
@@ -100,7 +100,7 @@ class PoseBlock:
 
 @dataclass(frozen=True, eq=False)
 class PoseHistory:
-    """The latest pose of one method at every exposure, in its own world."""
+    """The latest pose of one method at every frame, in its own world."""
 
     blocks: tuple[PoseBlock, ...] = ()
     frame: Frame = "rig"
@@ -108,7 +108,7 @@ class PoseHistory:
     """Rows at which segments of their own begin: nothing joins them to the poses before, nor does a line."""
 
     def with_poses(self, rows: NDArray[np.int64], poses: Trajectory, index: int) -> PoseHistory:
-        """Poses at these rows (N,) of the run's times, as exposure `index` gave them."""
+        """Poses at these rows (N,) of the run's times, as frame `index` gave them."""
         if not len(poses):
             return self
         blocks = list(self.blocks)
@@ -158,12 +158,12 @@ class PoseHistory:
         return [part for part in parts if len(part)]
 
     def key_frame_rows(self, block: int) -> NDArray[np.int64]:
-        """(K,) of key frames with a pose."""
+        """(K,) of keyframes with a pose."""
         found = self.blocks[block]
         return np.flatnonzero(found.known & found.key) + block * POSES_PER_BLOCK
 
     def key_frames(self, block: int, outlines: Array) -> Array:
-        """(K * L, P, 3): L polylines of P points, given in the frame (L, P, 3), at each of the block's key frames."""
+        """(K * L, P, 3): L polylines of P points, given in the frame (L, P, 3), at each of the block's keyframes."""
         found, rows = self.blocks[block], self.key_frame_rows(block) - block * POSES_PER_BLOCK
         rotations, positions = found.rotations[rows, None], found.positions[rows, None, None]
         placed = outlines[None] @ rotations.transpose(0, 1, 3, 2) + positions

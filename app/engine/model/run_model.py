@@ -1,8 +1,8 @@
-"""What is known of a run: every method's poses by time and points by id, as one value for each exposure.
+"""What is known of a run: every method's poses by time and points by id, as one value for each frame.
 
 model = RunModel.start(methods)
-model = model.after(index, time_ns, steps)      # shares all but what this exposure changed
-model.as_known_at(k, steps_at)                  # as it was after exposure k, revised poses as known then
+model = model.after(index, time_ns, steps)      # shares all but what this frame changed
+model.as_known_at(k, steps_at)                  # as it was after frame k, revised poses as known then
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class RunModel:
 
     @staticmethod
     def start(methods: Iterable[str]) -> RunModel:
-        """Before the first exposure. Points are thinned, for drawing."""
+        """Before the first frame. Points are thinned, for drawing."""
         return RunModel(Times.none(), {m: MethodModel(PoseHistory(), PointMap(thinned=True)) for m in methods})
 
     def after(self, index: int, time_ns: int, steps: Iterable[Step]) -> RunModel:
-        """What the steps of exposure `index` add: their poses, those that they revise, key frames, and points."""
+        """What the steps of frame `index` add: their poses, those that they revise, keyframes, and points."""
         times, methods = self.times.with_exposure(index, time_ns), dict(self.methods)
         for step in steps:
             known = methods[step.method]
@@ -67,7 +67,7 @@ class RunModel:
         return replace(self, methods=methods)
 
     def as_known_at(self, index: int, steps_at: Callable[[int], tuple[Step, ...]]) -> RunModel:
-        """As after exposure `index`; `steps_at` gives the steps of exposures before it, where blocks changed since.
+        """As after frame `index`; `steps_at` gives the steps of frames before it, where blocks changed since.
 
         Points are those known then, at the places known now.
         """
@@ -113,7 +113,7 @@ def _block_at(
 def _covariance_at(
     poses: PoseHistory, times: Times, index: int, method: str, steps_at: Callable[[int], tuple[Step, ...]]
 ) -> Array | None:
-    """Of the newest pose, as the exposures at its time and up to `index` tell it."""
+    """Of the newest pose, as the frames at its time and up to `index` tell it."""
     row = poses.last_known()
     if row is None:
         return None

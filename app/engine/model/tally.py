@@ -10,7 +10,7 @@ from ispom.types import Status, Step
 
 @dataclass(frozen=True)
 class MethodTally:
-    """Of the exposures that a method used."""
+    """Of the frames that a method used."""
 
     exposures: int = 0
     lost: int = 0

@@ -37,7 +37,7 @@ class Journal:
 
 
 class PoseJournal:
-    """Grows with each exposure; removed when the trajectories are written."""
+    """Grows with each frame; removed when the trajectories are written."""
 
     def __init__(self, folder: RunFolder, unit_m: Callable[[str], float | None]) -> None:
         """`unit_m` gives a method's unit [m] as known now."""

@@ -16,11 +16,11 @@ from .run_folder import RUN
 
 COUNTS = {"translation": 3, "quaternion_xyzw": 4}
 Placed = tuple[int, str, Similarity]
-"""From this exposure on, of this method: shared world from its own."""
+"""From this frame on, of this method: shared world from its own."""
 
 
 class PlacementLog:
-    """Notes each placement at the exposure that gave it."""
+    """Notes each placement at the frame that gave it."""
 
     def __init__(self) -> None:
         self.entries: list[dict[str, Any]] = []

@@ -42,7 +42,7 @@ class Results:
     truth: Trajectory | None
     """world_from_rig."""
     end_ns: int
-    """The last exposure's time."""
+    """The last frame's time."""
     trajectories: Mapping[str, Trajectory]
     """By method, each in its own world and frame; and those of the methods that they ask."""
 
@@ -114,7 +114,7 @@ def summary(report: Mapping[str, Any]) -> str:
         if entry.get("step_scale_end_over_start") is not None:
             parts.append(f"step scale at the end {entry['step_scale_end_over_start']:.2f} of that at the start")
         if entry["ms_per_exposure"]["median"] is not None:
-            parts.append(f"median {computing_time(entry['ms_per_exposure']['median'] / 1000)} per exposure")
+            parts.append(f"median {computing_time(entry['ms_per_exposure']['median'] / 1000)} per frame")
         lines.append(f"{method:<{width}} {', '.join(parts)}")
     return "\n".join(lines)
 

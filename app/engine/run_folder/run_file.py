@@ -44,7 +44,7 @@ class RunFile:
     exposures: Mapping[str, int] = field(default_factory=dict)
     """Given, by kind: video, stereo."""
     duration_s: float = 0.0
-    """From the first of these exposures to the last."""
+    """From the first of these frames to the last."""
     images_sha256: str | None = None
     """Of all images that the estimators saw; None where the run did not come to its end."""
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class RunFile:
     stopped: Mapping[str, Any] | None = None
     """By what --until stopped the run: `exposure`, `time_ns`, `values` by name; None where it did not."""
     placements: list[Mapping[str, Any]] = field(default_factory=list)
-    """Where in the shared world each method's own world is, from which exposure on; see placements.py."""
+    """Where in the shared world each method's own world is, from which frame on; see placements.py."""
 
     @property
     def earlier(self) -> tuple[Stage, ...]:
@@ -115,7 +115,7 @@ def run_file(
 
 
 def fork_entry(run: str, stage: Stage) -> dict[str, Any]:
-    """What a fork's file says of `run`, which it is as up to the stage's end; the exposure `at` counts from 0."""
+    """What a fork's file says of `run`, which it is as up to the stage's end; the frame `at` counts from 0."""
     config = {name: asdict(stage.config.of(name)) for name in with_asked(stage.methods)}
     return {"run": run, "at": stage.until, "methods": list(stage.methods), "config": config}
 

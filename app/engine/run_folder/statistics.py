@@ -16,16 +16,16 @@ from ..events import Stepped
 
 @dataclass
 class RunStatistics:
-    """Grows by 4 bytes for each exposure and method: 20,000 exposures of three are 240 kB."""
+    """Grows by 4 bytes for each frame and method: 20,000 frames of three are 240 kB."""
 
     ms: dict[str, array[float]] = field(default_factory=dict)
-    """By method: the time for each exposure [ms]."""
+    """By method: the time for each frame [ms]."""
     lost: dict[str, int] = field(default_factory=dict)
     located: dict[str, int] = field(default_factory=dict)
     starts_ns: dict[str, list[int]] = field(default_factory=dict)
     """By method: where its segments begin, those in which it is never located included."""
     skipped: list[str] = field(default_factory=list)
-    """What was wrong with each exposure that was skipped; of a run that goes on at most one in a hundred."""
+    """What was wrong with each frame that was skipped; of a run that goes on at most one in a hundred."""
     images: Any = field(default_factory=hashlib.sha256)
     """SHA-256 of all that the estimators saw: the time, size and pixels of each image."""
 
@@ -39,7 +39,7 @@ class RunStatistics:
             self.count(step.method, step.time_ns, 1000 * sum(step.seconds.values()), step.status, step.restarted)
 
     def count(self, method: str, time_ns: int, ms: float, status: str, restarted: bool) -> None:
-        """One exposure of one method."""
+        """One frame of one method."""
         self.ms.setdefault(method, array("f")).append(ms)
         self.lost[method] = self.lost.get(method, 0) + (status == Status.LOST)
         self.located[method] = self.located.get(method, 0) + (status == Status.TRACKING)

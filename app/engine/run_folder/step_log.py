@@ -1,4 +1,4 @@
-"""steps.csv and decisions.csv: what every method said about every exposure, written while a run goes on."""
+"""steps.csv and decisions.csv: what every method said about every frame, written while a run goes on."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class StepLog:
         self._decisions = GrowingTable(folder, DECISIONS, DECISION_COLUMNS)
 
     def add(self, event: Stepped) -> None:
-        """The rows of one exposure."""
+        """The rows of one frame."""
         steps = list(by_method(event.steps).values())
         self._steps.add(_step_row(event, step) for step in steps)
         self._decisions.add(row for step in steps for row in _decision_rows(event, step))

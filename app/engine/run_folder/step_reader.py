@@ -33,7 +33,7 @@ RELATIONS, DECISION_KINDS = (">=", "<=", ">", "<", "="), get_args(DecisionKind)
 
 @dataclass(frozen=True, eq=False)
 class StoredStep:
-    """What one method said at one exposure, as the folder has it."""
+    """What one method said at one frame, as the folder has it."""
 
     exposure: int
     time_ns: int

@@ -11,7 +11,7 @@ WIDTH_PX, QUALITY = 160, 80
 
 
 def thumbnail(sequence: Sequence, count: int) -> bytes | None:
-    """JPEG of the exposure in the middle of the first `count`; None where there is none, or it cannot be read."""
+    """JPEG of the frame in the middle of the first `count`; None where there is none, or it cannot be read."""
     if not count:
         return None
     try:

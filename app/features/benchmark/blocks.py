@@ -29,10 +29,10 @@ from .plan import CASES, PEERS_UNIT_MS, WINDOW_PEERS
 from .unit import Unit, cpu_clock
 
 KEY_FRAMES, POINTS, SEEN_FROM = 10, 1000, 4
-"""A window's size, and how many key frames see a point."""
+"""A window's size, and how many keyframes see a point."""
 FOLDER_IMAGES = 5000
 LOGGED = 60
-"""Exposures of sim:city whose logging is timed."""
+"""Frames of sim:city whose logging is timed."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Block:
 
 
 def bundle_window(noise_px: float = 0.5, focal_px: float = 718.0) -> window.Window:
-    """A drive of 10 key frames by a rectified pair past 1,000 points, each seen from 4; poses and points disturbed."""
+    """A drive of 10 keyframes by a rectified pair past 1,000 points, each seen from 4; poses and points disturbed."""
     rng, step_m = np.random.default_rng(0), 1.0
     first = np.repeat(np.arange(KEY_FRAMES - SEEN_FROM + 1), -(-POINTS // (KEY_FRAMES - SEEN_FROM + 1)))[:POINTS]
     ahead = rng.uniform(8, 60, POINTS)
@@ -83,7 +83,7 @@ def bundle(unit: Unit) -> Block:
     ms, ratio = _median_ms(lambda: window.adjust(problem, scale), unit)
     steps = window.adjust(problem, scale).iterations
     note = f"{len(problem.seen)} stereo observations, {steps} steps of Levenberg-Marquardt; {WINDOW_PEERS}"
-    return Block("bundle adjustment, 10 key frames x 1,000 points", ms, "ms", "<= 8", ms <= 8, ratio, note)
+    return Block("bundle adjustment, 10 keyframes x 1,000 points", ms, "ms", "<= 8", ms <= 8, ratio, note)
 
 
 def rendering() -> Block:
@@ -110,7 +110,7 @@ def rendering() -> Block:
 
 
 def logging(unit: Unit, folder: Path) -> Block:
-    """What the worker spends on each exposure besides estimating: recording, tables, the map, the app's history."""
+    """What the worker spends on each frame besides estimating: recording, tables, the map, the app's history."""
     from ...engine.history.record import ExposureRecord
     from ...engine.model.map_memory import MapCollectors
     from ...engine.playback import Playback
@@ -135,7 +135,7 @@ def logging(unit: Unit, folder: Path) -> Block:
     median, p95 = np.percentile(ms, [50, 95]).tolist()
     note = f"p95 {p95:.1f} ms; sim:city, three methods, CPU time of the worker's thread"
     wanted, ratio, most = f"<= 5 ms where U is {PEERS_UNIT_MS} ms", median / unit.ms, 5 / PEERS_UNIT_MS
-    return Block("logging and history, per exposure", median, "ms", wanted, ratio <= most, ratio, note)
+    return Block("logging and history, per frame", median, "ms", wanted, ratio <= most, ratio, note)
 
 
 def opening(folder: Path) -> Block:

@@ -76,12 +76,12 @@ def ensemble_of(method: str, rig: Rig) -> Ensemble:
 
 
 def _asked(sequence: Sequence, method: str) -> list[int]:
-    """The exposures that it uses; no others are decoded."""
+    """The frames that it uses; no others are decoded."""
     return [i for i, kind in enumerate(sequence.kinds) if kind in registered(method).needs]
 
 
 def _run(ensemble: Ensemble, method: str, sequence: Sequence, asked: list[int]) -> tuple[Times, Trajectory, int]:
-    """One run, and how many steps were lost; each exposure is decoded just before its step, outside the clock."""
+    """One run, and how many steps were lost; each frame is decoded just before its step, outside the clock."""
     state, times, lost = ensemble.start(), Times(), 0
     for i in asked:
         exposure = sequence[i]

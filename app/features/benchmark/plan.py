@@ -104,7 +104,7 @@ PEERS: dict[tuple[str, str], tuple[Peer, ...]] = {
         Peer("libviso2, full size", "7.5", "0.87", "0.098"),
         Peer("ORB-SLAM2", "6.1", "0.67-0.75", "0.048-0.073", "one core; 2.6-3.5 on several"),
         Peer("an OpenCV tutorial", "7.7", "2.55", "0.394", "popular, in Python"),
-        Peer("a prototype", "1.2", "1.02", "0.12", "Python, OpenCV and numba, window of 8 key frames"),
+        Peer("a prototype", "1.2", "1.02", "0.12", "Python, OpenCV and numba, window of 8 keyframes"),
     ),
     ("kitti-06", "monocular"): (
         Peer("ORB-SLAM2", "1.3", "0.55-0.67", "0.020-0.036", "several threads"),

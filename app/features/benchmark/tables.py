@@ -72,12 +72,12 @@ def _notes(found: dict[str, Any]) -> list[str]:
         return [f"skipped: {found['error']}"]
     notes = []
     if found["lost"]:
-        notes.append(f"lost at {found['lost']} exposures")
+        notes.append(f"lost at {found['lost']} frames")
     if found.get("largest_drift_m") is not None and found.get("t_err_percent") is None:
         notes.append(f"largest distance from the truth, first pose given: {1e3 * found['largest_drift_m']:.1f} mm")
     if found.get("between_stereo_rmse_m") is not None:
         own, spline = found["between_stereo_rmse_m"], found["spline_between_stereo_rmse_m"]
-        notes.append(f"between stereo exposures {1e3 * own:.1f} mm, stereo by spline {1e3 * spline:.1f} mm")
+        notes.append(f"between stereo frames {1e3 * own:.1f} mm, stereo by spline {1e3 * spline:.1f} mm")
     if found.get("step_scale_end_over_start") is not None:
         notes.append(f"step scale at the end {found['step_scale_end_over_start']:.3f} of that at the start")
     return notes
@@ -118,7 +118,7 @@ def print_unit(console: Console, rows: list[dict[str, Any]]) -> None:
     console.print(
         f"U = {np.median(units):.1f} ms (in the rows' processes {low:.1f} to {high:.1f}): forward-backward KLT of 500 "
         f"points, 21x21, 4 levels, 30 iterations, one thread, on {pair}; the peers' was {PEERS_UNIT_MS} ms.\n"
-        "ms and p95: CPU time per exposure (of stages: wall time), one thread, decoding excluded, medians of the runs; "
+        "ms and p95: CPU time per frame (of stages: wall time), one thread, decoding excluded, medians of the runs; "
         "t_err over 5, 10, 20 and 40 m (from 200 m on 100 to 800 m); ATE after the alignment that stands beside it; "
         "MB: peak of the process."
     )

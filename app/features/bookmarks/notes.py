@@ -50,7 +50,7 @@ def put(
     bookmarks: tuple[Bookmark, ...] | None = None,
 ) -> None:
     """Changes these parts of a file, None leaving them; with nothing in it there is no file. `about` is what a
-    recording is of: source, exposures, duration_s.
+    recording is of: source, frames, duration_s.
 
     InputError where the file is not as written, or the disk does not take it.
     """
@@ -62,7 +62,7 @@ def put(
 
 
 def change_bookmark(path: Path, sequence: Sequence, exposure: int, mark: Bookmark | None) -> tuple[Bookmark, ...]:
-    """Puts one bookmark of a file, or with None removes that of the exposure, and returns all that fit the exposures
+    """Puts one bookmark of a file, or with None removes that of the frame, and returns all that fit the frames
     then. What others put there meanwhile stays, and so does what fits the source only when it is opened otherwise.
 
     InputError where the file is not as written, is full, or the disk does not take it.

@@ -1,4 +1,4 @@
-"""Bookmarks: exposures that somebody marked, with notes; go there, or remove them."""
+"""Bookmarks: frames that somebody marked, with notes; go there, or remove them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 GO, REMOVE = "Go to", "Remove"
 NONE: tuple[str, ...] = ("no bookmarks",)
-HINT = "Marks the exposure shown; the note is kept with the run. Key: m, which also removes one without a note."
+HINT = "Marks the frame shown; the note is kept with the run. Key: m, which also removes one without a note."
 
 
 class BookmarksPanel:
@@ -27,12 +27,10 @@ class BookmarksPanel:
         self._session, self._bookmarks = session, ()
         with gui.add_folder("Bookmarks"):
             self._note = gui.add_text("note", "", hint=f"Up to {NOTE_LENGTH} characters.")
-            self._put = gui.add_button("Bookmark this exposure", icon=viser.Icon.BOOKMARK, hint=HINT)
+            self._put = gui.add_button("Bookmark this frame", icon=viser.Icon.BOOKMARK, hint=HINT)
             self._put.on_click(lambda _: session.post(PutBookmark(self._note.value or None)))
             self._choice = gui.add_dropdown("bookmark", NONE, hint="The bookmark that the buttons below are about.")
-            self._buttons = gui.add_button_group(
-                "", (GO, REMOVE), hint="Go to: shows its exposure. Remove: forgets it."
-            )
+            self._buttons = gui.add_button_group("", (GO, REMOVE), hint="Go to: shows its frame. Remove: forgets it.")
             self._buttons.on_click(self._clicked)
 
     @property

@@ -23,7 +23,7 @@ class BookmarkService(Service):
     def __init__(self, session: Controller) -> None:
         super().__init__(session)
         self._path: Path | None = None
-        """Where they are kept; None for a live source, whose exposures never come again."""
+        """Where they are kept; None for a live source, whose frames never come again."""
         self._sequence: Sequence | None = None
 
     def opened(self, run: CurrentRun) -> None:
@@ -36,10 +36,10 @@ class BookmarkService(Service):
             self.store.put(Bookmarks(read_notes(self._path, run.playback.sequence)))
 
     def put(self, note: str | None) -> None:
-        """At the exposure that is shown; None keeps the note that is there. InputError where there is no exposure."""
+        """At the frame that is shown; None keeps the note that is there. InputError where there is no frame."""
         displayed, marks = self.state.displayed, {b.exposure: b for b in self.state[Bookmarks].marks}
         if displayed is None:
-            raise InputError("no exposure is shown yet: open a source first")
+            raise InputError("no frame is shown yet: open a source first")
         before = marks.get(displayed.index)
         if before is None and len(marks) >= MOST:
             raise InputError(f"there are {MOST} bookmarks: remove one first")
@@ -48,7 +48,7 @@ class BookmarkService(Service):
         self._keep(marks, displayed.index)
 
     def toggle(self) -> None:
-        """Removes the mark of the exposure that is shown, where it has no note; otherwise as `put`."""
+        """Removes the mark of the frame that is shown, where it has no note; otherwise as `put`."""
         index = self.state.index
         if any(b.exposure == index and not b.note for b in self.state[Bookmarks].marks):
             self.remove(index)
@@ -59,11 +59,11 @@ class BookmarkService(Service):
         """InputError where there is none."""
         marks = {b.exposure: b for b in self.state[Bookmarks].marks}
         if marks.pop(exposure, None) is None:
-            raise InputError(f"there is no bookmark at exposure {exposure}: choose one of the list")
+            raise InputError(f"there is no bookmark at frame {exposure}: choose one of the list")
         self._keep(marks, exposure)
 
     def _keep(self, marks: dict[int, Bookmark], exposure: int) -> None:
-        """Of these marks that of the exposure has changed; another app may have changed others in the file."""
+        """Of these marks that of the frame has changed; another app may have changed others in the file."""
         bookmarks = tuple(marks[i] for i in sorted(marks))
         try:
             if self._path is not None and self._sequence is not None:

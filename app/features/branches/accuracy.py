@@ -90,7 +90,7 @@ def measured(run: CurrentRun) -> Measured:
 
 
 def errors_beside(others: Iterable[Beside], run: CurrentRun) -> dict[str, TrajectoryError]:
-    """Of trajectories of other programs, over the exposures that the run has computed."""
+    """Of trajectories of other programs, over the frames that the run has computed."""
     count = len(run.history)
     if run.opened.truth is None or not count:
         return {}

@@ -16,7 +16,7 @@ from ...engine.model.tally import Tally
 from ...presentation.colours import Rgb
 
 FIRST = "first run"
-"""Name of the one that was started from the first exposure."""
+"""Name of the one that was started from the first frame."""
 STORED = "stored run"
 """Of one that was read from its folder."""
 COLOURS = ((230, 159, 0), (86, 180, 233), (204, 121, 167), (148, 138, 40), (0, 158, 115), (150, 90, 210))
@@ -33,7 +33,7 @@ class Measured:
     errors: Mapping[str, TrajectoryError] = field(default_factory=dict)
     """By method: of the trajectory as it is known now; none without ground truth, or with too few poses."""
     seconds: Mapping[str, float] = field(default_factory=dict)
-    """By method: median computing time of an exposure [s]."""
+    """By method: median computing time of a frame [s]."""
 
 
 NOTHING = Measured()
@@ -44,15 +44,15 @@ class Branch:
     """A run as the page lists it."""
 
     number: int
-    """Its identity; 0 is the run that was started from the first exposure."""
+    """Its identity; 0 is the run that was started from the first frame."""
     name: str
     parent: int | None = None
     at: int = 0
-    """The first exposure that it computed itself."""
+    """The first frame that it computed itself."""
     changes: tuple[str, ...] = ()
     """What differs from its parent: "stereo.max-tracks 500 -> 300", "monocular off"."""
     computed: int = 0
-    """Exposures, those of its parent included."""
+    """Frames, those of its parent included."""
     tally: Tally = Tally()
     measured: Measured = NOTHING
     held: Held = Held()
@@ -68,7 +68,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What is known of a branch at the exposure at which another is shown."""
+    """What is known of a branch at the frame at which another is shown."""
 
     model: RunModel
     placements: Mapping[str, Similarity]

@@ -18,7 +18,7 @@ SLICE_S = 0.015
 ROUNDING = 1e-9
 """Differences of numbers up to this are rounding: relative above 1, absolute below. Digests are not compared."""
 MOST = 10
-"""Exposures that are listed: those at which something differs that had not differed before."""
+"""Frames that are listed: those at which something differs that had not differed before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +29,16 @@ class Comparison:
     """The number of the branch that was shown; the first side."""
     other: int
     start: int
-    """The exposure from which on they may differ."""
+    """The frame from which on they may differ."""
     stop: int
     """One beyond the last that both had computed."""
     methods: tuple[str, ...]
     done: int = 0
-    """The next exposure to compare."""
+    """The next frame to compare."""
     apart: int = 0
-    """Exposures at which they differ, so far."""
+    """Frames at which they differ, so far."""
     thinned: int = 0
-    """Exposures whose tracks and landmarks a history gave up: there the rest is compared."""
+    """Frames whose tracks and landmarks a history gave up: there the rest is compared."""
     first: tuple[Divergence, ...] = ()
     """Each with what had not differed before; at most MOST."""
 
@@ -61,7 +61,7 @@ def begin(branches: tuple[Branch, ...], shown: int, other: int, a: CurrentRun, b
 
 
 def forked_at(branches: tuple[Branch, ...], a: int, b: int) -> int:
-    """The exposure from which on two branches were computed apart; 0 where a branch between them was deleted."""
+    """The frame from which on two branches were computed apart; 0 where a branch between them was deleted."""
     path_a, path_b = (_path(branches, number) for number in (a, b))
     common = next((number for number in path_a if number in path_b), None)
     left = [] if common is None else [path[common] for path in (path_a, path_b)]
@@ -69,7 +69,7 @@ def forked_at(branches: tuple[Branch, ...], a: int, b: int) -> int:
 
 
 def _path(branches: tuple[Branch, ...], number: int) -> dict[int, int | None]:
-    """The branch and its ancestors, nearest first, each with the exposure at which it was left; the first was not."""
+    """The branch and its ancestors, nearest first, each with the frame at which it was left; the first was not."""
     by_number, found, left = {b.number: b for b in branches}, dict[int, int | None](), None
     at: int | None = number
     while at is not None:
@@ -80,7 +80,7 @@ def _path(branches: tuple[Branch, ...], number: int) -> dict[int, int | None]:
 
 
 def advanced(comparison: Comparison, a: CurrentRun, b: CurrentRun, slice_s: float = SLICE_S) -> Comparison:
-    """Compares on for so long, one exposure at least."""
+    """Compares on for so long, one frame at least."""
     until, now = time.monotonic() + slice_s, _after(comparison, a, b)
     while not now.finished and time.monotonic() < until:
         now = _after(now, a, b)

@@ -24,7 +24,7 @@ FIRST, PREVIOUS, NEXT = "First", "◀ Difference", "Difference ▶"
 class DifferencesPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session, self._state = session, session.state
-        hint = "Go to the exposures listed below, in the branch that is shown."
+        hint = "Go to the frames listed below, in the branch that is shown."
         self._buttons = gui.add_button_group("", (FIRST, PREVIOUS, NEXT), hint=hint, visible=False)
         self._buttons.on_click(self._clicked)
         self._text = gui.add_html("", visible=False)

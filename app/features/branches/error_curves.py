@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 render = renderer(__package__)
 
 MOST_POINTS = 1000
-"""Of a curve; of more exposures each point is the largest error of several."""
+"""Of a curve; of more frames each point is the largest error of several."""
 PLAYING_S = 1.0
-"""Between two pictures of the curves while exposures are computed."""
+"""Between two pictures of the curves while frames are computed."""
 HEIGHT_PX = 190
 DASHES = ((), (6, 3), (2, 3), (8, 3, 2, 3))
 """Of methods in branches that are not shown, which have the branch's colour."""
@@ -53,7 +53,7 @@ class Curve:
     label: str
     colour: colours.Rgb
     values: Array
-    """(N,) [m] at the exposures; NaN where unknown."""
+    """(N,) [m] at the frames; NaN where unknown."""
     dash: tuple[int, ...] = ()
 
     @property
@@ -162,7 +162,7 @@ def aligned_curves(state: State, run_of: RunOf) -> Iterator[Curve]:
 
 
 def live_curves(state: State, run_of: RunOf) -> Iterator[Curve]:
-    """Of the poses as they were given at their exposures, without an alignment and without provisional ones."""
+    """Of the poses as they were given at their frames, without an alignment and without provisional ones."""
     for branch, shown in _drawn(state):
         run = run_of(branch.number)
         for i, (method, values) in enumerate(_live(run.series, branch.computed) if run is not None else ()):
@@ -188,7 +188,7 @@ def _drawn(state: State) -> list[tuple[Branch, bool]]:
 
 
 def _at_exposures(error: TrajectoryError, times_ns: NDArray[np.int64]) -> Array:
-    """(N,) of an error curve at exposures; NaN where it has no pose."""
+    """(N,) of an error curve at frames; NaN where it has no pose."""
     values = np.full(len(times_ns), np.nan)
     if len(times_ns):
         after = np.searchsorted(times_ns, error.estimate.times_ns).clip(0, len(times_ns) - 1)
@@ -215,8 +215,8 @@ KINDS = (
 
 
 def _scales(count: int, largest: float) -> dict[str, uplot.Scale]:
-    """All exposures, and from 0 to the largest error. uPlot finds no range itself where a curve begins with what is
-    unknown, and keeps that of the first exposures where more come."""
+    """All frames, and from 0 to the largest error. uPlot finds no range itself where a curve begins with what is
+    unknown, and keeps that of the first frames where more come."""
     last = float(max(count - 1, 1))
     return {"x": {"time": False, "range": (0.0, last)}, "y": {"range": (0.0, 1.05 * largest or 1.0)}}
 

@@ -139,7 +139,7 @@ def _text(state: State, common: _Common, has_truth: Callable[[Branch], bool]) ->
 
 
 def _other(beside: Beside, state: State, unit: Unit) -> dict[str, Any]:
-    """The trajectory of another program, over the exposures that the branch shown has computed."""
+    """The trajectory of another program, over the frames that the branch shown has computed."""
     placed = beside.of_truth
     known = {"name": beside.name, "colour": beside.colour, "file": beside.given.file.path.name}
     if placed is None:
@@ -157,10 +157,10 @@ def _entry(
     has_truth: bool,
 ) -> dict[str, Any]:
     names = {b.number: b.name for b in state[Branches].all}
-    origin = f"{branch.computed} of {state.total} exposures"
+    origin = f"{branch.computed} of {state.total} frames"
     if branch.parent is not None:
         changes = "; ".join(branch.changes) or "nothing changed"
-        origin = f"{names.get(branch.parent, 'a deleted branch')}, from exposure {branch.at} on: {changes}. {origin}"
+        origin = f"{names.get(branch.parent, 'a deleted branch')}, from frame {branch.at} on: {changes}. {origin}"
     rows = []
     for name in in_order(branch.tally.methods):
         common = over_common.get((branch.number, name))

@@ -61,7 +61,7 @@ class BranchService(Service):
         if run.live:
             raise InputError("a live source cannot be forked while it runs: wait for its end, or open its recording")
         if state.index + 1 >= state.total:
-            raise InputError("this is the last exposure, after which nothing is left to run: step back before forking")
+            raise InputError("this is the last frame, after which nothing is left to run: step back before forking")
         before = run.playback
         methods = in_order(methods)
         fork = run.forked(state.index + 1, methods, config)

@@ -1,4 +1,4 @@
-"""Break: a condition to run on until, its value at the exposure shown, and where it holds in what is computed."""
+"""Break: a condition to run on until, its value at the frame shown, and where it holds in what is computed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ render = renderer(__package__)
 
 PREVIOUS, UNTIL, NEXT = "◀ Match", "Run until", "Match ▶"
 HINT = (
-    "Run until: runs on, as fast as possible, to the next exposure where the condition holds. Match: the previous or "
+    "Run until: runs on, as fast as possible, to the next frame where the condition holds. Match: the previous or "
     "next one of those that are computed."
 )
 MOST_NAMES = 12
@@ -67,7 +67,7 @@ class _Hits:
         self._counted = self._hits = 0
 
     def count(self, expression: Expression, series: Series, computed: int) -> int:
-        """At how many of the computed exposures it holds."""
+        """At how many of the computed frames it holds."""
         if self._of is None or self._of[0] != expression.text or self._of[1] is not series:
             self._of, self._counted, self._hits = (expression.text, series), 0, 0
         for index in range(self._counted, computed):

@@ -50,7 +50,7 @@ def lens_from_motion(options: Calibrate) -> tuple[Verdict, list[str]]:
     if options.out is not None and verdict.level != "redo":
         about = f"{verdict.level}, from the motion in {sequence.name}, focal length +- {100 * found.sigma[0]:.1f} %"
         save(Rig.single(rounded(found.camera)), None, about, options.out, options.format)
-    used = f"{found.views} key frames, {found.points} points, {found.rms_px:.2f} px (root mean square)"
+    used = f"{found.views} keyframes, {found.points} points, {found.rms_px:.2f} px (root mean square)"
     return verdict, [*(f"  {parameter_words(each)}" for each in listed), used]
 
 

@@ -1,4 +1,4 @@
-"""`ispom diff`: the first exposure at which two runs differ, and in what."""
+"""`ispom diff`: the first frame at which two runs differ, and in what."""
 
 from __future__ import annotations
 

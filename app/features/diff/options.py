@@ -10,7 +10,7 @@ import tyro
 
 @dataclass(frozen=True, kw_only=True)
 class Diff:
-    """Finds the first exposure at which two runs differ, and in what: tracks, checks, poses, landmarks. Measured
+    """Finds the first frame at which two runs differ, and in what: tracks, checks, poses, landmarks. Measured
     times are not compared. The exit code is 0 where the runs are the same, 1 where they differ."""
 
     run_a: tyro.conf.Positional[Path]
@@ -21,6 +21,6 @@ class Diff:
     """Ignore differences of numbers up to this: relative above 1, absolute below. Above 0, arrays are not compared bit
     by bit."""
     count: int = 3
-    """How many exposures to show: the first, and the next ones at which something else differs for the first time."""
+    """How many frames to show: the first, and the next ones at which something else differs for the first time."""
     json: bool = False
     """Print JSON."""

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from ...engine.differences.compare import DIGEST, ORIENTATION, POSITION, Difference, Divergence
 
 MOST = 8
-"""Quantities that are shown of an exposure."""
+"""Quantities that are shown of a frame."""
 FEW, LOSSLESS = 4, 17
 """Significant digits."""
 
 
 def lines(divergence: Divergence) -> Iterator[str]:
-    """The exposure, and what differs there first; how far the positions are apart, whatever comes before them."""
-    at = "final" if divergence.exposure is None else f"exposure {divergence.exposure}"
+    """The frame, and what differs there first; how far the positions are apart, whatever comes before them."""
+    at = "final" if divergence.exposure is None else f"frame {divergence.exposure}"
     yield f"{at} ({divergence.time_ns / 1e9:.3f} s)"
     first, rest = divergence.differences[:MOST], divergence.differences[MOST:]
     positions = tuple(d for d in rest if d.name.endswith(POSITION))

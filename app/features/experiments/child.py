@@ -36,7 +36,7 @@ from .row import Row
 PLAN = "sweep.yaml"
 """In the folder: `ispom experiment FOLDER/sweep.yaml --out FOLDER` goes on with it."""
 TELL_S = 0.2
-"""Between two lines about the exposures of a run."""
+"""Between two lines about the frames of a run."""
 
 
 class Told:

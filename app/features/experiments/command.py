@@ -120,7 +120,7 @@ class Watcher(Protocol):
         ...
 
     def of_run(self, run: Run) -> OfRun:
-        """Who is told of the exposures of a run, where it is computed in this process."""
+        """Who is told of the frames of a run, where it is computed in this process."""
         ...
 
 

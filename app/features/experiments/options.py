@@ -22,7 +22,7 @@ class Experiment:
     seeds: str | None = None
     """Seeds instead of the plan's, such as 0-9 or 3,5,8."""
     max_exposures: int | None = None
-    """Use only the first N exposures of each source."""
+    """Use only the first N frames of each source."""
     workers: int | None = None
     """Runs at the same time, a process with one thread each, by Dask: 0 runs one after the other in this process.
     Default: one for each core, or 0 where Dask is not installed."""

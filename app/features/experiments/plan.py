@@ -118,9 +118,9 @@ LABELS = {
     "m_per_unit": "metres per unit (sim3)",
     "rate_hz": "poses [Hz]",
     "poses": "poses",
-    "located": "exposures located",
-    "located_percent": "exposures located [%]",
-    "lost": "exposures lost",
+    "located": "frames located",
+    "located_percent": "frames located [%]",
+    "lost": "frames lost",
     "segments": "segments",
     "path_length_m": "path [m]",
 }

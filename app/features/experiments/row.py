@@ -92,7 +92,7 @@ def _scales(run: Run, folder: Path) -> dict[str, float | None]:
 
 
 def milliseconds(run: Run, folder: Path) -> tuple[float | None, float | None]:
-    """Median and 95th percentile of the time per exposure, as measured in that run."""
+    """Median and 95th percentile of the time per frame, as measured in that run."""
     try:
         found = json.loads((folder / METRICS).read_text(encoding="utf-8"))["methods"][run.line.method][
             "ms_per_exposure"

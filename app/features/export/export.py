@@ -100,14 +100,14 @@ def _files(options: Export, method: str, frame: Frame) -> tuple[Files, str]:
 
 
 def _colmap(options: Export, method: str) -> tuple[Files, str]:
-    """The model; InputError where the run's own poses do not agree with what its key frames saw."""
+    """The model; InputError where the run's own poses do not agree with what its keyframes saw."""
     run = options.run
     scene, rig = read_maps(run / "landmarks.npz").get(method), read_rig(run / "rig.yaml")
     if scene is None or getattr(rig, scene.key_frames.frame) is None:
         raise InputError(f"{run} has no points of {method}, or not their camera: run again")
     model = colmap_model(scene, rig.camera(scene.key_frames.frame), options.max_error_px)
     if not model.observations:
-        raise InputError(f"{run}: no two key frames of {method} saw the same point: give a run with motion")
+        raise InputError(f"{run}: no two keyframes of {method} saw the same point: give a run with motion")
     fitting = f"{model.kept} of {model.observations} observations ({100 * model.kept / model.observations:.0f} %)"
     within = f"within {options.max_error_px:g} px of reprojection error"
     if model.kept < MIN_SHARE * model.observations:

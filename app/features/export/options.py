@@ -18,7 +18,7 @@ class Export(Programs):
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` wrote."""
     format: Literal["tum", "kitti", "euroc", "ply", "colmap", "csv"]
-    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: key frames, points and observations, as a
+    """tum, kitti, euroc: trajectories; ply: cloud and trajectory; colmap: keyframes, points and observations, as a
     text model; csv: poses and points with a header."""
     methods: tuple[Name, ...] = ()
     """Methods to export; none given means all of the run."""

@@ -1,4 +1,4 @@
-"""A/B flicker: an exposure with what one side says of it, and at a key press with what the other one says."""
+"""A/B flicker: a frame with what one side says of it, and at a key press with what the other one says."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class FlickerPanel:
         return run.opened.methods if run is not None else ()
 
     def _draw(self, state: State) -> str:
-        """Both pictures of the exposure shown; what keeps them from being drawn, where something does."""
+        """Both pictures of the frame shown; what keeps them from being drawn, where something does."""
         flicker, run = state[Flickering].between, self._session.run
         wanted = (run, state.index, flicker and flicker.a, flicker and flicker.b)
         if wanted == self._drawn or flicker is None or run is None or state.index < 0:

@@ -42,7 +42,7 @@ def run(options: Run, builder: Builder = build, origin: Origin | None = None) ->
 def completed(
     options: Run, builder: Builder = build, origin: Origin | None = None, progress: Progress = progress
 ) -> Job:
-    """The same without printing; `progress` is told of each exposure. The folder of the job that it gives is
+    """The same without printing; `progress` is told of each frame. The folder of the job that it gives is
     complete."""
     condition = until(options.until)
     if options.methods:
@@ -104,7 +104,7 @@ def _run(job: Job, signals: Signals) -> None:
 def _require_inside(earlier: tuple[Stage, ...], sequence: Sequence) -> None:
     if earlier and sequence.grow is None and earlier[-1].until >= len(sequence):
         at, last = earlier[-1].until, len(sequence) - 1
-        raise InputError(f"--at is {at}, but the last exposure of the source is {last}: give a value from 0 to {last}")
+        raise InputError(f"--at is {at}, but the last frame of the source is {last}: give a value from 0 to {last}")
 
 
 def _require_poses(job: Job, finished: Finished) -> None:
@@ -116,7 +116,7 @@ def _require_poses(job: Job, finished: Finished) -> None:
 
 
 def _reason(error: BaseException, playback: Playback) -> str:
-    after = f"after {playback.position} of {len(playback.sequence)} exposures"
+    after = f"after {playback.position} of {len(playback.sequence)} frames"
     if isinstance(error, InputError):
         return f"Stopped {after}: {error}"
     if isinstance(error, KeyboardInterrupt | SystemExit):

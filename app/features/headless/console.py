@@ -16,7 +16,7 @@ from ispom.stop import LOOK_S, check_stop
 from ...engine import warmup
 
 Progress = Callable[[int | None], AbstractContextManager[Callable[[], None]]]
-"""Of so many exposures (None: nobody knows): gives a function to call after each."""
+"""Of so many frames (None: nobody knows): gives a function to call after each."""
 
 
 def wait_for_compiler() -> None:
@@ -30,7 +30,7 @@ def wait_for_compiler() -> None:
 
 @contextmanager
 def progress(total: int | None, quiet: bool = False) -> Iterator[Callable[[], None]]:
-    """Gives a function to call after each exposure; shows how far and how fast, on a terminal only, unless `quiet`.
+    """Gives a function to call after each frame; shows how far and how fast, on a terminal only, unless `quiet`.
 
     The function raises what ends the command, as `check_stop`.
     """

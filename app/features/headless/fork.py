@@ -1,4 +1,4 @@
-"""`ispom fork`: a run again from its own settings up to an exposure, and with others from there on."""
+"""`ispom fork`: a run again from its own settings up to a frame, and with others from there on."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def fork(options: Fork, arguments: Sequence[str], builder: Builder = build) -> i
     config = run.configs()
     options = tyro.cli(Fork, prog="ispom fork", args=arguments, default=replace(options, settings=settings_of(config)))
     if options.at < 0:
-        raise InputError(f"--at is {options.at}: give an exposure of the run, counted from 0")
+        raise InputError(f"--at is {options.at}: give a frame of the run, counted from 0")
     stages = tuple(stage for stage in run.earlier if stage.until < options.at)
     here = next((s for s in run.earlier if s.until >= options.at), Stage(0, with_asked(run.methods), config))
     stages = (*stages, replace(here, until=options.at))

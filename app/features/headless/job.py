@@ -44,6 +44,6 @@ class Job:
     watch: Until
     folder: RunFolder
     progress: Progress = progress
-    """Who is told of each exposure."""
+    """Who is told of each frame."""
     placements: PlacementLog = field(default_factory=PlacementLog)
     events: EventRecorder = field(default_factory=EventRecorder)

@@ -25,18 +25,18 @@ class Run(Options):
     recording: bool = True
     """Write run.rrd, which any Rerun viewer opens."""
     until: str | None = None
-    """Stop after the first exposure where this condition holds, such as 'integrated.error_m > 0.2' or
+    """Stop after the first frame where this condition holds, such as 'integrated.error_m > 0.2' or
     'monocular.inliers < 30 and stereo.status == "lost"'. The README lists the names."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fork(Programs):
-    """Repeats a run up to an exposure, and goes on from there with other settings or methods."""
+    """Repeats a run up to a frame, and goes on from there with other settings or methods."""
 
     run: tyro.conf.Positional[Path]
     """Folder that `ispom run` or `ispom fork` wrote."""
     at: int
-    """First exposure with the given settings, counted from 0 as in the page and in steps.csv."""
+    """First frame with the given settings, counted from 0 as in the page and in steps.csv."""
     methods: tuple[Name, ...] = ()
     """Methods from there on; default: those of the run. A method that did not run before starts there."""
     source: str | None = None

@@ -1,4 +1,4 @@
-"""A run from its first exposure to its files: whatever ends it, what was computed is written."""
+"""A run from its first frame to its files: whatever ends it, what was computed is written."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Recording(NoRecording):
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """A run that came to its end, or to the exposure that --until stopped it at."""
+    """A run that came to its end, or to the frame that --until stopped it at."""
 
     finished: Finished
     images_sha256: str
@@ -71,7 +71,7 @@ class Played:
 
 
 class Steps:
-    """The exposures of a run, one at a time, and what is kept of each."""
+    """The frames of a run, one at a time, and what is kept of each."""
 
     def __init__(self, job: Job, signals: Signals, until_end: ExitStack) -> None:
         """Files stay open until `until_end` is closed."""

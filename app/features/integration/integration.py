@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from ...session.state import State
 
 SPLINE_STAGES = 3
-"""The exposures, the spline begun with, the spline adjusted."""
+"""The frames, the spline begun with, the spline adjusted."""
 LOOKED_BACK = 200
-"""Key frames of a method among which its latest fit is looked for: without a pose it fits nothing."""
+"""Keyframes of a method among which its latest fit is looked for: without a pose it fits nothing."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Integration:
 
 
 def latest_fit(run: CurrentRun, method: str, index: int) -> tuple[int, Step] | None:
-    """The exposure and step of a method's latest fit up to an exposure; None where there is none yet."""
+    """The frame and step of a method's latest fit up to a frame; None where there is none yet."""
     name = f"{method}.key_frame"
     if name not in run.series.quantities:
         return None
@@ -69,6 +69,6 @@ def moved(state: State, run: CurrentRun | None, now: Integration | None, by: int
 def _fit(state: State, run: CurrentRun | None, method: str) -> Step:
     found = latest_fit(run, method, state.index) if run is not None else None
     if found is None:
-        where = f"up to exposure {max(state.index, 0)}"
+        where = f"up to frame {max(state.index, 0)}"
         raise InputError(f"{method} has fitted nothing {where}: play on, or choose an integration that runs")
     return found[1]

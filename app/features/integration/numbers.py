@@ -14,12 +14,12 @@ from ...presentation.texts import Unit, angle, length, length_unit
 SEGMENT: dict[Kind, tuple[str, str]] = {
     "given": (
         "Two trajectories",
-        "The monocular trajectory between two stereo exposures. The two worlds are unrelated, so that it is drawn from "
+        "The monocular trajectory between two stereo frames. The two worlds are unrelated, so that it is drawn from "
         "the stereo pose at t_j on, and its own unit as a metre.",
     ),
     "bracketed": (
         "Interpolated at t_j",
-        "The video poses just before and after each stereo exposure bracket its time; between them the video pose at "
+        "The video poses just before and after each stereo frame bracket its time; between them the video pose at "
         "that time is interpolated.",
     ),
     "scaled": ("Scaled", "Distances from the first stereo pose times the ratio of the two segments' lengths."),
@@ -27,7 +27,7 @@ SEGMENT: dict[Kind, tuple[str, str]] = {
     "oriented": ("Oriented", "What the last orientation misses is spread over the segment, linearly in time."),
 }
 SPLINE = (
-    ("Exposures", "Where the exposures of the window were before the adjustment: video frames and stereo pairs."),
+    ("Exposures", "Where the frames of the window were before the adjustment: video frames and stereo pairs."),
     ("Spline begun with", "A cumulative cubic B-spline through the located poses, by least squares, and its knots."),
     ("Adjusted", "The spline adjusted to what both cameras saw, each at its own time; grey: as it began."),
 )

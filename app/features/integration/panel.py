@@ -34,7 +34,7 @@ class IntegrationPanel:
         self._session, self._state = session, session.state
         self._found: tuple[tuple[object, ...], tuple[int, Step] | None] = ((), None)
         with gui.add_folder("Integration, step by step", expand_by_default=False):
-            hint = "How the latest fit up to the exposure shown came about, in the 3-D view beside."
+            hint = "How the latest fit up to the frame shown came about, in the 3-D view beside."
             self._method = gui.add_dropdown("integration", OFF, hint=hint)
             self._method.on_update(self._chosen)
             self._buttons = gui.add_button_group("", (PREVIOUS, NEXT), visible=False, hint=STEP_HINT)

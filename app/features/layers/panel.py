@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 render = renderer(__package__)
 
-METHOD_HINT = "Draws what the method made: path, camera, key frames, points."
+METHOD_HINT = "Draws what the method made: path, camera, keyframes, points."
 
 
 class ViewPanel:

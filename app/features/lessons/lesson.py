@@ -137,9 +137,9 @@ class Step:
     own: Asked
     ask: Ask
     at: int = 0
-    """The exposure up to which its run has come, and which is shown, when it asks."""
+    """The frame up to which its run has come, and which is shown, when it asks."""
     to: int | None = None
-    """The exposure up to which all its runs go when it reveals; None for the last one."""
+    """The frame up to which all its runs go when it reveals; None for the last one."""
     hidden: frozenset[str] = frozenset()
     """Layers and methods that are not drawn until then."""
     tools: bool = False

@@ -47,5 +47,5 @@ class Ran:
 
     @cached_property
     def count(self) -> int:
-        """Exposures that were computed."""
+        """Frames that were computed."""
         return len(self.series)

@@ -60,10 +60,10 @@ def revealed(step: Step, runs: Mapping[str, Ran]) -> Revealed:
 
 
 def pictured(records: Records, at: int, camera: str) -> tuple[int, Tracks]:
-    """The exposure of a camera's latest picture up to `at`, and the tracks in it. InputError where there is none."""
+    """The frame of a camera's latest picture up to `at`, and the tracks in it. InputError where there is none."""
     found = next(seen_before(records, at, "", camera), None)
     if found is None:
-        raise InputError(f"up to exposure {at} no method follows a track in the {camera} camera: ask later in the run")
+        raise InputError(f"up to frame {at} no method follows a track in the {camera} camera: ask later in the run")
     return found.index, found.tracks
 
 

@@ -194,7 +194,7 @@ class LessonService(Service):
         self._runs[name] = found
 
     def _run_on(self, to: int | None) -> None:
-        """Up to this exposure, or to the end."""
+        """Up to this frame, or to the end."""
         run = self.run
         if run is not None:
             self._obey(do.Seek(run.last if to is None else to))

@@ -28,7 +28,7 @@ class Learning:
     phase: Phase = "preparing"
     revealed: Revealed | None = None
     pictured: tuple[int, Tracks] | None = None
-    """The exposure whose picture is pointed at, and its tracks; None where the question has none."""
+    """The frame whose picture is pointed at, and its tracks; None where the question has none."""
 
     @property
     def step(self) -> Step:

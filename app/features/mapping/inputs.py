@@ -69,7 +69,5 @@ def read_ran(folder: Path, source: str | None) -> Ran:
         raise InputError(f"{folder}: no metric method found two poses: run again on a recording with motion")
     for path in paths.values():
         if not np.isin(path.times_ns, sequence.times_ns).all():
-            raise InputError(
-                f"{source or run.source} is not the source that the run had: its exposures have other times"
-            )
+            raise InputError(f"{source or run.source} is not the source that the run had: its frames have other times")
     return Ran(folder, run, sequence, paths)

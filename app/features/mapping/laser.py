@@ -111,7 +111,7 @@ def placed(ran: Ran, of: Measured, between: Between, advance: Callable[[], None]
         advance()
     if not any(len(each.points) for each in found.values()):
         raise InputError(
-            "no point of the laser was measured while the run had poses: give its times on the clock of the exposures"
+            "no point of the laser was measured while the run had poses: give its times on the clock of the frames"
         )
     return found
 

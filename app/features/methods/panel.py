@@ -19,10 +19,10 @@ from ..branches.commands import Fork
 if TYPE_CHECKING:
     from ...session.session import Session
 
-APPLIED = "Apply restarts the run from the first exposure; Fork runs on from the one after that shown."
+APPLIED = "Apply restarts the run from the first frame; Fork runs on from the one after that shown."
 PENDING = f"**Changed, not applied yet.** {APPLIED}"
 FORK = "Fork"
-APPLY_HINT = "Starts the run again from the first exposure with these methods and settings, without its branches."
+APPLY_HINT = "Starts the run again from the first frame with these methods and settings, without its branches."
 RESTORE_HINT = "Puts all settings below back to their defaults; Apply or Fork makes them count."
 
 
@@ -38,7 +38,7 @@ class MethodsPanel:
         self._text = gui.add_markdown(APPLIED)
         self._apply = gui.add_button("Apply and restart", icon=viser.Icon.REFRESH, hint=APPLY_HINT)
         self._apply.on_click(lambda _: session.post(do.Restart(self._chosen, self._config)))
-        hint = "Keeps this run, and runs on from the exposure shown with these methods and settings, as a branch."
+        hint = "Keeps this run, and runs on from the frame shown with these methods and settings, as a branch."
         self._fork = gui.add_button(FORK, icon=viser.Icon.GIT_FORK, hint=hint, disabled=True)
         self._fork.on_click(lambda _: session.post(Fork(self._chosen, self._config)))
         restore = gui.add_button("Restore defaults", icon=viser.Icon.RESTORE, color="gray", hint=RESTORE_HINT)
@@ -91,7 +91,7 @@ class MethodsPanel:
 
     def show(self, state: State) -> None:
         self._state = state
-        label = FORK if state.index < 0 else f"{FORK} at exposure {state.index + 1}"
+        label = FORK if state.index < 0 else f"{FORK} at frame {state.index + 1}"
         if self._fork.label != label:
             self._fork.label = label
             self._fork.disabled = not 0 <= state.index < state.total - 1

@@ -20,7 +20,7 @@ def picture_of(recording: Path) -> Path:
 
 
 def write_companions(recording: Path, opened: Opened, count: int, bookmarks: tuple[Bookmark, ...]) -> None:
-    """Of a recording of a run's first `count` exposures. Where the disk does not take them, it goes without."""
+    """Of a recording of a run's first `count` frames. Where the disk does not take them, it goes without."""
     times_ns = opened.sequence.times_ns[:count]
     duration_s = round(float(times_ns[-1] - times_ns[0]) * 1e-9, 3) if len(times_ns) else 0.0
     about = {"source": opened.sequence.name, "exposures": count, "duration_s": duration_s}

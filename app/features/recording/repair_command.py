@@ -120,7 +120,7 @@ def _write_results(folder: RunFolder) -> list[str]:
         lines.append(f"{path / METRICS}: of these poses")
     if folder.problem is None:
         total = sum(count for count in run.exposures.values() if isinstance(count, int))
-        folder.failed(f"Repaired: {journal.exposures} of {total} exposures. {folder.reason}")
+        folder.failed(f"Repaired: {journal.exposures} of {total} frames. {folder.reason}")
         kept.unlink()
     return lines
 

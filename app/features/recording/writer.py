@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 class RecordingWriter:
-    """Writes a run into a file from its first exposure on, whatever becomes of the session meanwhile."""
+    """Writes a run into a file from its first frame on, whatever becomes of the session meanwhile."""
 
     def __init__(self, path: Path, opened: Opened, history: History) -> None:
         """`history` is that of the run which `opened` began. OSError or InputError where the file cannot be made."""
@@ -45,7 +45,7 @@ class RecordingWriter:
         return not self._thread.is_alive()
 
     def offer(self, event: Stepped) -> None:
-        """The newest exposure of the history, with its images, so that they need not be read again."""
+        """The newest frame of the history, with its images, so that they need not be read again."""
         self._feed.offer(event)
 
     def stop(self, finished: Finished | None, bookmarks: tuple[Bookmark, ...] = ()) -> None:

@@ -26,7 +26,7 @@ class Writers:
         return self._open is not None or bool(self._closing)
 
     def start(self, name: str, run: CurrentRun) -> None:
-        """Begins to record a run from its first exposure on. InputError where a recording is open, the name is none, or
+        """Begins to record a run from its first frame on. InputError where a recording is open, the name is none, or
         the file cannot be written."""
         if self._open is not None:
             raise InputError(f"{self._open.path.name} is being recorded: stop it before the next one")
@@ -39,13 +39,13 @@ class Writers:
             ) from fault
 
     def offer(self, event: Stepped) -> None:
-        """The newest exposure of the run that is being recorded."""
+        """The newest frame of the run that is being recorded."""
         if self._open is not None:
             self._open.offer(event)
 
     @property
     def recording(self) -> bool:
-        """Whether new exposures are being recorded."""
+        """Whether new frames are being recorded."""
         return self._open is not None
 
     def stop(self, finished: Finished | None, bookmarks: tuple[Bookmark, ...] = ()) -> None:

@@ -57,13 +57,13 @@ class Run:
 
     @property
     def first_ns(self) -> int:
-        """When the first exposure was, as far as the folder tells."""
+        """When the first frame was, as far as the folder tells."""
         times = [s.times_ns[:1] for s in self.steps.values()]
         times += [t.times_ns[:1] for t in (*self.trajectories.values(), self.truth) if t is not None]
         return int(min((t[0] for t in times if len(t)), default=0))
 
     def seconds(self, times_ns: np.ndarray) -> np.ndarray:
-        """Since the first exposure [s]."""
+        """Since the first frame [s]."""
         return (times_ns - self.first_ns) * 1e-9
 
 

@@ -31,7 +31,7 @@ OPENING = ("stereo_every", "video_scale", "seed", "max_exposures", "camera")
 
 @dataclass(frozen=True)
 class Moment:
-    """One exposure, and everything that was bad about it."""
+    """One frame, and everything that was bad about it."""
 
     exposure: int
     time_ns: int
@@ -107,7 +107,7 @@ def with_images(run: Run, moments: list[Moment]) -> tuple[list[Moment], str]:
 
 
 def _recorded(path: Path, wanted: set[int]) -> dict[int, bytes]:
-    """Images and tracks of a recording, by exposure."""
+    """Images and tracks of a recording, by frame."""
     if not path.exists():
         return {}
     from rerun.chunk import RrdReader  # takes a second

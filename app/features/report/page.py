@@ -53,7 +53,7 @@ def page(runs: list[Run]) -> str:
         Section("paths", "Trajectories", [block for run in runs for block in _paths(figures, run, most)]),
         Section("errors", "Errors", _errors(figures, runs, most)),
         Section("scale", "Scale", [_scales(figures, runs, most)]),
-        Section("tracks", "Tracks and key frames", [block for run in runs for block in _tracks(figures, run)]),
+        Section("tracks", "Tracks and keyframes", [block for run in runs for block in _tracks(figures, run)]),
         Section("timing", "Time", [block for run in runs for block in _timing(figures, run, most)]),
         Section("decisions", "Notable decisions", [b for run in runs for b in _decisions(run, len(runs) > 1)]),
         Section("moments", "Worst moments", [block for run in runs for block in _moments(run, len(runs))]),
@@ -118,7 +118,5 @@ def _moments(run: Run, runs: int) -> list[Block]:
     if not moments:
         return []
     heading = [Heading(run.label)] if runs > 1 else []
-    shown = [
-        Shown(f"exposure {m.exposure}, {(m.time_ns - run.first_ns) * 1e-9:.3f} s", m.why, m.source) for m in moments
-    ]
+    shown = [Shown(f"frame {m.exposure}, {(m.time_ns - run.first_ns) * 1e-9:.3f} s", m.why, m.source) for m in moments]
     return [*heading, Moments(shown), Paragraph(origin, "quiet")]

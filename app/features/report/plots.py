@@ -1,4 +1,4 @@
-"""Figures over time: errors, scale, tracks and the time that each exposure took."""
+"""Figures over time: errors, scale, tracks and the time that each frame took."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def tracks(run: Run, method: str) -> Figure:
             sign = -1 if status.dropped else 1
             bar = {"type": "bar", "x": rounded(middles), "y": rounded(sign * means), "name": status.reason}
             traces.append(bar | {"marker": {"color": css}})
-    layout = over_time("tracks per exposure") | {"barmode": "relative", "bargap": 0}
+    layout = over_time("tracks per frame") | {"barmode": "relative", "bargap": 0}
     note = f"Above zero: alive and new; below: dropped, by reason. Means of up to {BINS} spans of time."
     return Figure(f"{run.label}: {method} tracks", traces, layout, note)
 
@@ -122,7 +122,7 @@ def timing(run: Run, most: int = MAX_POINTS) -> Figure:
         ms = 1e3 * steps.columns["seconds"]
         known = np.isfinite(ms)
         traces.append(thinned(most, method, colour_of(method), run.seconds(steps.times_ns[known]), ms[known]))
-    layout = over_time("wall time per exposure [ms]")
+    layout = over_time("wall time per frame [ms]")
     layout["yaxis"] |= {"type": "log", "dtick": 1, "minor": {"showgrid": True, "dtick": "D1"}}
     return Figure(
         f"{run.label}: wall time", traces, layout, "The integrated method contains the time of the two inside it."

@@ -30,7 +30,7 @@ class Score:
 
 SCORES = (
     Score(("poses",), "poses", "most"),
-    Score(("lost",), "exposures lost", "least"),
+    Score(("lost",), "frames lost", "least"),
     Score(("aligned",), "aligned by"),
     Score(("ate_m",), "ATE (RMS)", "least", metres=True),
     Score(("rpe_m",), "RPE, pose to pose", "least", metres=True),
@@ -40,8 +40,8 @@ SCORES = (
     Score(("between_stereo_rmse_m",), "between stereo poses, RMS", "least", metres=True),
     Score(("spline_between_stereo_rmse_m",), "– of a spline through them", metres=True),
     Score(("step_scale_end_over_start",), "step scale, end / start [1]", "nearest to 1"),
-    Score(("ms_per_exposure", "median"), "time per exposure, median [ms]", "least"),
-    Score(("ms_per_exposure", "p95"), "time per exposure, 95th percentile [ms]", "least"),
+    Score(("ms_per_exposure", "median"), "time per frame, median [ms]", "least"),
+    Score(("ms_per_exposure", "p95"), "time per frame, 95th percentile [ms]", "least"),
 )
 
 

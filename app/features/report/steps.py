@@ -22,7 +22,7 @@ NUMBERS = ("error_m", "scale", "inliers", "residual_median_px", "alive", "new", 
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What one method said, exposure by exposure: N rows."""
+    """What one method said, frame by exposure: N rows."""
 
     exposures: np.ndarray
     times_ns: np.ndarray

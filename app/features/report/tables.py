@@ -19,12 +19,12 @@ MOST_DECISIONS = MOST_EVENTS = 60
 
 
 def counts(run: Run) -> Table:
-    """Key frames, states, tracks, inliers: a column per method."""
+    """Keyframes, states, tracks, inliers: a column per method."""
     columns = list(run.steps.items())
     rows: list[list[Any]] = [
         ["exposures", *(len(s.status) for _, s in columns)],
         *([f"– {state}", *(s.status.count(state) for _, s in columns)] for state in ("initialising", "lost")),
-        ["key frames (integrated: segments closed)", *(int(s.key_frame.sum()) for _, s in columns)],
+        ["keyframes (integrated: segments closed)", *(int(s.key_frame.sum()) for _, s in columns)],
         ["time between them, median [s]", *(_between_s(s.times_ns[s.key_frame]) for _, s in columns)],
         ["inliers, median", *(_median(s.columns["inliers"]) for _, s in columns)],
         ["residual, median of medians [px]", *(_median(s.columns["residual_median_px"]) for _, s in columns)],

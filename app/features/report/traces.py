@@ -14,7 +14,7 @@ MAX_POINTS = 1200
 """Of a line: more are not seen."""
 ALL_POINTS = 2400
 """Of the lines of all runs for one thing, so that a page of many runs stays small."""
-TIME = "time since the first exposure [s]"
+TIME = "time since the first frame [s]"
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 render = renderer(__package__)
 
 TITLE, RERUN, NOTHING = "Calibration error", "Rerun as a branch", "No error"
-RERUN_HINT = "Runs from the first exposure with this error in the calibration, with the prediction drawn beside it."
+RERUN_HINT = "Runs from the first frame with this error in the calibration, with the prediction drawn beside it."
 NOTHING_HINT = "Puts all sliders back to 0."
 OF_VIDEO = ("video_",)
 OF_PAIR = ("pair_", "baseline_")

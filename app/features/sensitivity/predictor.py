@@ -69,7 +69,7 @@ class Predictor:
             seen = Scene.of(scene, ran.rig)
             found[method] = Sensitivity.of(seen, adjustment_of(ran.config.of(method), seen))
         if not found:
-            raise InputError("no method has key frames with points yet: let the run go on")
+            raise InputError("no method has keyframes with points yet: let the run go on")
         return Predictor(ran, found)
 
     def predict(self, wrong: Perturbation) -> tuple[Prediction, ...]:
@@ -113,7 +113,7 @@ def corrects_its_lens(config: Any) -> bool:
 
 
 def adjustment_of(config: Any, scene: Scene) -> Adjustment:
-    """What a method of these settings corrects in its own cameras, and over how many key frames. A wrong calibration
+    """What a method of these settings corrects in its own cameras, and over how many keyframes. A wrong calibration
     does not say how sure it is, see Perturbation.of_rig."""
     match config:
         case ModernStereoConfig():

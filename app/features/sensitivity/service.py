@@ -42,7 +42,7 @@ class EffectService(Service):
         self._again: CurrentRun | None = None
 
     def predict(self, wrong: Perturbation) -> None:
-        """Of the exposures computed by now. InputError where they say too little, or a value is out of its range."""
+        """Of the frames computed by now. InputError where they say too little, or a value is out of its range."""
         check(wrong, "")
         run, predictor = self._asked(), self._predictor
         now = run, len(run.history)

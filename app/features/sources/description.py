@@ -13,7 +13,7 @@ from ispom.methods import possible_methods
 from ispom.types import Camera, Kind, Sequence, Trajectory
 
 GAP = 1.5
-"""A time between exposures is a gap from this many median times on."""
+"""A time between frames is a gap from this many median times on."""
 SHOWN_GAPS = 3
 EARLIEST_DATE_NS = 1_000_000_000_000_000_000
 """Times from here on (2001) are dates; smaller ones count from the recording's own zero."""
@@ -96,4 +96,4 @@ def _truth(truth: Trajectory | None, times_ns: NDArray[np.int64]) -> str:
     if truth is None or not len(truth):
         return "none: no errors can be computed"
     covered = np.isin(times_ns, truth.times_ns).sum()
-    return f"at {covered} of {len(times_ns)} exposures, path {truth.length:.3f} m"
+    return f"at {covered} of {len(times_ns)} frames, path {truth.length:.3f} m"

@@ -151,7 +151,7 @@ def _text(sweep: Sweep | None) -> str:
 def _row(value: Any, outcome: Outcome | None, under_way: float | None, unit: Unit) -> dict[str, str]:
     row = {"value": shown(value), "ate": "", "relative": "", "located": "", "ms": "", "said": ""}
     if outcome is None:
-        return row | {"said": "waits" if under_way is None else f"{100 * under_way:.0f} % of the exposures"}
+        return row | {"said": "waits" if under_way is None else f"{100 * under_way:.0f} % of the frames"}
     if outcome.failure is not None:
         return row | {"said": f"failed: {outcome.failure}"}
     found = outcome.values or {}

@@ -17,7 +17,7 @@ from .sweep import Sweep
 from .values import shown
 
 HEIGHT_PX = 170
-QUANTITIES = {"ate_m": "ATE [m]", "located_percent": "exposures located [%]"}
+QUANTITIES = {"ate_m": "ATE [m]", "located_percent": "frames located [%]"}
 """The first of them that is known is drawn: without truth there are no errors."""
 POINTS: Any = {"show": True, "size": 7}
 LOG = 3

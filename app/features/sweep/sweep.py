@@ -27,7 +27,7 @@ class Outcome:
     values: Mapping[str, float | None] | None = None
     """The numbers of the experiment's table."""
     ms: float | None = None
-    """Median computing time of an exposure."""
+    """Median computing time of a frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Sweep:
     outcomes: Mapping[int, Outcome]
     """Of the runs that are over, by the place of their value."""
     under_way: Mapping[int, float]
-    """By the place of their value: the share of the exposures that is computed."""
+    """By the place of their value: the share of the frames that is computed."""
     left_s: float | None = None
     """How long it still takes; None while nothing tells."""
     ended: bool = False
@@ -57,7 +57,7 @@ class Sweep:
 
     @property
     def share(self) -> float:
-        """Of all exposures of all runs, 0..1."""
+        """Of all frames of all runs, 0..1."""
         return (len(self.outcomes) + sum(self.under_way.values())) / len(self.swept.values)
 
     def after(self, told: Mapping[str, Any], now_s: float) -> Sweep:

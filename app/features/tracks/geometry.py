@@ -22,7 +22,7 @@ def geometry_report(looked: Looked) -> str:
     """As HTML."""
     of_video, of_stereo = triple(looked, looked.known_at(looked.record.index)), pair(looked)
     parts = [
-        ("Triple: key frames", of_video, [] if of_video is None else list(_triple(of_video, looked))),
+        ("Triple: keyframes", of_video, [] if of_video is None else list(_triple(of_video, looked))),
         ("Pair: exposure", of_stereo, [] if of_stereo is None else list(_pair(of_stereo, looked))),
     ]
     found = [

@@ -1,4 +1,4 @@
-"""Key frames: which saw the same tracks, and what the selected one saw."""
+"""Keyframes: which saw the same tracks, and what the selected one saw."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ MOST_NEIGHBOURS = 8
 
 
 def key_frames_report(looked: Looked) -> str:
-    """The key frames around the selected one, or up to the exposure shown, as HTML."""
+    """The keyframes around the selected one, or up to the frame shown, as HTML."""
     method = _method(looked)
     keys = [] if method is None else key_frames(looked.series, method, looked.record.index)
     if method is None or not keys:
-        return render("key_frames.html", note="No key frames so far.")
+        return render("key_frames.html", note="No keyframes so far.")
     selection = looked.selection if looked.selection and looked.selection.kind == "key_frame" else None
     picked = selection.number if selection is not None and selection.number in keys else None
     views = seen_at(looked.records, method, around(keys, keys[-1] if picked is None else picked))

@@ -24,10 +24,10 @@ def residuals_report(looked: Looked) -> str:
     views = looked.recent[-EXPOSURES:]
     found = residuals_of(views)
     if not len(found.residual_px):
-        return render("residuals.html", note="No residuals: no pose of these exposures was fitted to tracks.")
+        return render("residuals.html", note="No residuals: no pose of these frames was fitted to tracks.")
     camera = looked.of_camera(looked.pictured)
     label = colours.label(views[-1].step.method)
-    title = f"{len(found.residual_px)} residuals of {len(views)} exposures up to {views[-1].index}: {label}"
+    title = f"{len(found.residual_px)} residuals of {len(views)} frames up to {views[-1].index}: {label}"
     known = {"title": title, "bars": _bars(found), "image": _image(found, camera), "radius": _radius(found, camera)}
     return render("residuals.html", note="", width=WIDTH, height=HEIGHT, **known)
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from ...session.state import FeatureState, Opening, State
 
-Panel = Literal["track", "tracks", "lifetimes", "key frames", "residuals", "geometry"]
+Panel = Literal["track", "tracks", "lifetimes", "keyframes", "residuals", "geometry"]
 
 
 @dataclass(frozen=True)

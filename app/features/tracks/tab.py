@@ -34,7 +34,7 @@ render = renderer(__package__)
 
 NAME = "Tracks"
 PANEL_HINT = (
-    "What stands below: the selected track, a table of all, their lifetimes, key frames by shared tracks, residuals "
+    "What stands below: the selected track, a table of all, their lifetimes, keyframes by shared tracks, residuals "
     "[px], or the geometry of the latest triple and pair."
 )
 PLAYING_S = 1.0
@@ -103,13 +103,13 @@ class LookTab:
             return render("note.html", text=looked.missing)
         if look == "track":
             return track_report(looked, self._chips)
-        drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "key frames": key_frames_report}
+        drawn = {"tracks": tracks_table, "lifetimes": lifetimes_chart, "keyframes": key_frames_report}
         drawn |= {"residuals": residuals_report, "geometry": geometry_report}
         return drawn[look](looked)
 
 
 def looked_at(session: Session, state: State) -> Looked | None:
-    """What the closer look is drawn from; None before the first exposure."""
+    """What the closer look is drawn from; None before the first frame."""
     run = session.run
     if run is None or state.displayed is None or state.displayed.index >= len(run.history):
         return None

@@ -66,7 +66,7 @@ def track_report(looked: Looked, chips: TrackChips) -> str:
     if selection is None or selection.kind != "track":
         return render("track.html", note=NOTHING, life=None)
     if life is None:
-        note = f"Track {selection.number} is not among the tracks of the exposures up to {looked.record.index}."
+        note = f"Track {selection.number} is not among the tracks of the frames up to {looked.record.index}."
         return render("track.html", note=note, life=None)
     now = np.full(len(life.sightings), np.nan) if looked.point is None else looked.point.residuals_px
     items = [_chip(looked, chips, life.sightings[i], now[i]) for i in spread(life)]
@@ -81,21 +81,21 @@ def _chip(looked: Looked, chips: TrackChips, sighting: Sighting, residual_px: fl
         "image": chips.of(looked, sighting),
         "index": sighting.index,
         "colour": colours.css(colours.TRACK[sighting.status]),
-        "hint": f"exposure {sighting.index}: {sighting.status.reason}{residual}",
+        "hint": f"frame {sighting.index}: {sighting.status.reason}{residual}",
         "key": sighting.key_frame,
     }
 
 
 def _facts(looked: Looked, life: TrackLife) -> Iterator[tuple[str, str]]:
     first, last = life.sightings[0], life.last
-    began = f"exposure {first.index}" if life.whole else f"exposure {first.index} or earlier"
+    began = f"frame {first.index}" if life.whole else f"frame {first.index} or earlier"
     if last.status.dropped:
-        yield "ended", f"exposure {last.index}: {last.status.reason}; began at {began}"
+        yield "ended", f"frame {last.index}: {last.status.reason}; began at {began}"
     else:
         gap = "" if last.index == looked.index else f", last seen at {last.index}"
         yield "state", f"{last.status.reason} since {began}, seen {len(life.seen)} times{gap}"
     steps = np.linalg.norm(np.diff([s.uv for s in life.seen], axis=0), axis=1) if len(life.seen) > 1 else np.zeros(1)
-    yield "2-D path", f"{steps.sum():.1f} px, {steps.mean():.2f} px per exposure"
+    yield "2-D path", f"{steps.sum():.1f} px, {steps.mean():.2f} px per frame"
     yield from _epipolar(looked, life)
     yield from _point(looked, life)
 
@@ -104,11 +104,11 @@ def _epipolar(looked: Looked, life: TrackLife) -> Iterator[tuple[str, str]]:
     views = [s for s in life.seen if s.world_from_camera is not None]
     line = line_of(looked)
     if line is None:
-        yield "epipolar", "needs two exposures with a pose"
+        yield "epipolar", "needs two frames with a pose"
     elif np.isnan(line.distance_px):
         yield "epipolar", f"no line: the camera did not move between {views[0].index} and {views[-1].index}"
     else:
-        where = f"of exposure {views[0].index} in exposure {views[-1].index} (yellow)"
+        where = f"of frame {views[0].index} in frame {views[-1].index} (yellow)"
         yield "epipolar", f"{line.distance_px:.2f} px from the line {where}"
 
 
@@ -118,7 +118,7 @@ def _point(looked: Looked, life: TrackLife) -> Iterator[tuple[str, str]]:
         yield "point", "unknown: no landmark, and the observations do not fix its distance"
         return
     unit_m, last = looked.unit_m(life.method), life.seen[-1] if life.seen else None
-    origin = "intersected here" if point.from_exposure is None else f"landmark of exposure {point.from_exposure}"
+    origin = "intersected here" if point.from_exposure is None else f"landmark of frame {point.from_exposure}"
     yield "point", f"({', '.join(_size(x, unit_m) for x in point.xyz_in_world)}), {origin}"
     if last is not None and last.world_from_camera is not None:
         yield "depth", _size(float(last.world_from_camera.inverse().apply(point.xyz_in_world)[2]), unit_m)
@@ -128,7 +128,7 @@ def _point(looked: Looked, life: TrackLife) -> Iterator[tuple[str, str]]:
         yield "1 sigma", f"{axes}, for {looked.sigma_px:.2f} px per coordinate and exact poses"
     if np.isfinite(point.residuals_px).any():
         rms = float(np.sqrt(np.nanmean(point.residuals_px**2)))
-        yield "residual", f"RMS {rms:.2f} px over {np.isfinite(point.residuals_px).sum()} exposures"
+        yield "residual", f"RMS {rms:.2f} px over {np.isfinite(point.residuals_px).sum()} frames"
 
 
 def _size(value: float, unit_m: float | None) -> str:
@@ -136,7 +136,7 @@ def _size(value: float, unit_m: float | None) -> str:
 
 
 def _plot(life: TrackLife, now_px: np.ndarray) -> dict[str, Any] | None:
-    """The residuals over the sightings: with the point as known at the exposure shown, and as the method said then."""
+    """The residuals over the sightings: with the point as known at the frame shown, and as the method said then."""
     then_px = np.array([np.nan if s.status == TrackStatus.NEW else s.residual_px for s in life.sightings])
     known = np.concatenate([now_px, then_px])
     if len(now_px) < 2 or not np.isfinite(known).any():

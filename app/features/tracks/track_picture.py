@@ -63,7 +63,7 @@ def _recorded(looked: Looked, views: RecordedViews | None) -> RecordedTracks | N
 
 
 def image_of(sequence: Sequence, index: int) -> Image | None:
-    """The video image or the left one of an exposure; None where it cannot be read again."""
+    """The video image or the left one of a frame; None where it cannot be read again."""
     try:
         exposure = sequence[index]
     except InputError:
@@ -73,7 +73,7 @@ def image_of(sequence: Sequence, index: int) -> Image | None:
 
 
 def line_of(looked: Looked) -> EpipolarLine | None:
-    """Of the selected track: in the exposure that saw it last, the line of where the first one with a pose saw it."""
+    """Of the selected track: in the frame that saw it last, the line of where the first one with a pose saw it."""
     views = [s for s in looked.life.seen if s.world_from_camera is not None] if looked.life else []
     if looked.life is None or len(views) < 2:
         return None
@@ -87,13 +87,13 @@ def _title(looked: Looked, recorded: RecordedTracks | None) -> str:
     if recorded is not None:
         total, drawn = sum(recorded.counts.values()), len(recorded.uv)
         some = f", {drawn} of them drawn" if drawn < total and looked.colour_by == "state" else ""
-        return f"{looked.pictured} image of exposure {looked.index}, {total or drawn} tracks{some}, of the recording"
+        return f"{looked.pictured} image of frame {looked.index}, {total or drawn} tracks{some}, of the recording"
     if looked.missing:
-        return f"{looked.pictured} image of exposure {looked.index}"
+        return f"{looked.pictured} image of frame {looked.index}"
     if looked.seen is None:
-        return f"{looked.pictured} image of exposure {looked.index}: no tracks"
+        return f"{looked.pictured} image of frame {looked.index}: no tracks"
     method = colours.label(looked.seen.step.method)
-    return f"{looked.pictured} image of exposure {looked.index}, {len(looked.seen.tracks)} tracks: {method}"
+    return f"{looked.pictured} image of frame {looked.index}, {len(looked.seen.tracks)} tracks: {method}"
 
 
 def _scale(looked: Looked) -> str:

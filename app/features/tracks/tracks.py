@@ -52,7 +52,7 @@ def tracks_table(looked: Looked) -> str:
 
 
 def lifetimes_chart(looked: Looked) -> str:
-    """A line for each track, from its first to its last exposure, coloured by why it ended, as HTML."""
+    """A line for each track, from its first to its last frame, coloured by why it ended, as HTML."""
     found = lifetimes(looked.recent[-EXPOSURES:])
     if looked.seen is None or not len(found.ids):
         return render("lifetimes.html", note=NO_TRACKS)
@@ -61,9 +61,7 @@ def lifetimes_chart(looked: Looked) -> str:
     alive = int((found.status < TrackStatus.LOST).sum())
     living = (colours.css(colours.TRACK[TrackStatus.ALIVE]), f"{alive} go on")
     height, shown = LINE * len(lines), f", {len(lines)} of them drawn" if len(lines) < len(found.ids) else ""
-    title = (
-        f"{len(found.ids)} tracks over {len(found.indices)} exposures{shown}: {colours.label(looked.seen.step.method)}"
-    )
+    title = f"{len(found.ids)} tracks over {len(found.indices)} frames{shown}: {colours.label(looked.seen.step.method)}"
     ends = int(found.indices[0]), int(found.indices[-1])
     known = {"lines": lines, "legend": [living, *legend], "width": WIDTH, "height": height, "ends": ends}
     return render("lifetimes.html", note="", title=title, **known)

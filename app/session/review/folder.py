@@ -1,4 +1,4 @@
-"""A run's folder, opened for review; where its source is still there, the run can go on from any exposure."""
+"""A run's folder, opened for review; where its source is still there, the run can go on from any frame."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Op
         sequence = refined(opener(source_of(run), source_options(run)))
         if _same(found, sequence):
             return replace(sequence, notes=(*sequence.notes, f"stored run {folder.name}")), ""
-        unavailable = f"{run.source} is not the source that the run had: its exposures have other times"
+        unavailable = f"{run.source} is not the source that the run had: its frames have other times"
     except InputError as mistake:
         unavailable = str(mistake)
     unavailable = f"{unavailable.removesuffix('.')}; nothing can be computed anew"
@@ -89,7 +89,7 @@ def _sequence(folder: Path, run: RunFile, rig: Rig, found: Exposures, opener: Op
 
 
 def _same(found: Exposures, sequence: Sequence) -> bool:
-    """Whether the run may have been on these exposures."""
+    """Whether the run may have been on these frames."""
     count = len(found.kinds)
     return len(sequence) >= count and np.array_equal(sequence.times_ns[:count][found.used], found.times_ns[found.used])
 

@@ -23,13 +23,13 @@ from ...views.rerun.coloured import path_of
 from ...views.rerun.entities import shown_scale
 
 MOST_REMEMBERED = 8
-"""Exposures whose tracks are kept, so that another colouring or panel does not read them again."""
+"""Frames whose tracks are kept, so that another colouring or panel does not read them again."""
 _COUNT = re.compile(r"(\d+) ")
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedTracks:
-    """The tracks of one camera at one exposure, as Rerun shows them."""
+    """The tracks of one camera at one frame, as Rerun shows them."""
 
     uv: NDArray[np.float32]
     """(N, 2) in Rerun's coordinates on the shown image; large sets are thinned."""
@@ -53,7 +53,7 @@ class RecordedViews:
         self._known: OrderedDict[tuple[str, int, str], RecordedTracks | None] = OrderedDict()
 
     def tracks(self, camera: Frame, index: int, by: Colouring = "state") -> RecordedTracks | None:
-        """None where the exposure has no tracks of this camera in the recording."""
+        """None where the frame has no tracks of this camera in the recording."""
         key = (camera, index, by)
         with self._lock:
             if key not in self._known:
@@ -88,7 +88,7 @@ class RecordedViews:
         return RecordedTracks(uv, classes, {} if legend is None else _counts(legend))
 
     def _row(self, entity: str, index: int, *columns: str) -> dict[str, Any] | None:
-        """The values of an entity's columns that were logged at this exposure."""
+        """The values of an entity's columns that were logged at this frame."""
         try:
             if self._store is None:
                 self._store = RrdReader(self.path).store()

@@ -1,4 +1,4 @@
-"""A recording by itself: its exposures, and what of their quantities its plots hold."""
+"""A recording by itself: its frames, and what of their quantities its plots hold."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .records import MOST
 from .stored import Stored, nobody
 
 EACH = "/decisions"
-"""The entity that every exposure has."""
+"""The entity that every frame has."""
 TRUE_RIG = "/world/truth/rig"
 LATEST_NS = 2**62
 """In the year 2116."""
@@ -39,7 +39,7 @@ PLOTTED = {
 """Quantities by their entity."""
 NOT_SAID: Mapping[str, Value] = {quantity.key: None for quantity in STEP_QUANTITIES}
 Said = dict[int, dict[str, dict[str, Value]]]
-"""By exposure, method and key."""
+"""By frame, method and key."""
 
 
 def read_recording(path: Path) -> Stored:
@@ -85,11 +85,11 @@ def identity(path: Path) -> str:
 
 
 def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], Said]:
-    """Time of each exposure (N,) [ns], those that are stereo pairs, and what was plotted."""
+    """Time of each frame (N,) [ns], those that are stereo pairs, and what was plotted."""
     times = dict(_rows(path, EACH, "time"))
     first = min(times.values(), default=0) - _start_ns(path)
     if min(times, default=0) < 0 or max(times, default=0) >= MOST:
-        raise InputError(f"{path} has exposures that are not as `ispom run` counts them: give another recording")
+        raise InputError(f"{path} has frames that are not as `ispom run` counts them: give another recording")
     times_ns = np.zeros(max(times, default=-1) + 1, np.int64)
     for index in range(len(times_ns)):
         times_ns[index] = times[index] - first if index in times else times_ns[index - 1]
@@ -104,7 +104,7 @@ def _contents(path: Path) -> tuple[np.ndarray, frozenset[int], Said]:
 
 
 def _start_ns(path: Path) -> int:
-    """The first exposure's time; 0 where it is not said."""
+    """The first frame's time; 0 where it is not said."""
     try:
         for chunk in RrdReader(path).stream().filter(content=f"/{START}").to_chunks():
             batch = chunk.to_record_batch()
@@ -127,7 +127,7 @@ def _truth(path: Path, times_ns: NDArray[np.int64]) -> Trajectory | None:
 
 
 def _rows(path: Path, entity: str, column: str = "exposure") -> Iterator[tuple[int, Any]]:
-    """Exposure, and the value of a column."""
+    """Frame, and the value of a column."""
     try:
         for chunk in RrdReader(path).stream().filter(content=entity).to_chunks():
             batch = chunk.to_record_batch()

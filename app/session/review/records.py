@@ -1,4 +1,4 @@
-"""The exposures of a run's folder, as the history keeps exposures."""
+"""The frames of a run's folder, as the history keeps frames."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from ...engine.run_folder.run_folder import STEPS
 from ...engine.run_folder.step_reader import StoredStep, stored_steps
 
 MOST = 1_000_000
-"""Exposures of a run: half a day of video."""
+"""Frames of a run: half a day of video."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exposures:
-    """When a run's exposures were, and of which kind."""
+    """When a run's frames were, and of which kind."""
 
     times_ns: NDArray[np.int64]
     """(N,)."""
@@ -50,7 +50,7 @@ def exposures(folder: Path, rig: Rig) -> Exposures:
     with stored_steps(folder) as steps:
         for step in steps:
             if step.exposure >= MOST or (times and step.time_ns < latest_ns):
-                place = f"{folder / STEPS}: exposure {step.exposure}"
+                place = f"{folder / STEPS}: frame {step.exposure}"
                 raise InputError(f"{place} is not as `ispom run` writes it: run again")
             latest_ns = times[step.exposure] = step.time_ns
             frames[step.method] = step.frame
@@ -82,9 +82,9 @@ def _between(indices: NDArray[np.int64], known: NDArray[np.int64], times_ns: lis
 def records(
     folder: Path, of: Exposures, methods: Collection[str], placed: Iterable[Placed], start: Mapping[str, Similarity]
 ) -> Iterator[ExposureRecord]:
-    """Every exposure in its order, with the steps of these methods; InputError as `exposures`.
+    """Every frame in its order, with the steps of these methods; InputError as `exposures`.
 
-    `start` has the placements before the first exposure. What is written of other methods, which ran inside these, is
+    `start` has the placements before the first frame. What is written of other methods, which ran inside these, is
     among the values.
     """
     before: ExposureRecord | None = None

@@ -23,7 +23,7 @@ class Stored:
     playback: Playback
     """At the first exposure: from there it can be replayed, unless `unavailable` says why not."""
     records: Callable[[], Iterator[ExposureRecord]]
-    """Every exposure that was computed; InputError where one cannot be read."""
+    """Every frame that was computed; InputError where one cannot be read."""
     final: Mapping[str, Trajectory]
     """By method: the trajectory that the run ended with, in the method's own world and unit."""
     methods: tuple[str, ...]

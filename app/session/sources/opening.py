@@ -87,7 +87,7 @@ class SourceOpener:
         return Playback(sequence, chosen, config, self.builder, beside=found)
 
     def again(self, before: Playback, methods: tuple[str, ...], config: Config) -> Playback:
-        """The same sequence from its first exposure on. InputError where the methods do not fit."""
+        """The same sequence from its first frame on. InputError where the methods do not fit."""
         if not methods:
             raise InputError("no method is selected: select at least one")
         return Playback(before.sequence, in_order(methods), config, self.builder, beside=before.beside)

@@ -21,12 +21,12 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A whole final trajectory: world_from_frame at many exposures; or `values` at these."""
+    """A whole final trajectory: world_from_frame at many frames; or `values` at these."""
 
     path: str
     trajectory: Trajectory
     indices: np.ndarray
-    """(N,) of its exposures in the sequence."""
+    """(N,) of its frames in the sequence."""
     first_ns: int
     values: np.ndarray | None = None
     """(N,) numbers of a curve, which are sent instead of the poses."""

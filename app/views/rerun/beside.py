@@ -1,6 +1,6 @@
 """The trajectories of other programs in a recording: /world/beside/NAME and /plots/error/beside/NAME.
 
-Frame-synchronised: at an exposure there is what lies up to its time, and the pose interpolated there.
+Frame-synchronised: at a frame there is what lies up to its time, and the pose interpolated there.
 """
 
 from __future__ import annotations

@@ -39,11 +39,11 @@ class ColouredTracks:
                 yield Entry(f"{path_of(name, by)}/legend", _legend(by, camera), static=True)
 
     def learn(self, seen: Seen) -> None:
-        """Each exposure of a camera once, drawn or not."""
+        """Each frame of a camera once, drawn or not."""
         self._known[seen.camera] = self._known.get(seen.camera, Knowledge()).after(seen, self._rig)
 
     def entries(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
-        """Those of the exposure's tracks that are drawn and live."""
+        """Those of the frame's tracks that are drawn and live."""
         camera, living = self._rig.camera(seen.camera), shown.status < TrackStatus.LOST
         uv = entities.shown_uv(shown.uv[living], camera)
         for by in SCALES:

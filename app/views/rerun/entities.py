@@ -103,7 +103,7 @@ def statuses() -> rr.AnnotationContext:
 
 def thinned(tracks: Tracks, camera: Camera) -> Tracks:
     """At most MOST_MARKERS of them, the same number in every part of the image where there are so many; of those in one
-    part the longest known, so that they stay from one exposure to the next."""
+    part the longest known, so that they stay from one frame to the next."""
     if len(tracks) <= MOST_MARKERS:
         return tracks
     places = np.nan_to_num(tracks.uv) / [camera.width, camera.height]
@@ -281,7 +281,7 @@ def summary(steps: dict[str, Step], first_ns: int, units_m: Mapping[str, float |
 
 def _story(step: Step, first_ns: int, units_m: Mapping[str, float | None]) -> Iterator[str]:
     facts = [f"**{colours.label(step.method)}**", f"{(step.time_ns - first_ns) * 1e-9:.3f} s", f"**{step.status}**"]
-    facts += ["key frame"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
+    facts += ["keyframe"] * step.key_frame + ["no pose"] * (step.world_from_frame is None)
     if len(step.residuals_px):
         facts.append(f"{len(step.residuals_px)} inliers, median {np.median(step.residuals_px):.2f} px")
     facts += [text] if (text := describe(step, units_m.get(step.method, 1.0))) else []

@@ -57,7 +57,7 @@ class LiveStream:
 
     @property
     def dropped(self) -> int:
-        """Exposures of this run whose images the viewers miss, because this thread lagged."""
+        """Frames of this run whose images the viewers miss, because this thread lagged."""
         return self._feed.dropped if self._feed is not None else 0
 
     def open(self, opened: Opened, history: History) -> None:
@@ -87,7 +87,7 @@ class LiveStream:
         self.grown.notify()
 
     def write(self, event: Event) -> None:
-        """Tells of an exposure that is in the history, or of the end. Returns at once; does nothing before `open`.
+        """Tells of a frame that is in the history, or of the end. Returns at once; does nothing before `open`.
 
         RuntimeError, with the reason, where the thread has failed.
         """
@@ -100,7 +100,7 @@ class LiveStream:
             self._feed.offer(event)
 
     def look_at(self, index: int) -> None:
-        """An exposure is shown: where it was drawn without its images, they come now. Does nothing before `open`."""
+        """A frame is shown: where it was drawn without its images, they come now. Does nothing before `open`."""
         if self._feed is not None:
             self._feed.look_at(index)
 

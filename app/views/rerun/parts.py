@@ -60,7 +60,7 @@ def camera_of(path: str) -> str | None:
 
 
 def latest_of_each_camera(kinds: Sequence[Kind], index: int) -> dict[str, int]:
-    """By camera, the last exposure up to this one."""
+    """By camera, the last frame up to this one."""
     found: dict[str, int] = {}
     for kind in set(kinds):
         at = next((i for i in range(min(index, len(kinds) - 1), -1, -1) if kinds[i] == kind), None)

@@ -6,10 +6,10 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
                                              /world/truth brings them to its path, by Sim(3)
     /world/METHOD                            shared world from the method's own (the monocular one has its own unit)
     /world/METHOD/{path,key_frames,cloud}/N  in blocks; a block is logged again when a pose or point in it
-                                             changed (key frames and clouds: every MAP_EVERY exposures)
+                                             changed (keyframes and clouds: every MAP_EVERY frames)
     /world/METHOD/camera                     the pose now
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
-    /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
+    /world/METHOD/final                      at the end: the final poses, each at its frame; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /world/METHOD/error                      line from its position to the true one
     /world/METHOD/view/CAMERA                of one method: pose, frustum and small image of its latest frame of CAMERA
@@ -19,9 +19,9 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /plots/error/METHOD, .../sim3, .../aligned  live error; of a single camera's newest pose, the poses so far aligned
                                              by Sim(3); at the end, the whole aligned curve whose RMS is the ATE
     /decisions, /log, /log/bookmarks         text
-    /start                                   the first exposure's time [ns] (static)
+    /start                                   the first frame's time [ns] (static)
 
-Timelines: `exposure` (its index) and `time` (since the first exposure).
+Timelines: `exposure` (its index) and `time` (since the first frame).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from .plots import Plots
 from .world import World
 
 START, START_NS = "start", "time_ns"
-"""Where a recording has the time of the first exposure."""
+"""Where a recording has the time of the first frame."""
 
 
 class Recorder:
@@ -93,7 +93,7 @@ class Recorder:
         yield Entry("decisions", rr.TextDocument(self._summary(), media_type="text/markdown"))
 
     def _images(self, event: Stepped) -> Iterator[Entry]:
-        """Of an exposure without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
+        """Of a frame without its image (see run/history/feed.py) all but that, which comes as it is `Pictured`."""
         yield from self._pictured(event)
         name = _image(event.exposure)[0]
         seen = _seen(event, name)
@@ -136,7 +136,7 @@ class Recorder:
             level = "WARN" if step.status == "lost" else "INFO"
             yield Entry("log", rr.TextLog(f"{step.method}: {step.status}", level=level))
         if step.key_frame:
-            yield Entry("log", rr.TextLog(f"{step.method}: key frame", level="DEBUG"))
+            yield Entry("log", rr.TextLog(f"{step.method}: keyframe", level="DEBUG"))
 
     def _summary(self) -> str:
         steps = {m: self._last[m] for m in self.opened.methods if m in self._last}

@@ -1,4 +1,4 @@
-"""The 3-D part of a recording: poses, paths, key frames, clouds and how well poses are known, below /world."""
+"""The 3-D part of a recording: poses, paths, keyframes, clouds and how well poses are known, below /world."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from .batch import Columns, Entry
 from .beside import BesideLog
 
 MAP_EVERY = 10
-"""Exposures between two drawings of a method's key frames and points: they are most of what a viewer has to hold."""
+"""Frames between two drawings of a method's keyframes and points: they are most of what a viewer has to hold."""
 PATH_PX, POINT_PX, ERROR_PX = 1.0, 1.25, 1.25
 """Half widths on the screen."""
 
 
 class World:
-    """Follows one run; only blocks of paths, key frames and clouds that changed are drawn again."""
+    """Follows one run; only blocks of paths, keyframes and clouds that changed are drawn again."""
 
     def __init__(self, opened: Opened, first_ns: int) -> None:
         self._opened, self._first_ns = opened, first_ns
@@ -43,9 +43,9 @@ class World:
         """Of the cameras that are drawn now."""
         self._drawn_points = {m: PointMap() for m in opened.methods}
         self._drawn_keys: dict[str, PoseHistory] = {}
-        """Poses that the key frames were drawn from."""
+        """Poses that the keyframes were drawn from."""
         self._map_drawn: dict[str, int] = {}
-        """Exposure at which key frames and points were drawn last."""
+        """Frame at which keyframes and points were drawn last."""
         self._provisional: set[str] = set()
         """Methods whose pose now is drawn as one that waits for a first fit."""
         self._ellipsoids: set[str] = set()
@@ -215,7 +215,7 @@ class World:
             yield Entry(f"world/{method}/path/{block}", entities.lines(poses.lines(block), colour, PATH_PX))
 
     def _map(self, method: str, anew: bool = False) -> Iterator[Entry]:
-        """Key frames and points, the blocks that changed since they were drawn last, or all of the key frames."""
+        """Keyframes and points, the blocks that changed since they were drawn last, or all of the keyframes."""
         poses = self.model.methods[method].poses
         before = PoseHistory() if anew else self._drawn_keys.get(method, PoseHistory())
         self._drawn_keys[method] = poses

@@ -1,4 +1,4 @@
-"""The image of an exposure with the tracks of a method drawn on it."""
+"""The image of a frame with the tracks of a method drawn on it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def image_of(exposure: Exposure) -> tuple[str, Image]:
 
 
 def tracks_of(record: ExposureRecord, method: str, camera: str) -> Tracks | None:
-    """Those that a method used at an exposure, its own or those of a method that it builds on."""
+    """Those that a method used at a frame, its own or those of a method that it builds on."""
     steps = tuple[Step, ...](step for step in record.steps if step.method == method)
     return next((s.tracks[camera] for s in with_parts(steps) if camera in s.tracks), None)
 

@@ -28,7 +28,7 @@ from .options import App, Learn, Serve
 from .server import Serving, serve
 
 LEAST_HISTORY_MB = 20
-"""Some hundred exposures."""
+"""Some hundred frames."""
 
 
 def open_page(command: Serve, builder: Builder) -> int:

@@ -189,7 +189,7 @@ class Gateway:
         return await send_one_of(request, folder, names, SECURITY | headers)
 
     async def _numbers(self, request: web.Request) -> web.StreamResponse:
-        """What is known of the exposure shown, or of all so far, as a file."""
+        """What is known of the frame shown, or of all so far, as a file."""
         session, what = self._to.session, request.match_info["what"]
         state, run = session.state, session.run
         if run is None or state.index < 0 or what not in ("exposure", "run", "rig"):

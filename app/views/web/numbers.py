@@ -1,4 +1,4 @@
-"""The numbers that the page shows, as CSV: those of one exposure, or all quantities over the exposures."""
+"""The numbers that the page shows, as CSV: those of one frame, or all quantities over the frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def of_exposure(series: Series, index: int) -> str:
 
 
 def over_time(series: Series, count: int) -> str:
-    """A row for each of the first `count` exposures, a column for each quantity that was said at any of them."""
+    """A row for each of the first `count` frames, a column for each quantity that was said at any of them."""
     columns = {
         name: (quantity, values)
         for name, quantity in series.quantities.items()

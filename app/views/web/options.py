@@ -34,7 +34,7 @@ class Serve(Options):
     browser: bool = True
     """Open the page in a browser."""
     history_mb: int = 200
-    """Memory for the exposures of a run that can be stepped back to [MB]. Older ones are kept on disk."""
+    """Memory for the frames of a run that can be stepped back to [MB]. Older ones are kept on disk."""
     root: Path | None = None
     """Folder to which the page's sources are restricted, links followed; without it, any path can be opened there."""
     read_only: bool = False

@@ -1,4 +1,4 @@
-"""What the page's time axis shows of a run, told in increments: a page is sent each exposure once."""
+"""What the page's time axis shows of a run, told in increments: a page is sent each frame once."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ...session.current_run import CurrentRun
 from ...session.state import State
 
 SLICE = 500
-"""Exposures at which a condition is asked for one message; each takes some 10 microseconds."""
+"""Frames at which a condition is asked for one message; each takes some 10 microseconds."""
 
 
 class AxisNews:
@@ -36,7 +36,7 @@ class AxisNews:
         self._bookmarks: tuple[Bookmark, ...] = ()
         self._marked: Expression | None = None
         self._read = self._computed = self._asked = 0
-        """Exposures whose times, results and matches the page has."""
+        """Frames whose times, results and matches the page has."""
         self._told = 0
         """The number of events that the page has."""
 
@@ -96,7 +96,7 @@ class AxisNews:
         return {"events": told} if told else {}
 
     def _matches(self, marked: Expression | None, series: Series) -> dict[str, Any]:
-        """A slice of the exposures at which the condition holds."""
+        """A slice of the frames at which the condition holds."""
         if marked is not None and any(q.name not in series.quantities for q in marked.quantities):
             marked = None  # of a branch without that method
         news: dict[str, Any] = {}
@@ -112,7 +112,7 @@ class AxisNews:
 
 
 def _result(series: Series, method: str, start: int, stop: int) -> dict[str, Any]:
-    """Of these exposures: those at which a method made a key frame, and stretches (first, last) where it is lost."""
+    """Of these exposures: those at which a method made a keyframe, and stretches (first, last) where it is lost."""
     status = series.quantities[f"{method}.status"]
     lost = series.values(status.name, start, stop) == status.choices.index(Status.LOST)
     return {

@@ -1,4 +1,4 @@
-"""`ispom calibrate rig` on simulated pictures: exposures of its own for the video, or all at once; what is refused."""
+"""`ispom calibrate rig` on simulated pictures: frames of its own for the video, or all at once; what is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`ispom diff` on real runs: a planted change is named with its exposure and the first quantity."""
+"""`ispom diff` on real runs: a planted change is named with its frame and the first quantity."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_threshold_that_is_a_millionth_off_is_named(
     (difference,) = told["first"][0]["differences"]
     assert difference["name"] == "monocular.paper.parallax.threshold"
     assert (difference["a"], difference["b"], difference["by"]) == (0.5, 0.500001, pytest.approx(1e-6))
-    assert told["first"][0]["exposure"] == 1, "the first exposure at which parallax is compared"
+    assert told["first"][0]["exposure"] == 1, "the first frame at which parallax is compared"
     text = compared(capsys, 1, first, other).splitlines()
     assert text[0] == "setting monocular.paper.min_parallax_deg: 0.5 | 0.500001"
     assert text[1] == "exposure 1 (0.033 s)"
@@ -98,7 +98,7 @@ def test_a_threshold_that_is_a_millionth_off_is_named(
 def test_a_threshold_that_decides_otherwise_is_followed_to_the_exposure_where_it_does(
     run: Runner, first: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A millionth apart, on both sides of what was measured at one exposure."""
+    """A millionth apart, on both sides of what was measured at one frame."""
     with (first / DECISIONS).open(newline="") as file:
         checks = [row for row in csv.DictReader(file) if row["key"] == "parallax" and row["passed"] == "1"]
     exposure, measured = int(checks[1]["exposure"]), float(checks[1]["value"])

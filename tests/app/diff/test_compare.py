@@ -27,7 +27,7 @@ SAID = st.fixed_dictionaries({key: VALUES[key] | st.none() for key in KEYS})
 
 @st.composite
 def runs(draw: st.DrawFn) -> list[MethodRow]:
-    """Each exposure is stepped on by some of the methods."""
+    """Each frame is stepped on by some of the methods."""
     found = []
     for exposure in range(draw(st.integers(1, 8))):
         for method in draw(st.sets(st.sampled_from(METHODS), min_size=1)):

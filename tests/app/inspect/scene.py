@@ -16,7 +16,7 @@ COUNT = 10
 
 
 def pose(i: int) -> Pose:
-    """world_from_video at exposure i."""
+    """world_from_video at frame i."""
     return Pose.from_rotvec(np.array([0.01, 0.02, -0.01]) * i, np.array([0.3, 0.03, 0.2]) * i)
 
 

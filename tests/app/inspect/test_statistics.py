@@ -17,7 +17,7 @@ from tests.app.inspect.scene import CAMERA, COUNT, POINTS, RIG, pose, records, s
 RECORDS = records()
 VIEWS = list(reversed(list(seen_before(RECORDS, COUNT - 1))))
 INSIDE = np.isfinite([seen_from(i)[:, 0] for i in range(COUNT)])
-"""(COUNT, 60) which exposure has which point in its image."""
+"""(COUNT, 60) which frame has which point in its image."""
 
 
 def test_lifetimes_go_from_the_first_exposure_to_the_last():

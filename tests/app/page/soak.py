@@ -1,9 +1,9 @@
 """The page after a long drive: what browser and app hold of memory, and how fast it steps back.
 
 `python -m tests.app.page.soak FOLDER_OF_A_DRIVE [COUNT [BRANCH_AT]]` goes to and fro over the drive until there are
-COUNT exposures (5,000), plays them as fast as they are computed with the page open in Chromium, and prints a line every
-15 s; then it runs a branch from exposure BRANCH_AT to the end, where that is given; at the end it steps back 50 times,
-from exposures all over the run. It takes some ten minutes without a branch.
+COUNT frames (5,000), plays them as fast as they are computed with the page open in Chromium, and prints a line every
+15 s; then it runs a branch from frame BRANCH_AT to the end, where that is given; at the end it steps back 50 times,
+from frames all over the run. It takes some ten minutes without a branch.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def sampled(page: Page, app: App, say: Callable[[str], object], branch: int) -> 
             kinds = ", ".join(f"{kind} {size / 1e6:.0f}" for kind, size in browser.most_common())
             heaps = f"of the renderer's the viewer's heap {viewers / 1e6:.0f} and scripts {script / 1e6:.0f}"
             say(
-                f"{time.monotonic() - began:6.0f} s  exposure {state['computed']:5d}  {behind or 'drawn':32}"
+                f"{time.monotonic() - began:6.0f} s  frame {state['computed']:5d}  {behind or 'drawn':32}"
                 f"browser {browser.total() / 1e6:5.0f} MB ({kinds}; {heaps})"
                 f"  app {own.total() / 1e6:5.0f} MB"
                 f"  both {(browser + own).total() / 1e6:5.0f} MB"

@@ -29,7 +29,7 @@ def address(page: Page) -> dict[str, str]:
 
 def go(page: Page, index: int) -> None:
     page.send(f'{{do: "seek", index: {index}}}')
-    page.until(f"state.index === {index} && location.hash.includes('at={index}')", "the exposure in the address")
+    page.until(f"state.index === {index} && location.hash.includes('at={index}')", "the frame in the address")
 
 
 def test_the_address_follows_the_page(page: Page) -> None:
@@ -108,7 +108,7 @@ def test_a_run_that_plays_goes_on_over_a_reload(page: Page) -> None:
 def test_one_who_does_not_drive_opens_it_at_its_exposure(page: Page, browser, app: App) -> None:  # noqa: F811
     go(page, 30)
     other = Page(browser, f"{app.url}#run=double:40&at=7&hidden=clouds,truth", viewer=FAKE)
-    other.until("window.ispom.shown.index === 7 && state.index === 30", "the exposure, on that page alone")
+    other.until("window.ispom.shown.index === 7 && state.index === 30", "the frame, on that page alone")
     other.until("location.hash === '#run=double:40&at=7'", "the address to say what is shown")
     assert not other.faults
     other.tab.close()
@@ -125,7 +125,7 @@ def test_who_drives_a_moment_after_opening_it_gets_all_of_it(page: Page, browser
     before.until("state.people.driving", "the wheel")
     other = Page(browser, f"{app.url}#run=double:40&at=9&hidden=clouds,truth", viewer=FAKE, before=NOT_NEW + PATIENT)
     other.until(
-        "window.ispom.shown.index === 9 && location.hash === '#run=double:40&at=9'", "the exposure, on that page alone"
+        "window.ispom.shown.index === 9 && location.hash === '#run=double:40&at=9'", "the frame, on that page alone"
     )
     before.tab.close()
     other.until("state.index === 9 && String(state.address.hidden) === 'clouds,truth'", "all that its address named")
@@ -170,13 +170,13 @@ def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
     go(page, 33)
     page.controls.get_by_role("tab", name="Record").click()
     page.controls.get_by_role("textbox").and_(page.controls.locator("input:visible")).last.fill("here it jumps")
-    page.controls.get_by_role("button", name="Bookmark this exposure").click()
+    page.controls.get_by_role("button", name="Bookmark this frame").click()
     page.until("window.ispom.axis.bookmarks.length === 2", "the second one")
     assert page.tab.evaluate("window.ispom.axis.bookmarks")[1]["note"] == "here it jumps"
     page.tab.locator("#axis").hover(position={"x": 176 + 1090 * 33 / 43, "y": 3})
     assert "bookmark: here it jumps" in page.tab.locator("#axis-hint").inner_text()
     go(page, 2)
     page.controls.get_by_role("button", name="Go to", exact=True).click()
-    page.until("state.index === 33", "the bookmark's exposure")
+    page.until("state.index === 33", "the bookmark's frame")
     page.controls.get_by_role("button", name="Remove", exact=True).click()
     page.until("window.ispom.axis.bookmarks.length === 1 && window.ispom.axis.bookmarks[0].at === 17", "the other")

@@ -162,7 +162,7 @@ def page(browser, app: App) -> Page:
 
 def test_it_plays_by_itself(page: Page):
     first = page.state["index"]
-    page.until(f"state.ended || state.index > {first} + 3", "the exposure counter to advance")
+    page.until(f"state.ended || state.index > {first} + 3", "the frame counter to advance")
     page.until("state.ended && !state.playing", "the end")
     assert page.state["computed"] == TOTAL
     assert page.tab.locator("#exposure").inner_text() == f"frame {TOTAL - 1} / {TOTAL - 1}"
@@ -179,7 +179,7 @@ def test_viser_shows_its_panels(page: Page):
 def test_rerun_starts_and_follows_the_time_shown(page: Page):
     page.tab.locator("#cover").wait_for(state="hidden")
     page.send("{do: 'seek', index: 12}")
-    page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the exposure shown")
+    page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the frame shown")
 
 
 VIEWER = """async () => {
@@ -216,7 +216,7 @@ def settled(page: Page) -> bytes:
 
 def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page):
     page.send("{do: 'seek', index: 12}")
-    page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the exposure shown")
+    page.until("window.ispom.viewer.cursor.seen === 12", "Rerun to stand at the frame shown")
     before = json.loads(page.tab.evaluate(VIEWER))
     page.controls.get_by_role("tab", name="View").click()
     drawn = len(page.state["hidden"])  # colours of tracks that are not chosen

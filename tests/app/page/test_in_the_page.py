@@ -119,7 +119,7 @@ def test_branches_are_not_lost_without_a_question(page: Page):
     page.send("{do: 'seek', index: 10}")
     page.until("state.index === 10", "the seek")
     page.controls.get_by_role("tab", name="Methods").click()
-    page.controls.get_by_role("button", name="Fork at exposure 11").click()
+    page.controls.get_by_role("button", name="Fork at frame 11").click()
     page.until("state.address.branch === 1 && state.ended && !state.playing", "the branch")
     dialog, run = page.tab.locator("#question"), page.state["run"]
 

@@ -31,7 +31,7 @@ CONSEQUENCES = {
     "bookmark": "window.ispom.axis.bookmarks[0]?.at === 20",
     "flick": "['a', 'b'].includes(state.flicker?.[0]) && state.flicker[1] === 0",
 }
-"""Of each action at exposure 20, where the first and every fifth exposure of a method is a key frame."""
+"""Of each action at frame 20, where the first and every fifth frame of a method is a keyframe."""
 BUTTONS = ("back", "forward", "start", "end", "loop_start", "loop_end", "no_loop", "bookmark")
 """Those of the time dock."""
 
@@ -46,7 +46,7 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
 
 
 def begin(page: Page, name: str) -> None:
-    """At exposure 20, without a bookmark; with a loop, where it is to be taken away."""
+    """At frame 20, without a bookmark; with a loop, where it is to be taken away."""
     page.send("action('no_loop')")
     page.send(f"{{do: 'seek', index: {FROM}}}")
     page.until(f"state.index === {FROM} && state.loop === null && !state.playing", "the beginning")
@@ -143,7 +143,7 @@ def test_what_was_reached_by_key_keeps_the_keys_that_move_or_press_it(page: Page
     page.controls.locator("[role=tab][aria-selected=true]", has_text="Breakpoints").wait_for()
     assert page.state["index"] == FROM
     page.tab.keyboard.press("k")
-    page.until("state.index === 22", "the key frame")
+    page.until("state.index === 22", "the keyframe")
 
 
 @pytest.mark.parametrize("name", BUTTONS)

@@ -51,7 +51,7 @@ def test_a_chip_shows_its_exposure(page: Page):
     chip = page.controls.locator("[data-seek]").first
     index = chip.get_attribute("data-seek")
     chip.click()
-    page.until(f"state.index === {index}", "the exposure of the chip")
+    page.until(f"state.index === {index}", "the frame of the chip")
     page.send("action('end')")
     page.until("state.index === state.computed - 1", "the end")
 
@@ -140,20 +140,20 @@ def test_a_press_counts_where_the_table_is_drawn_anew_before_the_button_is_let_g
 
 
 def test_a_key_frame_is_selected_in_the_matrix(page: Page):
-    choose(page, "tracks", "key frames")
-    page.until("state.look === 'key frames'", "the matrix")
+    choose(page, "tracks", "keyframes")
+    page.until("state.look === 'keyframes'", "the matrix")
     name = page.controls.locator("text[data-select]").first
     wanted = name.get_attribute("data-select")
     name.click()
-    page.until(f"state.selected === '{wanted}'", "the key frame")
-    page.controls.get_by_text(f"Key frame {wanted.split(':')[-1]}").wait_for()
+    page.until(f"state.selected === '{wanted}'", "the keyframe")
+    page.controls.get_by_text(f"Keyframe {wanted.split(':')[-1]}").wait_for()
 
 
 def test_colours_and_camera_are_the_states(page: Page):
     choose(page, "state", "age")
     page.until("state.colour_by === 'age'", "the colouring")
     page.until("state.hidden.some((path) => path.includes('video/tracks/'))", "the layout of Rerun")
-    page.controls.get_by_text("age [exposures of the camera]").wait_for()
+    page.controls.get_by_text("age [frames of the camera]").wait_for()
     page.controls.get_by_role("button", name="left image", exact=True).click()
     page.until("state.camera === 'left'", "the camera")
     page.controls.locator("svg[data-pick=left]").wait_for()

@@ -22,7 +22,7 @@ HELD = """async () => {
 def drawn(page: Page) -> None:
     page.until("state.ended && window.ispom.viewer.shown?.endsWith(state.recording_id)", "the run to be drawn")
     page.tab.locator("#cover").wait_for(state="hidden")
-    page.until("!document.getElementById('behind').textContent", "the last exposure to be drawn")
+    page.until("!document.getElementById('behind').textContent", "the last frame to be drawn")
 
 
 def held(page: Page) -> list[str]:

@@ -73,16 +73,16 @@ def test_the_numbers_are_downloaded(browser, app: App) -> None:  # noqa: F811
     page = Page(browser, app.url, viewer=FAKE)
     page.until("state.ended && !state.playing", "the end")
     page.send("{do: 'seek', index: 12}")
-    page.until("state.index === 12", "the exposure")
+    page.until("state.index === 12", "the frame")
     found = {}
-    for name in ("Numbers of this exposure", "All quantities"):
+    for name in ("Numbers of this frame", "All quantities"):
         page.tab.get_by_role("button", name="save this view").click()
         with page.tab.expect_download() as download:
             page.tab.locator("#save").get_by_text(name).click()
         page.tab.locator("#save").wait_for(state="hidden")
         found[download.value.suggested_filename] = Path(download.value.path()).read_bytes()
     assert list(found) == ["double-40-12.csv", "double-40.csv"]
-    assert found["double-40-12.csv"].decode().splitlines()[1] == "exposure,12,,counted from 0"
+    assert found["double-40-12.csv"].decode().splitlines()[1] == "frame,12,,counted from 0"
     assert len(found["double-40.csv"].decode().splitlines()) == 45
     assert not page.faults
     page.tab.close()

@@ -1,4 +1,4 @@
-"""What the Rerun views draw is the exposure that the page shows: screenshots are compared with the frames' images."""
+"""What the Rerun views draw is the frame that the page shows: screenshots are compared with the frames' images."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SHOWN = """(() => {
   const { shown, unread } = window.ispom.viewer.stage;
   return [shown.recording, shown.index, unread.find(({ index }) => index >= 0)?.index ?? shown.index].join(" ");
 })()"""
-"""The recording and exposure that the views show, and the exposure that they are taking in."""
+"""The recording and frame that the views show, and the frame that they are taking in."""
 SHORT_OF_MEMORY = """
 const Whole = wasm_bindgen.WebHandle;
 wasm_bindgen.WebHandle = class extends Whole {
@@ -50,10 +50,10 @@ def image(frame: int) -> np.ndarray:
 
 
 def on_the_stage(page: Page, frame: int) -> None:
-    """The views show this exposure, as the page says."""
+    """The views show this frame, as the page says."""
     page.until(
         f"window.ispom.viewer.stage?.shown?.index === {frame} && window.ispom.viewer.stage.shown.complete",
-        f"exposure {frame} in the views",
+        f"frame {frame} in the views",
     )
 
 
@@ -101,7 +101,7 @@ def newest(frames: list[int], index: int) -> int:
 
 
 def assert_drawn(page: Page, views: dict[str, View], index: int) -> None:
-    """Both cameras' images are those of the exposure, and more like them than like any other."""
+    """Both cameras' images are those of the frame, and more like them than like any other."""
     seek(page, index)
     for camera, frames in (("video", VIDEO), ("left", STEREO), ("video", VIDEO)):
         until, score = time.monotonic() + PATIENCE_MS / 1000, 0.0
@@ -161,7 +161,7 @@ def assert_named(stage: Stage, views: dict[str, View]) -> str:
 
 
 def test_while_it_plays_each_image_is_that_of_the_exposure_which_the_views_name(stage: Stage, views):
-    """The views leave out exposures where they are slow, and never show one under the name of another."""
+    """The views leave out frames where they are slow, and never show one under the name of another."""
     seek(stage, 0)
     stage.send("action('play')")
     until = time.monotonic() + PATIENCE_MS / 1000

@@ -56,7 +56,7 @@ def test_the_values_are_run_and_stand_beside_each_other(page: Page) -> None:
     field(page, "values").fill("200, 400")
     run(page)
     page.until("state.sweep && !state.sweep.ended && state.sweep.share > 0", "how far it is", 60_000)
-    page.controls.get_by_text("% of the exposures").first.wait_for()
+    page.controls.get_by_text("% of the frames").first.wait_for()
     page.until("state.sweep.ended", "the end of the sweep", 120_000)
     errors = page.state["sweep"]["ate_m"]
     assert sorted(errors) == ["200", "400"] and all(0 < error < 0.1 for error in errors.values())

@@ -33,7 +33,7 @@ def run() -> CurrentRun:
 
 
 def told(parts: list[dict]) -> list[tuple[list[int], list[list[int]]]]:
-    """Of each method: its key frames and losses, as a page puts them together."""
+    """Of each method: its keyframes and losses, as a page puts them together."""
     found: list[tuple[list[int], list[list[int]]]] = [([], []) for _ in METHODS]
     for part in parts:
         for (keys, lost), result in zip(found, part.get("results", ()), strict=False):
@@ -52,7 +52,7 @@ def test_in_increments_a_page_hears_what_one_that_comes_late_hears(run: CurrentR
     while not run.playback.done:
         run.step()
         parts.append(early.since(state, run))
-    assert early.since(state, run) is None, "each exposure is told once"
+    assert early.since(state, run) is None, "each frame is told once"
     late = AxisNews().since(state, run)
     assert late is not None and told(parts) == told([late])
     assert parts[0]["kinds"] == late["kinds"] and late["kinds"].count("s") == 4

@@ -24,9 +24,9 @@ class Cursors(Page):
 
     def stays(self, index: int) -> None:
         """Our time comes there, and what the page had in mind before that is over."""
-        self.until(f"state.index === {index}", f"exposure {index}")
+        self.until(f"state.index === {index}", f"frame {index}")
         self.tab.evaluate("new Promise((done) => setTimeout(done, 100))")  # the page's own timers, shorter, come first
-        self.until(f"state.index === {index}", f"exposure {index} still")
+        self.until(f"state.index === {index}", f"frame {index} still")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def opened(browser, app: App) -> Iterator[Cursors]:  # noqa: F811
 @pytest.fixture
 def cursors(opened: Cursors) -> Cursors:
     opened.send("{do: 'seek', index: 20}")
-    opened.until("state.index === 20 && window.ispom.viewer.cursor.sent === 20", "the exposure that tests start from")
+    opened.until("state.index === 20 && window.ispom.viewer.cursor.sent === 20", "the frame that tests start from")
     opened.tell(20)
     return opened
 
@@ -89,7 +89,7 @@ def test_the_page_says_which_exposure_the_views_still_show(cursors: Cursors, ind
     cursors.tab.evaluate("window.fake.serial = 0")
     cursors.send(f"{{do: 'seek', index: {index}}}")
     for place in ("#behind", "#shown"):
-        cursors.tab.locator(place).get_by_text(f"loading exposure {index}: the views show 20").wait_for()
+        cursors.tab.locator(place).get_by_text(f"loading frame {index}: the views show 20").wait_for()
     cursors.tab.evaluate("window.fake.serial = 1_000_000")
     cursors.tab.locator("#shown").wait_for(state="hidden")
     assert not cursors.tab.locator("#behind").inner_text()

@@ -40,7 +40,7 @@ def test_one_who_does_not_drive_looks_at_other_exposures_alone(both: tuple[Page,
     assert "look at" not in driver.tab.locator("#people").inner_text()
     seek(driver, 22)
     follower.until("state.index === 22 && window.ispom.shown.index === 19", "to stay where they look")
-    assert "Person 1 drives, you look at exposure 19" in follower.tab.locator("#people").inner_text()
+    assert "Person 1 drives, you look at frame 19" in follower.tab.locator("#people").inner_text()
     follower.tab.get_by_role("button", name="Follow").click()
     follower.until("window.ispom.shown.index === 22", "to follow again")
 
@@ -54,12 +54,12 @@ LOOKS = {
     "a": "window.ispom.shown.loop?.[0] === 20",
     "Space": "window.ispom.shown.playing || window.ispom.shown.index > 21",
 }
-"""Of each key at exposure 20, as in test_keys.py."""
+"""Of each key at frame 20, as in test_keys.py."""
 
 
 @pytest.mark.parametrize("key", LOOKS)
 def test_every_key_that_only_looks_is_theirs(both: tuple[Page, Page], key: str):
-    """All but arrows, Home and End were refused, in a sentence that said "you can look at any exposure"."""
+    """All but arrows, Home and End were refused, in a sentence that said "you can look at any frame"."""
     driver, follower = both
     follower.send("{do: 'follow'}")
     seek(driver, 20)
@@ -82,9 +82,9 @@ def test_their_buttons_play_and_step_and_their_bar_has_the_numbers_of_their_expo
     before = follower.tab.evaluate(errors)
     follower.tab.get_by_role("button", name="◀ Step").click()
     follower.until("window.ispom.shown.index === 19", "the step")
-    follower.until(f"{errors} !== {json.dumps(before)}", "the errors at that exposure")
+    follower.until(f"{errors} !== {json.dumps(before)}", "the errors at that frame")
     seek(driver, 19)
-    driver.until("state.index === 19", "the same exposure")
+    driver.until("state.index === 19", "the same frame")
     assert follower.tab.evaluate(errors) == driver.tab.evaluate(errors)
     follower.tab.get_by_role("button", name="▶ Play").click()
     follower.until("!window.ispom.shown.playing && window.ispom.shown.index === 43", "the end")

@@ -76,11 +76,11 @@ def test_one_file_tells_everything_and_loads_nothing(run: Path, tmp_path: Path) 
     told = yaml.safe_load((run / "run.yaml").read_text())
     for word in ("emulation", "monocular.max_tracks", "500", told["versions"]["numpy"], "SHA-256", "run.rrd"):
         assert word in parsed.words
-    for word in ("ATE (RMS) [", "key frames", "off the epipolar line", "median [ms]", "parallax", "slowest"):
+    for word in ("ATE (RMS) [", "keyframes", "off the epipolar line", "median [ms]", "parallax", "slowest"):
         assert word in parsed.words
     figures = json.loads(parsed.figures)
     titles = json.dumps([figure["layout"] for figure in figures])
-    for title in ("x [m]", "distance from truth [m]", "estimated / true length [1]", "wall time per exposure [ms]"):
+    for title in ("x [m]", "distance from truth [m]", "estimated / true length [1]", "wall time per frame [ms]"):
         assert title in titles
     colours = {trace["name"]: trace["line"]["color"] for trace in figures[0]["traces"]}
     assert colours == {"truth": "#8a8a8a", "monocular": "#d55e00", "stereo": "#0072b2", "integrated": "#009e73"}
@@ -177,7 +177,7 @@ def damage(name: str, old: str | None, new: str) -> Callable[[Path], None]:
         (damage("steps.csv", "exposure,", "index,"), "steps.csv line 1"),
         (damage("steps.csv", ",tracking,", ",tracking,1,"), "steps.csv line 2"),
         (damage("steps.csv", "track=0.004", "track=nan"), "steps.csv line 2: stages"),
-        (damage("steps.csv", "0,0,", "zero,0,"), "steps.csv line 2: exposure is 'zero'"),
+        (damage("steps.csv", "0,0,", "zero,0,"), "steps.csv line 2: frame is 'zero'"),
         (damage("decisions.csv", ">=", "~"), "decisions.csv line 2: relation is '~'"),
         (lambda run: (run / "steps.csv").write_bytes(b"\xff\xfe\x00"), "not a text file"),
     ],

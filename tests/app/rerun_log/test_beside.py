@@ -21,7 +21,7 @@ TRUTH = truth_from_start(SEQUENCE) or Trajectory.empty()
 
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory):
-    """By entity: (exposure, value) of what was logged."""
+    """By entity: (frame, value) of what was logged."""
     rr.set_strict_mode(True)
     half = elsewhere(SEQUENCE).select(np.arange(40))
     path: Path = written(tmp_path_factory.mktemp("beside") / "a.tum", half)

@@ -23,7 +23,7 @@ RECORDS = records()
 
 
 def recorded(*, without: int = -1) -> list[dict[str, Entry]]:
-    """By exposure and path; one of the exposures comes without its image."""
+    """By frame and path; one of the frames comes without its image."""
     sequence = replace(doubles.sequence(COUNT), rig=RIG)
     recorder = Recorder(Opened(sequence, ("monocular",), Config(), None))
     found = []

@@ -44,7 +44,7 @@ def history() -> History:
 
 
 def stepped(run: Playback, history: History) -> Stepped:
-    """The next exposure, as the session keeps it before it tells of it."""
+    """The next frame, as the session keeps it before it tells of it."""
     event = run.step()
     history.append(ExposureRecord.of(event, history.last))
     return event
@@ -170,7 +170,7 @@ def test_nothing_listens_for_the_live_stream(run, stream, history):
     before = {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN}
     stream.open(run.opened, history)
     stream.write(stepped(run, history))
-    helpers.wait_for(lambda: stream._feed.empty and stream.tape._items, "the first exposure on the tape")
+    helpers.wait_for(lambda: stream._feed.empty and stream.tape._items, "the first frame on the tape")
     assert {c.laddr for c in me.net_connections("inet") if c.status == psutil.CONN_LISTEN} == before
 
 

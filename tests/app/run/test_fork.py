@@ -1,4 +1,4 @@
-"""A fork runs with its own methods and settings from its exposure on, and leaves the run that it came from alone.
+"""A fork runs with its own methods and settings from its frame on, and leaves the run that it came from alone.
 
 That nothing differs where nothing was changed is in tests/app/test_forked.py."""
 
@@ -29,7 +29,7 @@ DARK_NS = (800_000_000, 1_100_000_000)
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
-    """1.8 s of sim:tiny with a dark stretch; each exposure made once."""
+    """1.8 s of sim:tiny with a dark stretch; each frame made once."""
     bright = open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=1.8)
 
     def load(i: int) -> Exposure:
@@ -44,7 +44,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
 
 
 class Said(NamedTuple):
-    """What an exposure's event says, but for wall times."""
+    """What a frame's event says, but for wall times."""
 
     index: int
     steps: tuple[Step, ...]
@@ -63,7 +63,7 @@ def said(event: Stepped) -> Said:
 
 
 def played(run: Playback) -> tuple[list[Said], list[Snapshot]]:
-    """What is said of each exposure, and the snapshot before it."""
+    """What is said of each frame, and the snapshot before it."""
     events, snapshots = [], []
     while run.more():
         snapshots.append(run.snapshot)

@@ -119,7 +119,7 @@ def test_the_page_tells_of_it_and_does_not_wait_where_nothing_needs_it(
     monkeypatch.setattr(warmup, "finished", lambda wait_s=0.0: over.is_set())
     session = helpers.started(tmp_path, f"double:{exposures}", variant="paper")
     try:
-        helpers.wait_for(lambda: session.state.computed >= min(exposures, 100), "exposures meanwhile")
+        helpers.wait_for(lambda: session.state.computed >= min(exposures, 100), "frames meanwhile")
         assert warmup.MEANWHILE in [n.text for n in session.state.notices]
         over.set()
         helpers.wait_for(lambda: warmup.READY in [n.text for n in session.state.notices], "the news")

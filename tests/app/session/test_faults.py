@@ -32,7 +32,7 @@ from tests.app.recorded import entities_in, exposures_in
 
 
 class Gate:
-    """A source whose exposure `at` takes until `opened` is set."""
+    """A source whose frame `at` takes until `opened` is set."""
 
     def __init__(self, at: int) -> None:
         self.at, self.reached, self.opened = at, Event(), Event()
@@ -140,11 +140,11 @@ def test_closing_while_an_exposure_takes_long_writes_what_there_is(tmp_path: Pat
 def test_closing_during_a_replay_leaves_the_playback_to_the_worker(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two threads that step it would pair the state of one exposure with the position of another."""
+    """Two threads that step it would pair the state of one frame with the position of another."""
     inside, opened, threads = Event(), Event(), set[str]()
     session = started(tmp_path, autoplay=False)
     session.post(do.Seek(9))
-    wait_for(lambda: session.state.index == 9, "some exposures")
+    wait_for(lambda: session.state.index == 9, "some frames")
     session.post(Fork(METHODS, Config()))
     session.post(do.Play(False))
     wait_for(lambda: len(session.state[Branches].all) == 2, "a branch")

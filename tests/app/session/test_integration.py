@@ -58,7 +58,7 @@ def test_its_stages_are_stepped_through_and_end_at_both_ends(tmp_path: Path) -> 
     )
     session.post(ShowIntegration("monocular"))
     wait_for(lambda: len(session.state.notices) > 1, "the mistake")
-    assert "monocular has fitted nothing up to exposure 43" in session.state.notices[-1].text
+    assert "monocular has fitted nothing up to frame 43" in session.state.notices[-1].text
     session.post(ShowIntegration(""))
     wait_for(lambda: session.state[IntegrationSteps].shown is None, "the end of looking")
     assert session.close(5)

@@ -38,7 +38,7 @@ def test_sources_that_were_opened_before_leave_nothing_behind(tmp_path: Path) ->
 
     def record() -> None:
         session.post(do.Seek(3))
-        wait_for(lambda: session.state.computed >= 3, "some exposures")
+        wait_for(lambda: session.state.computed >= 3, "some frames")
         session.post(Record(""))
         session.post(StopRecording())
         wait_for(lambda: len(list((tmp_path / "recordings").glob("*.rrd"))) == len(sequences), "a recording")

@@ -1,4 +1,4 @@
-"""Moves by kind of exposure and the loop, in a session."""
+"""Moves by kind of frame and the loop, in a session."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def session(tmp_path: Path) -> Iterator[Session]:
 
 def goes(session: Session, command: do.Command, index: int) -> None:
     session.post(command)
-    wait_for(lambda: session.state.index == index and session.state.target is None, f"exposure {index}")
+    wait_for(lambda: session.state.index == index and session.state.target is None, f"frame {index}")
     assert not session.state.playing
 
 

@@ -77,7 +77,7 @@ def test_it_is_shown_at_its_end_and_nothing_is_computed(session: Session) -> Non
     assert state[Branches].all[0].name == "stored run" and state[Branches].all[0].tally.methods["stereo"].exposures == 7
     assert session.run is not None and session.run.playback.position == 0
     session.post(do.Seek(4))
-    wait_for(lambda: session.state.index == 4, "the exposure")
+    wait_for(lambda: session.state.index == 4, "the frame")
     session.post(FindMatch('monocular.status == "lost"'))
     wait_for(lambda: session.state.index > 4, "the loss")
     assert session.state.statuses["monocular"].status == "lost"
@@ -94,7 +94,7 @@ def test_playing_it_starts_over_and_ends_at_its_end(session: Session) -> None:
 
 def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
     session.post(do.Seek(9))
-    wait_for(lambda: session.state.index == 9, "the exposure")
+    wait_for(lambda: session.state.index == 9, "the frame")
     state = session.state
     session.post(Fork(state.methods, state.config))
     session.post(do.Speed(None))
@@ -116,11 +116,11 @@ def test_a_replay_that_is_another_run_is_noticed_once(run: Path, tmp_path: Path)
     session = started(tmp_path, str(run), opener=opener, builder=other)
     wait_for(lambda: session.state.index == 20, "the run")
     session.post(do.Seek(15))
-    wait_for(lambda: session.state.index == 15, "the exposure")
+    wait_for(lambda: session.state.index == 15, "the frame")
     session.post(Fork(session.state.methods, session.state.config))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     said = [n.text for n in session.state.notices if "the replay is not the stored run" in n.text]
-    assert len(said) == 1 and "at exposure 0" in said[0]
+    assert len(said) == 1 and "at frame 0" in said[0]
     session.close(5)
 
 
@@ -133,7 +133,7 @@ def test_without_its_source_all_but_computing_works(run: Path, tmp_path: Path) -
         (run.parent / "moved").rename(drive)
     assert any(n.text.endswith("nothing can be computed anew") and n.kind == "info" for n in session.state.notices)
     session.post(do.Seek(3))
-    wait_for(lambda: session.state.index == 3, "the exposure")
+    wait_for(lambda: session.state.index == 3, "the frame")
     for command in (
         Fork(session.state.methods, session.state.config),
         do.Restart(session.state.methods, session.state.config),
@@ -280,7 +280,7 @@ def test_every_panel_shows_it(session: Session) -> None:
     screen.show_tabs(frozenset({"Look"}))
     for exposure in (20, 7, 0):
         session.post(do.Seek(exposure))
-        wait_for(lambda exposure=exposure: session.state.index == exposure, "the exposure")
+        wait_for(lambda exposure=exposure: session.state.index == exposure, "the frame")
         screen.paint()
     screen.server.stop()
 
@@ -303,7 +303,7 @@ def test_a_stored_run_that_is_shown_again_after_a_fork_is_its_recording_again(ru
 
 
 def computed_tracks(run: Path, index: int, camera: str) -> Tracks:
-    """As the run had them at this exposure while it went on."""
+    """As the run had them at this frame while it went on."""
     playback = read_stored(run, opener, build).playback
     event = [playback.step() for _ in range(index + 1)][-1]
     return next(step.tracks[camera] for step in event.steps if camera in step.tracks)  # type: ignore[index]
@@ -324,7 +324,7 @@ def reports(session: Session) -> dict[str, str]:
     html = SimpleNamespace(_report=LookTab._report, _chips=None)
     shown = looked_at(session, session.state)
     assert shown is not None
-    panels = ("track", "tracks", "lifetimes", "key frames", "residuals", "geometry")
+    panels = ("track", "tracks", "lifetimes", "keyframes", "residuals", "geometry")
     return {panel: LookTab._report(html, panel, shown) for panel in panels}  # type: ignore[arg-type]
 
 
@@ -343,7 +343,7 @@ def test_the_closer_look_has_the_tracks_that_the_recording_has(session: Session,
 
 def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(session: Session) -> None:
     session.post(do.Seek(9))
-    wait_for(lambda: session.state.index == 9, "the exposure")
+    wait_for(lambda: session.state.index == 9, "the frame")
     session.post(Fork(session.state.methods, session.state.config))
     session.post(do.Speed(None))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
@@ -356,13 +356,13 @@ def test_a_fork_still_has_the_tracks_of_the_exposures_before_it_and_its_own(sess
 
 
 def test_what_a_stored_run_does_not_have_of_tracks_is_said_with_what_to_do(session: Session) -> None:
-    assert all("fork it at an earlier exposure" in text for text in reports(session).values())
+    assert all("fork it at an earlier frame" in text for text in reports(session).values())
     shown = looked_at(session, session.state)
     assert shown is not None and "data-pick" not in track_picture(shown, recorded(session))
     count = session.state.notice_count
     session.post(Pick("video", 15, 10.0, 10.0))
     wait_for(lambda: session.state.notice_count > count, "the refusal")
-    assert "fork it at an earlier exposure" in session.state.notices[-1].text
+    assert "fork it at an earlier frame" in session.state.notices[-1].text
 
 
 def test_without_a_recording_the_closer_look_says_what_to_do_and_not_that_there_are_none(
@@ -375,7 +375,7 @@ def test_without_a_recording_the_closer_look_says_what_to_do_and_not_that_there_
     assert shown is not None
     text = track_picture(shown, recorded(session))
     assert "<image" in text and "no tracks" not in text and not columns(text)
-    assert all("fork it at an earlier exposure" in text for text in reports(session).values())
+    assert all("fork it at an earlier frame" in text for text in reports(session).values())
     session.close(5)
 
 

@@ -33,7 +33,7 @@ def paused(tmp_path: Path) -> Iterator[Session]:
 
 def go(session: Session, command: do.Command, index: int) -> None:
     session.post(command)
-    wait_for(lambda: session.state.index == index and session.state.target is None, f"exposure {index}")
+    wait_for(lambda: session.state.index == index and session.state.target is None, f"frame {index}")
 
 
 def test_it_plays_by_itself_to_the_end(tmp_path: Path):

@@ -69,11 +69,11 @@ def test_it_says_how_much_of_a_run_is_held_and_what_is_thinned(server: viser.Vis
     panel, _ = made(server, with_branches(run, Branch(0, "first run", held=held)))
     assert held.in_memory == 22 and held.points_from == 0 and held.interval == 8
     assert (
-        "Held: all exposures on disk, the newest 22 in memory (0 MB); tracks of all exposures; 3 states to fork from"
+        "Held: all frames on disk, the newest 22 in memory (0 MB); tracks of all frames; 3 states to fork from"
         in panel._text.content
     )
     panel.show(with_branches(run, Branch(0, "first run", held=replace(held, points_from=5))))
-    assert "tracks from exposure 5 on" in panel._text.content
+    assert "tracks from frame 5 on" in panel._text.content
 
 
 def test_with_one_run_it_says_how_to_fork(server: viser.ViserServer, run: CurrentRun) -> None:
@@ -84,7 +84,7 @@ def test_with_one_run_it_says_how_to_fork(server: viser.ViserServer, run: Curren
 def test_it_lists_what_differs_and_how_each_method_does(server: viser.ViserServer, two: State) -> None:
     panel, _ = made(server, two)
     text = panel._text.content
-    assert "first run, from exposure 9 on: stereo.max-tracks 500 → 300. 12 of 22 exposures" in text
+    assert "first run, from frame 9 on: stereo.max-tracks 500 → 300. 12 of 22 frames" in text
     assert text.count("Stereo") == 2 and "lost" in text and "ATE" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
 

@@ -56,7 +56,7 @@ def test_it_shows_the_value_here_and_how_often_it_holds(
     panel, _ = made(server, run, at_ten)
     panel._condition.value = LOST
     lost = sum(s.method == "monocular" and s.status == "lost" for r in run.history for s in r.steps)
-    assert lost and f"holds at {lost} of {len(run.history)} computed exposures" in panel._text.content
+    assert lost and f"holds at {lost} of {len(run.history)} computed frames" in panel._text.content
     assert "does not hold" in panel._text.content and "tracking" in panel._text.content
     panel.show(replace(at_ten, computed=11))
     assert "exposure 10" in panel._text.content

@@ -48,9 +48,9 @@ def made(server: viser.ViserServer, comparison: Comparison | None, index: int = 
 
 def test_it_says_where_in_what_and_by_how_much(server: viser.ViserServer) -> None:
     text = made(server, COMPARISON)[0]._text.content
-    assert "exposures 9 to 29" in text and "they differ at 8 exposures; first in:" in text
+    assert "exposures 9 to 29" in text and "they differ at 8 frames; first in:" in text
     assert "exposure 9 (0.900 s)" in text and "stereo.scale: 1 | 1.5, apart by 0.5" in text
-    assert "Of 3 exposures the history no longer has the tracks" in text
+    assert "Of 3 frames the history no longer has the tracks" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
 
 

@@ -107,7 +107,7 @@ def test_while_exposures_are_computed_it_is_drawn_once_a_second(server, state, r
     drawn.panel.show(with_values(state, ended=True, branches=(branch,)))
     assert drawn.points == 22, "the end is drawn at once"
     plot = drawn.panel._plots[1].plot
-    assert plot is not None and plot.scales is not None and plot.scales["x"]["range"] == (0.0, 21.0), "all exposures"
+    assert plot is not None and plot.scales is not None and plot.scales["x"]["range"] == (0.0, 21.0), "all frames"
 
 
 def test_a_long_run_has_no_more_points_than_the_plot_has_room_for(server, state, run, monkeypatch) -> None:

@@ -114,7 +114,7 @@ def test_the_panel_offers_what_integrates_and_asks_for_steps(server: viser.Viser
     panel._method.value = "Integrated (paper)"
     assert made.asked == [ShowIntegration("integrated.paper")]
     panel.show(made.state.having(IntegrationSteps(Integration("integrated.paper", 2))))
-    assert "3 of 5: Scaled" in panel._text.content and "fitted at exposure" in panel._text.content
+    assert "3 of 5: Scaled" in panel._text.content and "fitted at frame" in panel._text.content
     panel._buttons.value = NEXT
     panel._buttons.value = PREVIOUS
     assert made.asked[1:] == [StepIntegration(1), StepIntegration(-1)]
@@ -125,7 +125,7 @@ def test_the_panel_offers_what_integrates_and_asks_for_steps(server: viser.Viser
 def test_before_the_first_fit_the_panel_says_so(server: viser.ViserServer, run: CurrentRun) -> None:
     made = Panel(server, run)
     made.panel.show(replace(made.state, displayed=run.history[2]).having(IntegrationSteps(Integration("integrated"))))
-    assert "Nothing is fitted up to this exposure" in made.panel._text.content
+    assert "Nothing is fitted up to this frame" in made.panel._text.content
 
 
 @pytest.mark.parametrize("stage", [0, 1, 2])

@@ -38,7 +38,7 @@ N = 40
 
 
 class Steady(doubles.FullEstimator):
-    """Its tracks stay the same from one exposure to the next."""
+    """Its tracks stay the same from one frame to the next."""
 
     def step(self, state: tuple[int, ...], exposure: Any, asked: object = None) -> Any:
         after, step = super().step(state, exposure)
@@ -115,7 +115,7 @@ def test_a_recording_alone_has_neither_images_nor_tracks(run: CurrentRun):
 def test_a_track_has_chips_point_and_residuals(run: CurrentRun):
     shown = looked(run, "track:monocular:5")
     text = track_report(shown, TrackChips())
-    assert text.count("data-seek=") == 12 and "landmark of exposure" in text and "from the line" in text
+    assert text.count("data-seek=") == 12 and "landmark of frame" in text and "from the line" in text
     assert "1 sigma" in text and "RMS" in text
 
 
@@ -146,7 +146,7 @@ def test_rows_lines_and_cells_can_be_selected(run: CurrentRun):
     assert tracks_table(shown).count('data-select="track:monocular:') == 30
     assert lifetimes_chart(shown).count('data-select="track:monocular:') == 30
     text = key_frames_report(shown)
-    assert 'data-select="key_frame:monocular:' in text and "Key frame 0" in text and "30 shared tracks" in text
+    assert 'data-select="key_frame:monocular:' in text and "Keyframe 0" in text and "30 shared tracks" in text
     assert "95 % below" in residuals_report(shown)
     text = geometry_report(shown)
     assert "T13" in text and "baseline" in text and "400 mm" in text

@@ -45,7 +45,7 @@ def run() -> CurrentRun:
 
 
 class FakeSession:
-    """Is at one exposure of a run that was computed before."""
+    """Is at one frame of a run that was computed before."""
 
     def __init__(self, run: CurrentRun, folder: Path) -> None:
         self._run, self.asked = run, list[do.Command]()
@@ -119,7 +119,7 @@ def test_all_that_a_step_says_is_under_explain(screen: Screen, session: FakeSess
         "± ",
         "scale drift",
         "parallax",
-        "no key frame",
+        "no keyframe",
         " ms",
     ):
         assert text in said(by_kind["video"]), text

@@ -65,7 +65,7 @@ def test_it_shows_how_far_it_is_and_what_came(server: viser.ViserServer) -> None
     sweep = begun(100, 200, 400).after({"at": [0, 10, 20]}, 10.0)
     panel.show(with_values(state, sweep=sweep))
     assert panel._cancel.visible and not panel._start.visible and panel._bar.visible
-    assert "0 of 3 runs, 50 s left" in panel._text.content and "50 % of the exposures" in panel._text.content
+    assert "0 of 3 runs, 50 s left" in panel._text.content and "50 % of the frames" in panel._text.content
     assert NAME not in panel._text.content, "names come from files"
     press(panel._cancel)
     sweep = sweep.after(told(0, ate_m=0.0123, t_err_percent=1.5, located_percent=90.0), 20.0)

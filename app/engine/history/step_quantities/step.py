@@ -37,7 +37,7 @@ def _sigma_deg(step: Step, error_m: float | None) -> Value:
 LIVE_ERROR = "live error: distance of the pose as given then from the truth, not aligned; none while provisional"
 QUANTITIES = (
     StepQuantity("status", lambda s, _: str(s.status), "initialising, tracking, lost", "text", choices=tuple(Status)),
-    StepQuantity("key_frame", lambda s, _: bool(s.key_frame), "whether it became a key frame", "flag"),
+    StepQuantity("key_frame", lambda s, _: bool(s.key_frame), "whether it became a keyframe", "flag"),
     StepQuantity("restarted", lambda s, _: bool(s.restarted), "whether a new world begins here", "flag"),
     StepQuantity("provisional", lambda s, _: bool(s.provisional), "whether its pose waits for a first fit", "flag"),
     StepQuantity("error_m", lambda _, error: error, LIVE_ERROR, unit="m"),

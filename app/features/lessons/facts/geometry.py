@@ -1,4 +1,4 @@
-"""What single steps of a run say of geometry: points, triples of key frames, and segments of an integration."""
+"""What single steps of a run say of geometry: points, triples of keyframes, and segments of an integration."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def doubled_world_px(ran: Ran, method: str) -> float:
 
 
 def printed_over_vector(ran: Ran, method: str) -> float:
-    """(|T13| - |T12|) / |T13 - T12| over all triples of its key frames: the median."""
+    """(|T13| - |T12|) / |T13 - T12| over all triples of its keyframes: the median."""
     path = ran.path(method)
     keys = ran.series.values(f"{method}.key_frame", 0, ran.count) == 1
     found = path.select(np.isin(path.times_ns, ran.sequence.times_ns[: ran.count][keys])).translations
@@ -47,7 +47,7 @@ def printed_over_vector(ran: Ran, method: str) -> float:
     printed = lengths - np.linalg.norm(t12, axis=1)
     good = vector > TURN_LEFT * lengths
     if not good.any():
-        raise InputError(f"{method} has no three key frames in this run: take a longer source")
+        raise InputError(f"{method} has no three keyframes in this run: take a longer source")
     return float(np.median(printed[good] / vector[good]))
 
 

@@ -81,7 +81,7 @@ def poses_per_s(ran: Ran, method: str) -> float:
 
 
 def located_percent(ran: Ran, method: str) -> float:
-    """Of the exposures that it takes, those with a pose in the end [%]."""
+    """Of the frames that it takes, those with a pose in the end [%]."""
     kinds = np.array(ran.sequence.kinds[: ran.count])
     path = ran.finished.trajectories.get(method)
     return 100 * (len(path) if path is not None else 0) / np.isin(kinds, list(registered(method).needs)).sum()
@@ -132,7 +132,7 @@ def _seconds(path: Trajectory) -> float:
 
 
 def median(ran: Ran, quantity: str) -> float:
-    """Over the exposures on which it was said."""
+    """Over the frames on which it was said."""
     return float(np.median(_said(ran, quantity)[1]))
 
 
@@ -150,14 +150,14 @@ def last(ran: Ran, quantity: str) -> float:
 
 
 def holds_percent(ran: Ran, condition: str) -> float:
-    """At which share of the exposures on which its methods stepped a condition holds [%]."""
+    """At which share of the frames on which its methods stepped a condition holds [%]."""
     expression = parse(condition, ran.series.quantities)
     stepped = sum(ran.series.stepped(expression.methods, i) for i in range(ran.count))
     return 100 * hits(expression, ran.series, ran.count) / max(stepped, 1)
 
 
 def quantity_curve(ran: Ran, quantity: str) -> tuple[Array, Array]:
-    """Over time since the first exposure [s]."""
+    """Over time since the first frame [s]."""
     at, values = _said(ran, quantity)
     return (ran.sequence.times_ns[at] - ran.sequence.times_ns[0]) * 1e-9, values
 

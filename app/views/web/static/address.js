@@ -1,8 +1,8 @@
 // The page's address names what is shown: `#run=sim:city&branch=1&at=214&select=track:stereo:181&hidden=clouds`. One that
-// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at and plotted, exposure.
+// somebody opens or changes is followed, a step with each state: run, branch, layers, what is looked at and plotted, frame.
 // Of a lesson it names that and the step alone: `#lesson=collapse:2`. The page's own mode, which nobody else sees, stands behind: `&mode=learn`.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
-const PATIENCE_MS = 8000; // for a part that the run does not have, such as an exposure beyond its end
+const PATIENCE_MS = 8000; // for a part that the run does not have, such as a frame beyond its end
 const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "", mode: "debug" }; // what need not be written
 const STEPS = [
   step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? learn(lesson) : { do: "end_lesson" })),
@@ -19,7 +19,7 @@ function step(name, shown, ask) {
   return { name, shown, ask };
 }
 
-// `drives` says whether this page may change all that; one that follows another's may look at an exposure of its own.
+// `drives` says whether this page may change all that; one that follows another's may look at a frame of its own.
 // `modes` has the page's mode.
 export function makeAddress(send, drives, modes) {
   let wanted = read(late.instead(location.hash)); // what is still to be reached; null while the address follows the page

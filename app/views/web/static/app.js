@@ -1,4 +1,4 @@
-// The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same exposure.
+// The page: talks to the session over one WebSocket, shows its state, and keeps the two viewers on the same frame.
 import { action } from "./actions.js";
 import { makeAddress } from "./address.js";
 import { makeAxis } from "./time_axis.js";
@@ -56,7 +56,7 @@ function connect() {
   };
 }
 
-// The session's state, at the exposure that this page looks at.
+// The session's state, at the frame that this page looks at.
 function show(state) {
   const shown = people.shown(state);
   window.ispom.shown = shown;

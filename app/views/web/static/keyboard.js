@@ -43,7 +43,7 @@ function keyOf({ key, shiftKey }) {
 }
 
 // Where text is typed, a list that is open, and what the key itself moves or presses, where the focus came by key: after a click the next
-// keys are the run's. But the slider of the exposures steps with all else, and in a dialog a button is pressed.
+// keys are the run's. But the slider of the frames steps with all else, and in a dialog a button is pressed.
 function keepsKey(target, key) {
   if (target.matches(LIST)) return target.ariaExpanded === "true" || reached.has(target);
   if (target.matches(TEXT)) return true;

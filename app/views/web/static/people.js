@@ -1,4 +1,4 @@
-// Several people at one session: one drives, the others follow, or look around at exposures of their own. The server
+// Several people at one session: one drives, the others follow, or look around at frames of their own. The server
 // decides who drives (app/session/people.py), and what a page that looks around shows (app/views/web/looking.py).
 import { action } from "./actions.js";
 
@@ -48,7 +48,7 @@ export function makePeople(send, command, tell) {
       const shown = next.own === null ? next : { ...next, ...next.own };
       say(shown, next);
       const wanted = JSON.stringify([next.people, next.looking === null, shown.playing]);
-      if (painted !== wanted) paint(shown); // not at each exposure: a button that is drawn again while it is pressed is not clicked
+      if (painted !== wanted) paint(shown); // not at each frame: a button that is drawn again while it is pressed is not clicked
       painted = wanted;
       return shown;
     },

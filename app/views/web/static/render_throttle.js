@@ -1,5 +1,5 @@
 // How often the Rerun viewer draws. It would draw without end, though nothing moves, and where graphics are software a
-// frame takes as long as an exposure's computation. So it draws freely only for a moment after something happened: data
+// frame takes as long as a frame's computation. So it draws freely only for a moment after something happened: data
 // came, a hand is on it, our time moved. After that less and less often; and a slow frame leaves others as much time again,
 // unless a hand waits for it. Rerun takes in its stream as it draws: it goes on drawing until that is done.
 const FREE_MS = 700;

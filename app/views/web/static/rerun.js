@@ -1,5 +1,5 @@
 // The Rerun viewer in its canvas: it is started when a source is open, kept to the run that is on the page, with the
-// layers and the exposure that the page shows, and watched: which exposure its views show, and whether it still lives.
+// layers and the frame that the page shows, and watched: which frame its views show, and whether it still lives.
 import { feedLive } from "./live.js";
 import { makeCursor } from "./rerun_cursor.js";
 import { afterData, afterFrames, hurry, wake } from "./render_throttle.js";
@@ -8,7 +8,7 @@ import { closeRecordings, stateOf, updateBlueprint } from "./viewer_control.js";
 
 const WATCH_MS = 250;
 const APPLICATION = "ispom";
-// Beyond it, the viewer discards what is far from its time, and nothing sends that again. It holds one exposure and the
+// Beyond it, the viewer discards what is far from its time, and nothing sends that again. It holds one frame and the
 // curves of the run (see live.js), and never comes near.
 const MEMORY = "1500MB";
 const REVEAL_MS = 3000;
@@ -26,7 +26,7 @@ export function openViewer(dark, seek, pick, drawn) {
     viewer.cursor.heard(event);
     if (event.type === "selection_change") picked(viewer, event, pick);
   };
-  // Not before the source is open: starting takes seconds of processor time. With the first exposure would be too late:
+  // Not before the source is open: starting takes seconds of processor time. With the first frame would be too late:
   // that would be out of date when the viewer has started.
   viewer.start = () => {
     viewer.start = () => {};
@@ -150,7 +150,7 @@ function picked({ stage }, { items }, pick) {
 }
 
 // The viewer takes in a little of the stream with each frame that it draws, and where graphics are software a frame takes
-// long. Until it has a first exposure it draws a tiny one: under the cover, or under a still picture of the run before.
+// long. Until it has a first frame it draws a tiny one: under the cover, or under a still picture of the run before.
 async function keepStill(viewer, canvas) {
   const picture = at("viewer").classList.contains("starting") ? null : await pictureOf(viewer, canvas, STILL_MS);
   if (!picture) return;

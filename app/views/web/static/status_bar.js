@@ -22,12 +22,12 @@ export function showState(state) {
   showActivity();
 }
 
-// What the Rerun views show, where that is not what the page shows: `shown` is their exposure, null before this run's first;
+// What the Rerun views show, where that is not what the page shows: `shown` is their frame, null before this run's first;
 // `coming` the one that they are taking in, and `other` says what they still show of another run. Null where they are gone.
 export function showViewer(views) {
   const late = views ? lateness(views) : "";
   if (at("behind").textContent !== late) at("behind").textContent = late;
-  const label = late || (views?.playing && views.shown ? `exposure ${views.shown.index}` : "");
+  const label = late || (views?.playing && views.shown ? `frame ${views.shown.index}` : "");
   if (at("shown").textContent !== label) at("shown").textContent = label;
   at("shown").hidden = !label;
   at("viewer").dataset.views = views?.other === "source" ? "other" : late ? "late" : "current";
@@ -37,8 +37,8 @@ function lateness({ shown, wanted, coming, other }) {
   if (other) return "loading this run: the views still show the one before";
   if (!shown) return "";
   const loading = shown.index === wanted ? coming : wanted; // what comes is on the views in part, until it is there
-  if (loading !== shown.index) return `loading exposure ${loading}: the views show ${shown.index}`;
-  return shown.complete ? "" : `loading the images of exposure ${wanted}`;
+  if (loading !== shown.index) return `loading frame ${loading}: the views show ${shown.index}`;
+  return shown.complete ? "" : `loading the images of frame ${wanted}`;
 }
 
 export function showOffline() {
@@ -47,7 +47,7 @@ export function showOffline() {
 }
 
 const doing = (state) => {
-  if (state.target !== null) return `computing up to exposure ${state.target}: ${state.computed} done`;
+  if (state.target !== null) return `computing up to frame ${state.target}: ${state.computed} done`;
   if (state.activity) return `${state.activity} …`;
   return null;
 };

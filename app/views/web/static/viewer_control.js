@@ -1,7 +1,7 @@
 // Rerun's experimental Viewer Control API, as far as it is needed: protobuf messages by field number, as in
 // viewer_control.proto of Rerun 0.41 (rerun.viewer_control.v1alpha1).
 const CLOSE = 1, SET_TIME_CURSOR = 6, SET_BLUEPRINT = 14; // of ViewerControlRequest
-export const TIMELINE = "exposure"; // of the recordings: the exposure's index
+export const TIMELINE = "exposure"; // of the recordings: the frame's index
 const STAGE = "stage"; // and the serial number of the message that was taken in last
 const PAUSED = 1;
 const PARTIAL = 2;
@@ -16,7 +16,7 @@ export const closeRecordings = (stores) => request(CLOSE, [bytes(3, stores.flatM
 export const updateBlueprint = (store, entities) =>
   request(SET_BLUEPRINT, [text(2, JSON.stringify(entities)), bytes(3, text(1, store)), number(5, PARTIAL)]);
 
-// GetStateResponse: the recording on the screen, and of each recording its cursor, the newest exposure (of its curves),
+// GetStateResponse: the recording on the screen, and of each recording its cursor, the newest frame (of its curves),
 // and the serial number of the message that it took in last.
 export function stateOf(message) {
   const state = fields(message);

@@ -1,4 +1,4 @@
-"""Trajectories of other programs: aligned as stated, and known at exposures, but never where they say nothing."""
+"""Trajectories of other programs: aligned as stated, and known at frames, but never where they say nothing."""
 
 from __future__ import annotations
 

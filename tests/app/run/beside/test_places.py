@@ -20,7 +20,7 @@ SEQUENCE = replace(doubles.sequence(60), truth=None)
 
 
 def followed(path: Path, methods: tuple[str, ...], *alignments: str) -> list[Placed | None]:
-    """Where it is after each exposure."""
+    """Where it is after each frame."""
     found = (beside(SEQUENCE, path, "orb", *alignments),)
     playback = Playback(SEQUENCE, methods, builder=helpers.build, beside=found)
     places, model, seen = Places(playback.opened), RunModel.start(methods), list[Placed | None]()

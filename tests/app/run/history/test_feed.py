@@ -1,4 +1,4 @@
-"""A feed: every exposure once and in order, for a reader at its own pace, and no more than a second of images waits."""
+"""A feed: every frame once and in order, for a reader at its own pace, and no more than a second of images waits."""
 
 from __future__ import annotations
 

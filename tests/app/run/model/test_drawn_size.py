@@ -21,7 +21,7 @@ def along(spacing: float, count: int = 5) -> Trajectory:
 
 
 def known(spacing: float, count: int = 5) -> PoseHistory:
-    """Key frames so far apart."""
+    """Keyframes so far apart."""
     poses, times = along(spacing, count), Times.none()
     for i, time_ns in enumerate(poses.times_ns.tolist()):
         times = times.with_exposure(i, time_ns)

@@ -1,4 +1,4 @@
-"""The map that a run leaves: it agrees with the final poses, and has only key frames that have one."""
+"""The map that a run leaves: it agrees with the final poses, and has only keyframes that have one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def steps(count: int) -> list[Step]:
 
 
 def walked(count: int, xyz: np.ndarray) -> tuple[list[Step], Trajectory]:
-    """Key frames that see the points exactly but put them where poses of a drifting world would, and the true poses."""
+    """Keyframes that see the points exactly but put them where poses of a drifting world would, and the true poses."""
     rig, camera = doubles.rig(), doubles.rig().camera("video")
     poses = Trajectory.of([(i * 10**8, doubles.pose_at(i * 10**8)) for i in range(count)])
     found = []

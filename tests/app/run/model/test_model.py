@@ -1,4 +1,4 @@
-"""The run model: a version never changes, the past is as it was known then, no exposure costs more than others."""
+"""The run model: a version never changes, the past is as it was known then, no frame costs more than others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def place(time_ns: int, version: int) -> Pose:
 
 
 def step(index: int, revised: Sequence[int] = (), key_frame: bool = False) -> Step:
-    """At the time `index`; each pose tells the exposure that gave it."""
+    """At the time `index`; each pose tells the frame that gave it."""
     again = Trajectory.of([(t, place(t, index)) for t in revised])
     found = Landmarks(np.array([index]), np.array([[float(index), 0, 0]]), np.zeros((1, 3), np.uint8))
     return Step(
@@ -37,7 +37,7 @@ def step(index: int, revised: Sequence[int] = (), key_frame: bool = False) -> St
 
 
 def flight(count: int, closures: dict[int, range] | None = None) -> list[Step]:
-    """Each step revises the five before it, every tenth is a key frame; `closures` revise more."""
+    """Each step revises the five before it, every tenth is a keyframe; `closures` revise more."""
     window = [range(max(0, i - 5), i) for i in range(count)]
     return [step(i, (closures or {}).get(i, window[i]), i % 10 == 0) for i in range(count)]
 
@@ -50,7 +50,7 @@ def models(steps: list[Step]) -> list[RunModel]:
 
 
 def versions(model: RunModel) -> list[float]:
-    """Of every time with a pose: which exposure gave it."""
+    """Of every time with a pose: which frame gave it."""
     blocks = model.methods["m"].poses.blocks
     return [v for block in blocks for v in block.positions[block.known, 1].tolist()]
 

@@ -63,7 +63,7 @@ def test_they_are_put_changed_removed_and_there_again_after_a_restart(tmp_path: 
     for index, note in ((3, None), (8, "  jumps\nhere "), (3, "first")):
         session.post(do.Seek(index))
         session.post(PutBookmark(note))
-        wait_for(lambda index=index: session.state.index == index, "the exposure")
+        wait_for(lambda index=index: session.state.index == index, "the frame")
     session.post(PutBookmark())
     wait_for(
         lambda: [(b.exposure, b.note) for b in session.state[Bookmarks].marks] == [(3, "first"), (8, "jumps here")],
@@ -71,7 +71,7 @@ def test_they_are_put_changed_removed_and_there_again_after_a_restart(tmp_path: 
     )
     session.post(RemoveBookmark(8))
     session.post(RemoveBookmark(9))
-    wait_for(lambda: any("no bookmark at exposure 9" in n.text for n in session.state.notices), "the refusal")
+    wait_for(lambda: any("no bookmark at frame 9" in n.text for n in session.state.notices), "the refusal")
     marks = session.state[Bookmarks].marks
     assert [b.exposure for b in marks] == [3]
     session.close(5)

@@ -1,4 +1,4 @@
-"""Branches: forked at the exposure that is shown, kept beside each other, compared, renamed, hidden and deleted."""
+"""Branches: forked at the frame that is shown, kept beside each other, compared, renamed, hidden and deleted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.same import assert_same
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
-    """Run to its end, exposure 8 shown."""
+    """Run to its end, frame 8 shown."""
     session = started(tmp_path)
     session.post(do.Speed(None))
     wait_for(lambda: session.state.ended, "the end")
@@ -94,7 +94,7 @@ def test_switching_back_shows_the_run_as_it_was(session: Session) -> None:
     assert session.run is first and session.state.index == 20 and session.state.computed == 22
     assert session.state.methods == METHODS and session.state.run == runs + 1 and session.state.ended
     session.post(do.StepBy(-1))
-    wait_for(lambda: session.state.index == 19, "the exposure before")
+    wait_for(lambda: session.state.index == 19, "the frame before")
 
 
 def test_a_branch_can_be_renamed_hidden_and_deleted(session: Session) -> None:

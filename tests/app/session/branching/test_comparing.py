@@ -29,7 +29,7 @@ FORK, PLANTED = 21, 30
 
 
 class Planted(doubles.FakeEstimator):
-    """Says something else of one exposure when its settings are others."""
+    """Says something else of one frame when its settings are others."""
 
     changed = False
 
@@ -59,7 +59,7 @@ def session(tmp_path: Path) -> Iterator[Session]:
 
 def forked(session: Session, config: Config) -> None:
     session.post(do.Seek(FORK - 1))
-    wait_for(lambda: session.state.index == FORK - 1, "the exposure to fork at")
+    wait_for(lambda: session.state.index == FORK - 1, "the frame to fork at")
     session.post(Fork(METHODS, config))
     session.post(do.Seek(43))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.computed == 44, "the fork")
