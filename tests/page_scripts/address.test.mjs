@@ -15,8 +15,16 @@ globalThis.location = { hash: "" };
 const { makeAddress } = await import("../../app/views/web/static/address.js");
 
 const stateOf = ({ run = "sim:city", branch = 0, hidden = [], plots = "", lesson = "", ...more }) => ({
-  phase: "ready", index: 5, selected: "", playing: false, notices: [], target: null, activity: null, question: null,
-  address: { run, branch, hidden, plots, lesson }, ...more,
+  phase: "ready",
+  index: 5,
+  selected: "",
+  playing: false,
+  notices: [],
+  target: null,
+  activity: null,
+  question: null,
+  address: { run, branch, hidden, plots, lesson },
+  ...more,
 });
 
 // A page that is opened with this address; it changes the session, unless it follows another page.
@@ -24,11 +32,15 @@ function opened(hash, drives = true) {
   location.hash = hash;
   const sent = [];
   const modes = { mode: "debug", set: (mode) => (modes.mode = mode) };
-  const address = makeAddress((command) => sent.push(command), () => drives, modes);
+  const address = makeAddress(
+    (command) => sent.push(command),
+    () => drives,
+    modes,
+  );
   return { sent, modes, ...address };
 }
 
-beforeEach(() => [listeners, kept] = [{}, {}]);
+beforeEach(() => ([listeners, kept] = [{}, {}]));
 
 test("the address names what is shown, and nothing that is as usual", async () => {
   const { follow } = opened("");
@@ -62,7 +74,10 @@ test("an address that is opened is reached step by step, in its order", () => {
   assert.equal(sent.length, 1);
   follow(stateOf({ run: "other" }));
   follow(stateOf({ run: "other", branch: 1 }));
-  assert.deepEqual(sent.slice(1), [{ do: "show_branch", number: 1 }, { do: "seek", index: 7 }]);
+  assert.deepEqual(sent.slice(1), [
+    { do: "show_branch", number: 1 },
+    { do: "seek", index: 7 },
+  ]);
 });
 
 test("while an address is to be reached, it is not written over", async () => {

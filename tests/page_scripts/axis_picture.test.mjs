@@ -19,20 +19,45 @@ function drawn(axis, width, place) {
 
 test("of 5,000 frames no pixel is drawn twice in a row", () => {
   const indices = [...Array(5000).keys()];
-  const methods = [0, 1, 2].map((i) => method(`own${i}`, { keyFrames: indices, lost: [[10, 19], [4000, 4009]] }));
-  const axis = axisOf({ times: indices, kinds: "vvvs".repeat(1250), methods, computed: 5000, condition: "stereo.key_frame", matches: indices });
+  const methods = [0, 1, 2].map((i) =>
+    method(`own${i}`, {
+      keyFrames: indices,
+      lost: [
+        [10, 19],
+        [4000, 4009],
+      ],
+    }),
+  );
+  const axis = axisOf({
+    times: indices,
+    kinds: "vvvs".repeat(1250),
+    methods,
+    computed: 5000,
+    condition: "stereo.key_frame",
+    matches: indices,
+  });
   const count = drawn(axis, 1016, (index) => (index * 1000) / 5000).length;
   assert.ok(5000 < count && count < 6060, `${count}: six rows of 1,000 pixels, bars, ticks of the ruler`);
 });
 
 test("losses span their frames, and a loop its own", () => {
-  const boxes = drawn(axisOf({ times: [...Array(100).keys()], kinds: "v".repeat(100), methods: [method("own", { lost: [[10, 19]] })], loop: [40, 60] }), 1016, (i) => 10 * i);
-  assert.deepEqual(boxes.filter(([, , , , fill]) => fill === "--alarm").map(([x, , width]) => [x, width]), [[100, 100]]);
+  const boxes = drawn(
+    axisOf({ times: [...Array(100).keys()], kinds: "v".repeat(100), methods: [method("own", { lost: [[10, 19]] })], loop: [40, 60] }),
+    1016,
+    (i) => 10 * i,
+  );
+  assert.deepEqual(
+    boxes.filter(([, , , , fill]) => fill === "--alarm").map(([x, , width]) => [x, width]),
+    [[100, 100]],
+  );
   assert.deepEqual(boxes[0].slice(0, 3), [400, 0, 200]);
 });
 
 test("a run without frames is an empty picture", () => {
-  assert.deepEqual(drawn(axisOf({ times: [], kinds: "" }), 1016, () => 0), []);
+  assert.deepEqual(
+    drawn(axisOf({ times: [], kinds: "" }), 1016, () => 0),
+    [],
+  );
 });
 
 test("each height has the row that is drawn there", () => {

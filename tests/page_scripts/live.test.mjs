@@ -39,7 +39,11 @@ beforeEach(async () => {
     close_channel: (name) => calls.push(`close ${name}`),
     send_rrd_to_channel: (name, bytes) => calls.push(`${bytes.length} bytes to ${name}`),
   };
-  const stage = feedLive(handle, () => {}, async () => calls.push("parting"));
+  const stage = feedLive(
+    handle,
+    () => {},
+    async () => calls.push("parting"),
+  );
   const [socket] = sockets;
   const give = async (data) => {
     socket.onmessage({ data });

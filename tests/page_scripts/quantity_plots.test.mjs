@@ -6,7 +6,10 @@ const curve = (values, threshold = false) => ({ values, threshold });
 
 test("a curve has its latest value up to a frame", () => {
   const steps = { frames: [2, 5, 9], values: [20, 50, 90] };
-  assert.deepEqual([2, 4, 5, 8, 100].map((index) => valueAt(steps, index)), [20, 20, 50, 50, 90]);
+  assert.deepEqual(
+    [2, 4, 5, 8, 100].map((index) => valueAt(steps, index)),
+    [20, 20, 50, 50, 90],
+  );
   assert.ok(Number.isNaN(valueAt(steps, 1)));
   assert.ok(Number.isNaN(valueAt(undefined, 1)));
 });

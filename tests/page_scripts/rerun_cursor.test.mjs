@@ -11,10 +11,14 @@ function made() {
   const listeners = {};
   const canvas = { addEventListener: (kind, listener) => (listeners[kind] = listener) };
   const found = { seeks: [], requests: [], answers: true, touch: (type) => listeners[type]({ type, buttons: 1 }) };
-  found.cursor = makeCursor(canvas, (index) => found.seeks.push(index), async (request) => {
-    found.requests.push(String(request));
-    return found.answers;
-  });
+  found.cursor = makeCursor(
+    canvas,
+    (index) => found.seeks.push(index),
+    async (request) => {
+      found.requests.push(String(request));
+      return found.answers;
+    },
+  );
   return found;
 }
 const shown = (more) => ({ id: "run", timeline: TIMELINE, time: 7, paused: true, ...more });

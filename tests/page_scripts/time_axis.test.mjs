@@ -53,7 +53,10 @@ test("keyframes are gathered, and losses that follow each other are one", () => 
   axis.show(grown(9, { lost: [[8, 9]] }));
   const [method] = axis.data.methods;
   assert.deepEqual(method.keyFrames, [0, 3, 5]);
-  assert.deepEqual(method.lost, [[1, 4], [8, 9]]);
+  assert.deepEqual(method.lost, [
+    [1, 4],
+    [8, 9],
+  ]);
   axis.show({ index: 0, loop: null, axis: begun });
   assert.deepEqual(axis.data.methods[0].keyFrames, []);
 });

@@ -5,13 +5,41 @@ const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
 const PATIENCE_MS = 8000; // for a part that the run does not have, such as a frame beyond its end
 const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "", mode: "debug" }; // what need not be written
 const STEPS = [
-  step("lesson", (state) => state.address.lesson, (lesson) => (lesson ? learn(lesson) : { do: "end_lesson" })),
-  step("run", (state) => state.address.run, (run) => ({ do: "open_named", name: run })),
-  step("branch", (state) => state.address.branch, (branch) => ({ do: "show_branch", number: Number(branch) })),
-  step("hidden", (state) => state.address.hidden, (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] })),
-  step("select", (state) => state.selected, (what) => ({ do: "select", what })),
-  step("plot", (state) => state.address.plots, (names) => ({ do: "set_plots", names: plotted(names) })),
-  step("at", (state) => state.index, (at) => ({ do: "seek", index: Number(at) })),
+  step(
+    "lesson",
+    (state) => state.address.lesson,
+    (lesson) => (lesson ? learn(lesson) : { do: "end_lesson" }),
+  ),
+  step(
+    "run",
+    (state) => state.address.run,
+    (run) => ({ do: "open_named", name: run }),
+  ),
+  step(
+    "branch",
+    (state) => state.address.branch,
+    (branch) => ({ do: "show_branch", number: Number(branch) }),
+  ),
+  step(
+    "hidden",
+    (state) => state.address.hidden,
+    (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] }),
+  ),
+  step(
+    "select",
+    (state) => state.selected,
+    (what) => ({ do: "select", what }),
+  ),
+  step(
+    "plot",
+    (state) => state.address.plots,
+    (names) => ({ do: "set_plots", names: plotted(names) }),
+  ),
+  step(
+    "at",
+    (state) => state.index,
+    (at) => ({ do: "seek", index: Number(at) }),
+  ),
 ];
 
 // A part of the address: how the state has it, and what is to be asked where that differs.
@@ -100,8 +128,7 @@ function hashOf(state, mode) {
 
 // The address that is due to be written: a reload before that goes by it. It is none of a tab whose address was changed since.
 const late = {
-  keep: (written, hash) =>
-    hash === written || stored((session) => session.setItem("address", JSON.stringify([written, hash]))),
+  keep: (written, hash) => hash === written || stored((session) => session.setItem("address", JSON.stringify([written, hash]))),
   forget: () => stored((session) => session.removeItem("address")),
   instead: (hash) => {
     const [written, due] = JSON.parse(stored((session) => session.getItem("address")) ?? "[]");
@@ -112,7 +139,8 @@ const late = {
 // Whether the run played when this page was left to be loaded again.
 const played = {
   keep: (playing) => stored((session) => session.setItem("playing", playing)),
-  before: () => performance.getEntriesByType("navigation")[0]?.type === "reload" && stored((session) => session.getItem("playing")) === "true",
+  before: () =>
+    performance.getEntriesByType("navigation")[0]?.type === "reload" && stored((session) => session.getItem("playing")) === "true",
 };
 
 // A browser may forbid to keep anything.

@@ -65,7 +65,12 @@ export function drawAxis(canvas, width, axis, place) {
   let y = RULER;
   for (const kind of clocks(axis)) {
     text(NAMES[kind], 14, y + CLOCK - 2, colour("quiet"));
-    marks(all.filter((i) => axis.kinds[i] === kind), y + 3, CLOCK - 6, colour(kind === "s" ? "text" : "quiet"));
+    marks(
+      all.filter((i) => axis.kinds[i] === kind),
+      y + 3,
+      CLOCK - 6,
+      colour(kind === "s" ? "text" : "quiet"),
+    );
     y += CLOCK;
   }
   for (const { label, colour: own, keyFrames, lost } of axis.methods) {

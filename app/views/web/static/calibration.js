@@ -77,7 +77,11 @@ function showCamera() {
     tab.role = "tab";
     tab.dataset.camera = i;
     tab.ariaSelected = String(i === camera);
-    tab.onclick = () => { camera = i; view = 0; showCamera(); };
+    tab.onclick = () => {
+      camera = i;
+      view = 0;
+      showCamera();
+    };
     return tab;
   });
   by("cameras").replaceChildren(...tabs);
@@ -90,7 +94,10 @@ function showCamera() {
     bar.className = v.reason ? "lost" : "";
     bar.style.height = `${Math.max(12, 100 * ((v.rms_px ?? most) / most))}%`;
     bar.title = bar.ariaLabel = `${v.name}: ${v.reason || (v.rms_px == null ? `${v.points} points` : `${v.rms_px.toFixed(3)} px`)}`;
-    bar.onclick = () => { view = i; showView(); };
+    bar.onclick = () => {
+      view = i;
+      showView();
+    };
     return bar;
   });
   by("views").replaceChildren(...bars);
@@ -172,10 +179,21 @@ form.onsubmit = (event) => {
   start();
 };
 by("simulate").onclick = () => {
-  fill({ what: form.elements.what.value, images: ["sim:calibration?views=20"], target: form.elements.target.value || "aprilgrid:6x6:0.03:0.3" });
+  fill({
+    what: form.elements.what.value,
+    images: ["sim:calibration?views=20"],
+    target: form.elements.target.value || "aprilgrid:6x6:0.03:0.3",
+  });
   start();
 };
 by("scale").querySelector("input").oninput = draw;
 keepFocus(document);
 poll();
-window.calibration = { get state() { return state; }, get view() { return [camera, view]; } };
+window.calibration = {
+  get state() {
+    return state;
+  },
+  get view() {
+    return [camera, view];
+  },
+};

@@ -40,13 +40,18 @@ export function makeCompare(command, modes, openRuns) {
     }
     [asked, askedAt] = [key, performance.now()];
     const of = state.compared ? fetch("comparison") : fetch("runs");
-    of.then((answer) => (answer.ok ? answer.json() : null), () => null).then((answer) => answer && key === asked && paint(answer));
+    of.then(
+      (answer) => (answer.ok ? answer.json() : null),
+      () => null,
+    ).then((answer) => answer && key === asked && paint(answer));
   }
 
   function paint(answer) {
     found = state.compared ? answer : null;
     const source = answer.rows.find(({ shown }) => shown)?.source;
-    const runs = answer.rows.filter(({ kind, shown, source: of }) => kind === "live" || shown || (of === source && !["sweep", "experiment"].includes(kind)));
+    const runs = answer.rows.filter(
+      ({ kind, shown, source: of }) => kind === "live" || shown || (of === source && !["sweep", "experiment"].includes(kind)),
+    );
     choose(runs, answer.numbers);
     for (const part of [first, numbers, curves]) part.hidden = !found;
     swipe.show(found !== null);
@@ -66,7 +71,10 @@ export function makeCompare(command, modes, openRuns) {
       const button = element("button", "button", "Choose two runs");
       button.type = "button";
       button.addEventListener("click", openRuns);
-      head.replaceChildren(element("p", "", "One run is open. Fork it (Methods: change a setting, press Fork), or select two runs in the runs table."), button);
+      head.replaceChildren(
+        element("p", "", "One run is open. Fork it (Methods: change a setting, press Fork), or select two runs in the runs table."),
+        button,
+      );
       return;
     }
     const keys = pair ? pair.map((number) => found.branches[number]) : [runs.find(({ shown }) => shown)?.key ?? runs[0].key, ""];
@@ -99,7 +107,9 @@ export function makeCompare(command, modes, openRuns) {
       line.append(go(frame));
       parts.push(line, element("p", "", `${lines.join("; ")}${more ? `; and ${more} more` : ""}.`));
       const details = element("details");
-      details.append(element("summary", "", `They differ at ${apart} of ${done} frames.${later.length ? " What differs later for the first time" : ""}`));
+      details.append(
+        element("summary", "", `They differ at ${apart} of ${done} frames.${later.length ? " What differs later for the first time" : ""}`),
+      );
       for (const each of later) {
         const entry = element("p");
         entry.append(go(each.frame), ` ${each.lines.join("; ")}${each.more ? `; and ${each.more} more` : ""}`);
@@ -134,9 +144,13 @@ function table({ columns, common }, a, b) {
     row.append(Object.assign(element("th", "", name), { scope: "row", title: hint }), element("td", "", left), element("td", "", right));
   };
   const head = made.appendChild(element("tr"));
-  head.append(element("td"), ...["A", "B"].map((name) => Object.assign(element("th", `side-${name.toLowerCase()}`, name), { scope: "col" })));
+  head.append(
+    element("td"),
+    ...["A", "B"].map((name) => Object.assign(element("th", `side-${name.toLowerCase()}`, name), { scope: "col" })),
+  );
   line("Differs in", a.differs.join("; ") || "defaults", b.differs.join("; ") || (b.parent === a.key ? "nothing" : "defaults"));
-  const text = (cells) => cells.map(({ variant, text, alignment }) => [variant, text, alignment].filter(Boolean).join(" ")).join(", ") || "–";
+  const text = (cells) =>
+    cells.map(({ variant, text, alignment }) => [variant, text, alignment].filter(Boolean).join(" ")).join(", ") || "–";
   columns.forEach(({ label, alignment }, i) => line(`${label}, ATE${alignment ? ` ${alignment}` : ""}`, text(a.ate[i]), text(b.ate[i])));
   for (const { label, a, b } of common) line(`${label}, common frames`, a, b, "ATE over the frames at which both have a pose");
   const percent = ({ located }) => (located === null ? "–" : `${Math.floor(located * 1000) / 10} %`);

@@ -24,8 +24,17 @@ function plot({ label, colour, how, frames, values }, total, seek) {
   const head = box.appendChild(element("p"));
   const dot = head.appendChild(element("i"));
   dot.style.background = colour;
-  head.append(element("b", "", label), element("span", "quiet", ` ${how}, up to ${digits(highest * scale.factor)} ${scale.name}`), element("span", "now"));
-  const svg = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": `${label}: distance between A and B over the frames` });
+  head.append(
+    element("b", "", label),
+    element("span", "quiet", ` ${how}, up to ${digits(highest * scale.factor)} ${scale.name}`),
+    element("span", "now"),
+  );
+  const svg = made("svg", {
+    viewBox: `0 0 ${WIDTH} ${HEIGHT}`,
+    preserveAspectRatio: "none",
+    role: "img",
+    "aria-label": `${label}: distance between A and B over the frames`,
+  });
   const x = (frame) => ((frame * WIDTH) / Math.max(total - 1, 1)).toFixed(1);
   const y = (value) => (HEIGHT - 3 - ((HEIGHT - 8) * value) / (highest || 1)).toFixed(1);
   svg.append(made("polyline", { points: values.map((value, i) => `${x(frames[i])},${y(value)}`).join(" "), stroke: colour }));

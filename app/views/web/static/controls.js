@@ -5,7 +5,9 @@ import { listenToPanels } from "./panels.js";
 
 const LABELS = { dark: "#b4bcc2", light: "#565e66" };
 const PANEL = 384; // pixels that viser gives its panel
-const ON_WHITE = "#00659c", GRAY = "#5f6870", RED = "#c62828"; // in the dark, viser's own are bright enough
+const ON_WHITE = "#00659c",
+  GRAY = "#5f6870",
+  RED = "#c62828"; // in the dark, viser's own are bright enough
 
 export function openControls(dark, press, command, tabOpened) {
   const frame = document.getElementById("controls");

@@ -3,7 +3,10 @@ const dialog = document.getElementById("keys");
 const SIGNS = { ArrowLeft: "←", ArrowRight: "→" };
 
 export function listKeys(keys) {
-  const own = [{ key: "f", label: "Frame the path", hint: "The 3-D view shows all of it, and goes with it." }, { key: "?", label: "List of the keys", hint: "This list; Escape closes it." }];
+  const own = [
+    { key: "f", label: "Frame the path", hint: "The 3-D view shows all of it, and goes with it." },
+    { key: "?", label: "List of the keys", hint: "This list; Escape closes it." },
+  ];
   dialog.querySelector("tbody").replaceChildren(...[...keys, ...own].map(row));
 }
 

@@ -23,17 +23,28 @@ export function setKeys(keys) {
 export function listen(page, command) {
   page.addEventListener("pointerdown", () => (pointed = true), { capture: true });
   page.addEventListener("focusin", ({ target }) => reached[!pointed && target.matches(":focus-visible") ? "add" : "delete"](target));
-  page.addEventListener("keydown", (event) => {
-    pointed = false;
-    const key = keyOf(event);
-    const own = { "?": toggleKeys, f: frameAgain, Escape: () => hideKeys() || hideTour() }[key];
-    if ((!own && (!names[key] || document.body.dataset.sheet)) || event.ctrlKey || event.metaKey || event.altKey || keepsKey(event.target, key)) return;
-    if (own) {
-      if (!own()) return;
-    } else command(action(names[key]));
-    event.preventDefault();
-    event.stopImmediatePropagation();
-  }, { capture: true });
+  page.addEventListener(
+    "keydown",
+    (event) => {
+      pointed = false;
+      const key = keyOf(event);
+      const own = { "?": toggleKeys, f: frameAgain, Escape: () => hideKeys() || hideTour() }[key];
+      if (
+        (!own && (!names[key] || document.body.dataset.sheet)) ||
+        event.ctrlKey ||
+        event.metaKey ||
+        event.altKey ||
+        keepsKey(event.target, key)
+      )
+        return;
+      if (own) {
+        if (!own()) return;
+      } else command(action(names[key]));
+      event.preventDefault();
+      event.stopImmediatePropagation();
+    },
+    { capture: true },
+  );
 }
 
 // Signs as they are, whatever it takes to write them; letters and named keys with their Shift.

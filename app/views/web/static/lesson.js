@@ -42,11 +42,23 @@ export function makeLesson(send, command) {
     const asked = element("div", "question");
     question = KINDS[ask.kind](asked, ask, answer);
     place.replaceChildren(
-      row(element("b", "", title), element("span", "quiet", `${at + 1} of ${steps}`), act("✕", "end the lesson", { do: "end_lesson" }, "sign")),
+      row(
+        element("b", "", title),
+        element("span", "quiet", `${at + 1} of ${steps}`),
+        act("✕", "end the lesson", { do: "end_lesson" }, "sign"),
+      ),
       Object.assign(element("div", "text"), { innerHTML: `${about}<h2>${escaped(heading)}</h2>${before}` }),
       asked,
       element("p", "count quiet"),
-      ...(verdict === null || phase !== "revealed" ? [] : [element("p", verdict ? "verdict right" : "verdict wrong", verdict ? "Your answer is right." : "Your answer is not what the run shows.")]),
+      ...(verdict === null || phase !== "revealed"
+        ? []
+        : [
+            element(
+              "p",
+              verdict ? "verdict right" : "verdict wrong",
+              verdict ? "Your answer is right." : "Your answer is not what the run shows.",
+            ),
+          ]),
       ...(after === null ? [] : [Object.assign(element("div", "text after"), { innerHTML: after })]),
       ...(doubt ? [element("p", "verdict wrong", doubt)] : []),
       moves(),
@@ -60,8 +72,12 @@ export function makeLesson(send, command) {
     const back = act("Back", "the step before", { do: "turn_to", place: at - 1 });
     back.disabled = at === 0;
     const last = at === steps - 1;
-    const on = { asking: act("", "runs what the question is about, and shows the answer", { do: "reveal" }, "reveal main"),
-      revealed: last ? act("Finish", "back to the page without a lesson", { do: "end_lesson" }, "main") : act("Next", "the next step", { do: "turn_to", place: at + 1 }, "main") }[phase];
+    const on = {
+      asking: act("", "runs what the question is about, and shows the answer", { do: "reveal" }, "reveal main"),
+      revealed: last
+        ? act("Finish", "back to the page without a lesson", { do: "end_lesson" }, "main")
+        : act("Next", "the next step", { do: "turn_to", place: at + 1 }, "main"),
+    }[phase];
     return row(element("span", "quiet leads"), back, on ?? element("span", "quiet", PHASES[phase]));
   }
 

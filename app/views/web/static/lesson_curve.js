@@ -1,14 +1,21 @@
 // A question that is answered by drawing a curve, and the run's own curve over it.
 import { made } from "./svg.js";
 
-const WIDTH = 340, HEIGHT = 170, LEFT = 34, BOTTOM = 30, TOP = 8, RIGHT = 14;
-const ACROSS = WIDTH - LEFT - RIGHT, UP = HEIGHT - TOP - BOTTOM;
+const WIDTH = 340,
+  HEIGHT = 170,
+  LEFT = 34,
+  BOTTOM = 30,
+  TOP = 8,
+  RIGHT = 14;
+const ACROSS = WIDTH - LEFT - RIGHT,
+  UP = HEIGHT - TOP - BOTTOM;
 const TICKS = 4;
 
 export function draw(into, { x, y, x_range: [x0, x1], y_range: [y0, y1], at }, answer) {
   const column = (value) => LEFT + (ACROSS * (value - x0)) / (x1 - x0);
   const row = (value) => TOP + (UP * (y1 - Math.min(Math.max(value, y0), y1))) / (y1 - y0);
-  const line = (heights) => heights.map((value, i) => (value === null ? "" : `${column(at[i]).toFixed(1)},${row(value).toFixed(1)}`)).join(" ");
+  const line = (heights) =>
+    heights.map((value, i) => (value === null ? "" : `${column(at[i]).toFixed(1)},${row(value).toFixed(1)}`)).join(" ");
   const chart = made("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `draw ${y} over ${x}` });
   for (let i = 0; i <= TICKS; i++) {
     const [across, up] = [x0 + ((x1 - x0) * i) / TICKS, y0 + ((y1 - y0) * i) / TICKS];
@@ -18,7 +25,10 @@ export function draw(into, { x, y, x_range: [x0, x1], y_range: [y0, y1], at }, a
   chart.append(label(x, LEFT + ACROSS / 2, HEIGHT - 3, "middle"));
   const own = chart.appendChild(made("polyline", { class: "yours" }));
   const run = chart.appendChild(made("polyline", { class: "right" }));
-  const title = Object.assign(document.createElement("p"), { textContent: `${y}: drag from left to right over the whole width.`, className: "quiet" });
+  const title = Object.assign(document.createElement("p"), {
+    textContent: `${y}: drag from left to right over the whole width.`,
+    className: "quiet",
+  });
   into.append(title, chart);
 
   let drawn = at.map(() => null);

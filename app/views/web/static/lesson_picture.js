@@ -23,7 +23,13 @@ export function point(into, { image, width, height, dots }, answer) {
     open = asked;
     picture.style.cursor = open ? "crosshair" : "default";
     const own = dots.find(([id]) => id === yours);
-    if (own) for (const [name, value] of [["cx", own[1]], ["cy", own[2]], ["visibility", "visible"]]) ring.setAttribute(name, value);
+    if (own)
+      for (const [name, value] of [
+        ["cx", own[1]],
+        ["cy", own[2]],
+        ["visibility", "visible"],
+      ])
+        ring.setAttribute(name, value);
     for (const [i, [id]] of truth ? dots.entries() : []) circles[i].classList.toggle("right", truth.includes(id));
   };
 }

@@ -30,14 +30,22 @@ export function makeModes(command, changed) {
     const key = JSON.stringify([state.address.lesson, state.run]);
     if (!shown || (asked === key && lessons)) return;
     asked = key;
-    fetch("runs").then((answer) => answer.json()).then((found) => paint((lessons = found.lessons)), () => (asked = ""));
+    fetch("runs")
+      .then((answer) => answer.json())
+      .then(
+        (found) => paint((lessons = found.lessons)),
+        () => (asked = ""),
+      );
   }
 
   function paint(found) {
     const done = found.filter(({ done, steps }) => done === steps).length;
     const head = element("div", "head");
     const count = done ? `${done} of ${found.length} done.` : `${found.length} lessons.`;
-    head.append(element("h1", "", "Lessons"), element("span", "quiet", `${count} Predict, run, see. A lesson opens simulated recordings; the current run will be closed.`));
+    head.append(
+      element("h1", "", "Lessons"),
+      element("span", "quiet", `${count} Predict, run, see. A lesson opens simulated recordings; the current run will be closed.`),
+    );
     const cards = element("ol", "lessons");
     cards.append(...found.map(card));
     list.replaceChildren(head, cards);

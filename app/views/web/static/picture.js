@@ -46,8 +46,7 @@ async function stand(own, copy, canvases) {
     if (kind === "textarea") copy.textContent = own.value;
     copy.setAttribute("value", own.value);
     copy.toggleAttribute("checked", Boolean(own.checked));
-  }
-  else if (kind === "select") copy.options[own.selectedIndex]?.setAttribute("selected", "");
+  } else if (kind === "select") copy.options[own.selectedIndex]?.setAttribute("selected", "");
   if (own.scrollTop && copy.firstElementChild) copy.firstElementChild.style.marginTop = `${-own.scrollTop}px`;
 }
 

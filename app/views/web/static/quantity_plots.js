@@ -41,10 +41,12 @@ export function makePlots(box, command) {
     title.textContent = plot.title;
     title.title = `${plot.name}: ${plot.help}`;
     const unit = label.appendChild(document.createElement("span"));
-    const scale = label.appendChild(button("log", `Logarithmic scale of ${plot.title}`, () => {
-      if (!logarithmic.delete(plot.name)) logarithmic.add(plot.name);
-      draw(last.axis, last.width);
-    }));
+    const scale = label.appendChild(
+      button("log", `Logarithmic scale of ${plot.title}`, () => {
+        if (!logarithmic.delete(plot.name)) logarithmic.add(plot.name);
+        draw(last.axis, last.width);
+      }),
+    );
     label.append(button("×", `Closes the plot of ${plot.title}`, () => command({ do: "plot", name: plot.name })));
     const canvas = element.appendChild(document.createElement("canvas"));
     canvas.className = "drawing"; // not by its kind: a saved picture of the page has an image in its place
@@ -77,7 +79,13 @@ export function makePlots(box, command) {
       ink.strokeStyle = curve.threshold ? style.getPropertyValue("--quiet") : curve.colour;
       ink.lineWidth = curve.threshold ? 1 : 1.5;
       ink.setLineDash(curve.threshold ? [6, 4] : []);
-      drawCurve(ink, curve, (frame) => placeOf(axis.times, width, frame), (value) => y(Math.min(Math.max(value, low), high)), isLog);
+      drawCurve(
+        ink,
+        curve,
+        (frame) => placeOf(axis.times, width, frame),
+        (value) => y(Math.min(Math.max(value, low), high)),
+        isLog,
+      );
     }
     ink.fillStyle = style.getPropertyValue("--quiet");
     ink.font = "10px Inter, system-ui, sans-serif";
@@ -114,7 +122,16 @@ export function makePlots(box, command) {
       .map(([label, value]) => `${label}: ${digits(value * row.shown.factor)} ${row.shown.name}`.trim());
   }
 
-  return { take, draw, moveTo, hintAt, get rows() { return rows; }, curves };
+  return {
+    take,
+    draw,
+    moveTo,
+    hintAt,
+    get rows() {
+      return rows;
+    },
+    curves,
+  };
 }
 
 // The latest value of a curve up to a frame; NaN if there is none.

@@ -33,7 +33,11 @@ export function openViewer(dark, seek, pick, drawn) {
     start(canvas, dark, heard).then(
       (handle) => {
         viewer.handle = handle;
-        viewer.stage = feedLive(handle, () => watch(viewer), () => keepStill(viewer, canvas));
+        viewer.stage = feedLive(
+          handle,
+          () => watch(viewer),
+          () => keepStill(viewer, canvas),
+        );
         afterData(() => watch(viewer));
         setInterval(() => watch(viewer), WATCH_MS);
       },
@@ -134,7 +138,10 @@ function watch(viewer) {
   if (!isShown || !recording) return;
   if (at("viewer").classList.contains("starting")) reveal(viewer);
   viewer.source = state.source;
-  close(viewer, found.recordings.filter((each) => each !== recording));
+  close(
+    viewer,
+    found.recordings.filter((each) => each !== recording),
+  );
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
   viewer.cursor.show(recording, state.index);
   showLayers(viewer, id);

@@ -2,7 +2,12 @@
 import { element } from "./element.js";
 import { whenText } from "./when.js";
 
-const KINDS = { All: () => true, Live: (kind) => kind === "live", Sweeps: (kind) => kind === "sweep" || kind === "experiment", Recordings: (kind) => kind === "run" || kind === "recording" };
+const KINDS = {
+  All: () => true,
+  Live: (kind) => kind === "live",
+  Sweeps: (kind) => kind === "sweep" || kind === "experiment",
+  Recordings: (kind) => kind === "run" || kind === "recording",
+};
 const AGAIN_MS = 3000; // another process may finish a run at any time
 const at = (id) => document.getElementById(id);
 
@@ -36,7 +41,10 @@ export function makeRuns(command, ask, close, compared) {
     clearTimeout(due);
     due = setTimeout(() => shown && load(), AGAIN_MS);
     if (document.visibilityState !== "visible") return;
-    const text = await fetch("runs").then((answer) => (answer.ok ? answer.text() : null), () => null);
+    const text = await fetch("runs").then(
+      (answer) => (answer.ok ? answer.text() : null),
+      () => null,
+    );
     if (!text || text === painted || table.contains(document.activeElement?.closest("input.note"))) return;
     painted = text;
     found = JSON.parse(text);
@@ -62,7 +70,13 @@ export function makeRuns(command, ask, close, compared) {
     made[1].append(...rows.map(tableRow));
     if (!rows.length) made[1].append(empty());
     if (found.omitted) made[1].append(wide(`${found.omitted} older runs are not listed.`));
-    if (!patched([...table.rows], made.flatMap((part) => [...part.rows]))) table.replaceChildren(...made);
+    if (
+      !patched(
+        [...table.rows],
+        made.flatMap((part) => [...part.rows]),
+      )
+    )
+      table.replaceChildren(...made);
     if (focus && !table.contains(document.activeElement)) table.querySelector(`[data-focus="${CSS.escape(focus)}"]`)?.focus();
     choose();
   }
@@ -111,8 +125,16 @@ export function makeRuns(command, ask, close, compared) {
     made.dataset.key = row.key;
     made.append(chooser(row), picture(row), element("td", "source", row.source || "–"), name(row), differs(row));
     for (const cells of row.ate) made.append(ates(cells));
-    made.append(located(row), events(row), element("td", "quiet", row.when === null ? "live" : whenText(row.when, Date.now() / 1000)), note(row));
-    made.addEventListener("click", ({ target }) => target.closest("input, button, a") || open(found.rows.find(({ key }) => key === row.key)));
+    made.append(
+      located(row),
+      events(row),
+      element("td", "quiet", row.when === null ? "live" : whenText(row.when, Date.now() / 1000)),
+      note(row),
+    );
+    made.addEventListener(
+      "click",
+      ({ target }) => target.closest("input, button, a") || open(found.rows.find(({ key }) => key === row.key)),
+    );
     return made;
   }
 
@@ -179,14 +201,18 @@ export function makeRuns(command, ask, close, compared) {
   function located({ located, located_by }) {
     const cell = element("td", "number", located === null ? "–" : percent(located));
     if (located !== null && located < 0.75) cell.classList.add("alarm");
-    cell.title = Object.entries(located_by).map(([label, share]) => `${label}: ${percent(share)}`).join("\n");
+    cell.title = Object.entries(located_by)
+      .map(([label, share]) => `${label}: ${percent(share)}`)
+      .join("\n");
     return cell;
   }
 
   function events({ events, worst, events_by }) {
     const cell = element("td", worst, events === null ? "–" : events ? `● ${events}` : "0");
     if (events) cell.append(` ${worst === "lost" ? "lost" : events === 1 ? "warning" : "warnings"}`);
-    cell.title = Object.entries(events_by).map(([severity, count]) => `${severity}: ${count}`).join("\n");
+    cell.title = Object.entries(events_by)
+      .map(([severity, count]) => `${severity}: ${count}`)
+      .join("\n");
     return cell;
   }
 
@@ -221,7 +247,8 @@ export function makeRuns(command, ask, close, compared) {
     const pair = found.rows.filter(({ key }) => selected.has(key));
     const [a, b] = pair;
     at("differences").hidden = true;
-    if (a.source === b.source) return ask(fault, { do: "compare_runs", a: a.key, b: b.key }, (state) => state.compared !== null && (compared(), true));
+    if (a.source === b.source)
+      return ask(fault, { do: "compare_runs", a: a.key, b: b.key }, (state) => state.compared !== null && (compared(), true));
     const answer = await fetch(`differences?${new URLSearchParams({ a: a.key, b: b.key })}`);
     if (answer.ok) listDifferences(pair, await answer.json());
     else fault.textContent = `${a.name} and ${b.name} are on different sources. ${await answer.text()}`;
@@ -233,8 +260,16 @@ export function makeRuns(command, ask, close, compared) {
     const list = element("ul");
     list.append(...lines);
     if (settings.length > lines.length) list.append(element("li", "quiet", `and ${settings.length - lines.length} more`));
-    const words = !methods.length ? "They have no method in common." : first === null ? "All frames agree." : `First difference: frame ${first.frame}. ${first.lines.join("; ")}.`;
-    place.replaceChildren(element("h2", "", `${a.name} and ${b.name}`), element("p", "", `They are on different sources, so that they share no stage. ${words}`), list);
+    const words = !methods.length
+      ? "They have no method in common."
+      : first === null
+        ? "All frames agree."
+        : `First difference: frame ${first.frame}. ${first.lines.join("; ")}.`;
+    place.replaceChildren(
+      element("h2", "", `${a.name} and ${b.name}`),
+      element("p", "", `They are on different sources, so that they share no stage. ${words}`),
+      list,
+    );
     place.hidden = false;
   }
 

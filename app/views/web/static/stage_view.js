@@ -20,10 +20,14 @@ export function makeEye(canvas, control) {
   };
   frame = () => choose("frame");
   for (const button of at("eyes").querySelectorAll("button")) button.addEventListener("click", () => choose(button.dataset.eye));
-  watchHand(canvas, () => eye.known.share, () => {
-    eye.mode = null;
-    mark(eye);
-  });
+  watchHand(
+    canvas,
+    () => eye.known.share,
+    () => {
+      eye.mode = null;
+      mark(eye);
+    },
+  );
   mark(eye);
   return {
     // What is new of the places, if anything; `store` is the recording that the viewer shows.
@@ -47,7 +51,8 @@ async function push(eye, control) {
   if (eye.busy || !eye.store || !place || same(place, eye.sent)) return;
   eye.busy = true;
   const [position, look_target, eye_up] = place.map((part) => [part]);
-  if (await control(updateBlueprint(eye.store, { [eye.known.eye]: { EyeControls3D: { position, look_target, eye_up } } }))) eye.sent = place;
+  if (await control(updateBlueprint(eye.store, { [eye.known.eye]: { EyeControls3D: { position, look_target, eye_up } } })))
+    eye.sent = place;
   eye.busy = false;
 }
 

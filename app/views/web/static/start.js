@@ -65,7 +65,10 @@ export function makeStart(command, modes, changed) {
     const waiting = computing || (asked && next.phase === "opening");
     const shown = open || needed() || Boolean(waiting);
     if (next.phase === "failed" && before?.phase !== "failed" && !asked) failed(next);
-    if (waiting) asked.fault.textContent = computing ? `Computing frames up to ${next.target}: ${next.computed} done` : `${next.activity ?? "opening"} …`;
+    if (waiting)
+      asked.fault.textContent = computing
+        ? `Computing frames up to ${next.target}: ${next.computed} done`
+        : `${next.activity ?? "opening"} …`;
     asked?.fault.classList.toggle("busy", Boolean(waiting));
     screen.hidden = !shown;
     document.body.dataset.home = shown ? "shown" : "";
@@ -87,7 +90,9 @@ export function makeStart(command, modes, changed) {
     const done = lessons.filter(({ done, steps }) => done === steps).length;
     const minutes = lessons.map((each) => each.minutes);
     const all = `${lessons.length} lessons of ${Math.min(...minutes)} to ${Math.max(...minutes)} minutes: predict, run, see.`;
-    at("next-lesson").textContent = lesson ? `${done ? `${done} of ${lessons.length} lessons done.` : all} Next: ${lesson.title}.` : "All lessons are done.";
+    at("next-lesson").textContent = lesson
+      ? `${done ? `${done} of ${lessons.length} lessons done.` : all} Next: ${lesson.title}.`
+      : "All lessons are done.";
     at("continue").textContent = lesson?.done ? "Continue" : "Begin";
     at("continue").hidden = !lesson;
   }
@@ -99,7 +104,9 @@ export function makeStart(command, modes, changed) {
 
   at("home").addEventListener("click", () => show(!open));
   at("back").addEventListener("click", close);
-  at("demo").addEventListener("click", ({ target }) => ask(target.parentElement.querySelector(".fault"), { do: "open_source", source: "sim:city" }));
+  at("demo").addEventListener("click", ({ target }) =>
+    ask(target.parentElement.querySelector(".fault"), { do: "open_source", source: "sim:city" }),
+  );
   at("open").addEventListener("submit", (event) => {
     event.preventDefault();
     openPath(at("path").value.trim());
@@ -127,7 +134,9 @@ function browser(button, place, fault, openPath) {
     const list = element("ul");
     if (above) list.append(entry("..", "folder above", () => look(above)));
     for (const { name, path, source } of entries) {
-      list.append(source ? entry(`▶ ${name}`, `opens ${name}`, () => openPath(path)) : entry(`${name}/`, `looks into ${name}`, () => look(path)));
+      list.append(
+        source ? entry(`▶ ${name}`, `opens ${name}`, () => openPath(path)) : entry(`${name}/`, `looks into ${name}`, () => look(path)),
+      );
     }
     if (!entries.length) list.append(element("li", "quiet", "Nothing here can be opened."));
     place.replaceChildren(element("p", "quiet", here), list);

@@ -80,5 +80,6 @@ function part(tag, text, kind = "") {
 
 function showRecording(recording) {
   at("recording").hidden = !recording;
-  if (recording) at("recording").lastElementChild.textContent = `${recording.closing ? "closing" : "REC"} ${recording.name} ${recording.size}`;
+  if (recording)
+    at("recording").lastElementChild.textContent = `${recording.closing ? "closing" : "REC"} ${recording.name} ${recording.size}`;
 }

@@ -10,7 +10,14 @@ export function makeSwipe(place) {
     return image;
   });
   const handle = stack.appendChild(document.createElement("input"));
-  Object.assign(handle, { type: "range", min: 0, max: 100, value: 50, ariaLabel: "Border between the images of A and B", title: "Drag: A is at its left, B at its right" });
+  Object.assign(handle, {
+    type: "range",
+    min: 0,
+    max: 100,
+    value: 50,
+    ariaLabel: "Border between the images of A and B",
+    title: "Drag: A is at its left, B at its right",
+  });
   const move = () => stack.style.setProperty("--border", `${handle.value}%`);
   handle.addEventListener("input", move);
   move();
@@ -52,7 +59,10 @@ export function makeSwipe(place) {
       if (choice.dataset.of === key) return;
       const before = choice.value;
       choice.dataset.of = key;
-      choice.replaceChildren(...methods.map(([name, label]) => new Option(label, name, false, name === before)), new Option("no method", ""));
+      choice.replaceChildren(
+        ...methods.map(([name, label]) => new Option(label, name, false, name === before)),
+        new Option("no method", ""),
+      );
     },
     at: (numbers, index) => {
       wanted = { numbers, index };

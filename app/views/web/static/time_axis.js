@@ -12,7 +12,18 @@ const at = (id) => document.getElementById(id);
 export function makeAxis(seek, command) {
   const strip = at("axis");
   const plots = makePlots(at("plots"), command);
-  const axis = { times: [], kinds: "", methods: [], computed: 0, matches: [], condition: "", branches: [], bookmarks: [], events: [], loop: null };
+  const axis = {
+    times: [],
+    kinds: "",
+    methods: [],
+    computed: 0,
+    matches: [],
+    condition: "",
+    branches: [],
+    bookmarks: [],
+    events: [],
+    loop: null,
+  };
   let index = -1;
   let width = strip.clientWidth;
   let due = null;
@@ -74,7 +85,17 @@ export function makeAxis(seek, command) {
 function take(axis, news) {
   if (news.methods) {
     const methods = news.methods.map((method) => ({ ...method, keyFrames: [], lost: [] }));
-    Object.assign(axis, { times: [], kinds: "", methods, computed: 0, matches: [], condition: "", branches: [], bookmarks: [], events: [] });
+    Object.assign(axis, {
+      times: [],
+      kinds: "",
+      methods,
+      computed: 0,
+      matches: [],
+      condition: "",
+      branches: [],
+      bookmarks: [],
+      events: [],
+    });
   }
   axis.times = axis.times.concat(news.times_ms ?? []);
   axis.kinds += news.kinds ?? "";
@@ -110,11 +131,16 @@ function hint(axis, plots, strip, { clientX, clientY, target }, index) {
     index >= axis.computed ? "not computed yet" : "",
     ...(plot === undefined ? [] : plots.hintAt(plot, index)),
     ...axis.methods.map((method) => happened(method, index)),
-    ...axis.events.filter((event) => near(axis, strip.clientWidth, event.at, clientX - left)).slice(0, MOST_EVENTS).map(({ at, text }) => `${at}: ${text}`),
+    ...axis.events
+      .filter((event) => near(axis, strip.clientWidth, event.at, clientX - left))
+      .slice(0, MOST_EVENTS)
+      .map(({ at, text }) => `${at}: ${text}`),
     axis.matches.includes(index) ? `true here: ${axis.condition}` : "",
     ...axis.branches.filter((branch) => branch.at === index).map((branch) => `${branch.name} begins`),
     ...axis.bookmarks.filter((bookmark) => bookmark.at === index).map(({ note }) => `bookmark${note && `: ${note}`}`),
-  ].filter(Boolean).join("\n");
+  ]
+    .filter(Boolean)
+    .join("\n");
   box.style.left = `${Math.min(Math.max(clientX - box.offsetWidth / 2, 4), innerWidth - box.offsetWidth - 4)}px`;
 }
 

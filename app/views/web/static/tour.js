@@ -2,11 +2,27 @@
 // where the browser could not remember that; later it is at the end of the list of the keys.
 const SEEN = "ispom.tour";
 const STEPS = [
-  ["bar", "Methods", "Each dot is a method that estimates the camera's path. The number is the error of its trajectory so far (ATE; needs ground truth). Hover for details."],
+  [
+    "bar",
+    "Methods",
+    "Each dot is a method that estimates the camera's path. The number is the error of its trajectory so far (ATE; needs ground truth). Hover for details.",
+  ],
   ["axis", "Time", "All frames of the recording, with each method's keyframes; red is lost. Click to jump. Space plays, ← and → step."],
-  ["left", "Explain", "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Look shows single features."],
-  ["left", "Try something else", "Change a setting in the tab Methods and press Fork: a second run continues from this frame with it. Compare, above, shows both frame by frame."],
-  ["viewer", "Views", "Paths and images with their tracks at the frame shown. Click a track or a point to select it, a path to go there; f frames the path again. ISPOM, at the top left, opens the start screen with all runs."],
+  [
+    "left",
+    "Explain",
+    "Explain says how each method is doing at this frame and which check decided it. Click a check to plot it, or an event to go there: n and N step through the events. Look shows single features.",
+  ],
+  [
+    "left",
+    "Try something else",
+    "Change a setting in the tab Methods and press Fork: a second run continues from this frame with it. Compare, above, shows both frame by frame.",
+  ],
+  [
+    "viewer",
+    "Views",
+    "Paths and images with their tracks at the frame shown. Click a track or a point to select it, a path to go there; f frames the path again. ISPOM, at the top left, opens the start screen with all runs.",
+  ],
   ["help", "Keys", "? lists all keys, and has this tour. ⤓ beside it saves a picture of the page, and its numbers."],
 ];
 const GAP = 10;
@@ -49,7 +65,8 @@ export function makeTour() {
   let begun = false;
   // With the first state that has something to show, and no lesson of its own.
   return (state) => {
-    if (begun || state.index < 0 || document.querySelector(".sheet:not([hidden])") || state.address.lesson || !state.people.may_drive) return;
+    if (begun || state.index < 0 || document.querySelector(".sheet:not([hidden])") || state.address.lesson || !state.people.may_drive)
+      return;
     begun = true;
     if (firstTime()) show(0);
   };

@@ -1,7 +1,14 @@
 // The controls of time: play and step, speed, loop, bookmark. Each button does what its key does.
 import { action } from "./actions.js";
 
-const SPEEDS = [[null, "as fast as possible"], [4, "4 ×"], [2, "2 ×"], [1, "1 ×"], [0.5, "0.5 ×"], [0.2, "0.2 ×"]];
+const SPEEDS = [
+  [null, "as fast as possible"],
+  [4, "4 ×"],
+  [2, "2 ×"],
+  [1, "1 ×"],
+  [0.5, "0.5 ×"],
+  [0.2, "0.2 ×"],
+];
 const at = (id) => document.getElementById(id);
 
 // `command` sends what a person asks for.

@@ -1,7 +1,14 @@
 // Numbers for people, with units that adapt to their size: 0.28 mm, 19.7 mm, 1.2 km; 14 ms.
 const SCALES = {
-  m: [[1000, "km", 1e-3], [1, "m", 1], [0, "mm", 1e3]],
-  s: [[1, "s", 1], [0, "ms", 1e3]],
+  m: [
+    [1000, "km", 1e-3],
+    [1, "m", 1],
+    [0, "mm", 1e3],
+  ],
+  s: [
+    [1, "s", 1],
+    [0, "ms", 1e3],
+  ],
 };
 
 // The unit in which values up to `size` are shown, and the factor to it.

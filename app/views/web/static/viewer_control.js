@@ -1,6 +1,8 @@
 // Rerun's experimental Viewer Control API, as far as it is needed: protobuf messages by field number, as in
 // viewer_control.proto of Rerun 0.41 (rerun.viewer_control.v1alpha1).
-const CLOSE = 1, SET_TIME_CURSOR = 6, SET_BLUEPRINT = 14; // of ViewerControlRequest
+const CLOSE = 1,
+  SET_TIME_CURSOR = 6,
+  SET_BLUEPRINT = 14; // of ViewerControlRequest
 export const TIMELINE = "exposure"; // of the recordings: the frame's index
 const STAGE = "stage"; // and the serial number of the message that was taken in last
 const PAUSED = 1;
@@ -10,7 +12,13 @@ const PARTIAL = 2;
 export const setTimeCursor = (store, timeline, time) =>
   request(SET_TIME_CURSOR, [text(1, store), bytes(2, text(1, timeline)), bytes(3, number(1, time)), number(5, PAUSED)]);
 
-export const closeRecordings = (stores) => request(CLOSE, [bytes(3, stores.flatMap((store) => text(1, store)))]);
+export const closeRecordings = (stores) =>
+  request(CLOSE, [
+    bytes(
+      3,
+      stores.flatMap((store) => text(1, store)),
+    ),
+  ]);
 
 // Changes these components of the layout that a recording is shown in, and nothing else.
 export const updateBlueprint = (store, entities) =>
