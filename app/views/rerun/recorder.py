@@ -12,7 +12,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/final                      at the end: the final poses, each at its exposure; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /world/METHOD/error                      line from its position to the true one
-    /world/METHOD/view, .../view/CAMERA      of one method: pose and pinhole of its latest frame of CAMERA; its small image
+    /world/METHOD/view, .../view/CAMERA      of one method: pose and pinhole of its latest frame of CAMERA; its image
     /video, /left, /right                    image, tracks; without right: moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
