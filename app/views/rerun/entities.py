@@ -169,8 +169,8 @@ def thumbnail(image: Image) -> rr.EncodedImage:
     return jpeg(cv2.resize(image, size, interpolation=cv2.INTER_AREA))  # type: ignore[arg-type]
 
 
-def pinhole(camera: Camera, depth: float, colour: colours.Rgb) -> rr.Pinhole:
-    """Of a `thumbnail`, drawn at a depth."""
+def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
+    """Of a `thumbnail`, drawn at a depth; without an outline, for that also stands where there is no pose."""
     scale = min(1.0, THUMBNAIL_PX / camera.width)
     width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
     return rr.Pinhole(
@@ -178,8 +178,7 @@ def pinhole(camera: Camera, depth: float, colour: colours.Rgb) -> rr.Pinhole:
         focal_length=[camera.fx * scale, camera.fy * scale],
         principal_point=[(camera.cx + 0.5) * scale, (camera.cy + 0.5) * scale],
         image_plane_distance=depth,
-        color=colour,
-        line_width=-0.75,
+        color=(0, 0, 0, 0),
     )
 
 

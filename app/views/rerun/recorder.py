@@ -12,7 +12,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/final                      at the end: the final poses, each at its frame; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /world/METHOD/error                      line from its position to the true one
-    /world/METHOD/view/CAMERA                of one method: pose, frustum and small image of its latest frame of CAMERA
+    /world/METHOD/view, .../view/CAMERA      of one method: pose and pinhole of its latest frame of CAMERA; its image
     /video, /left, /right                    image, tracks; without right: moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
@@ -112,7 +112,7 @@ class Recorder:
         name, image = _image(event.exposure)
         if image.size:
             yield Entry(f"{name}/image", entities.jpeg(image))
-            yield from self._world.picture(name, image)
+            yield from self._world.picture(name, image, event.exposure.time_ns)
         if isinstance(event.exposure, StereoPair) and event.exposure.right.size:
             yield Entry("right/image", entities.jpeg(event.exposure.right))
 

@@ -58,6 +58,8 @@ class World:
         rig = opened.sequence.rig
         self._viewing: tuple[str, Frame] | None = None
         """The method in whose frustum the image of a camera is drawn: the one that needs most cameras."""
+        self._view_depth, self._posed = 0.0, set[int]()
+        """At which the image is drawn, and the times of the frames that have a pose for it."""
         if opened.methods and (rig.video or rig.left) is not None:
             most = max(opened.methods, key=lambda m: len(registered(m).needs))
             self._viewing = most, "video" if rig.video is not None else "left"
@@ -96,9 +98,9 @@ class World:
             yield from self._error(step)
             yield from self._view(step, "left" if isinstance(event.exposure, StereoPair) else "video")
 
-    def picture(self, camera: Frame, image: Image) -> Iterator[Entry]:
-        """The image in the frustum, where that is of this camera."""
-        if self._viewing is not None and self._viewing[1] == camera:
+    def picture(self, camera: Frame, image: Image, time_ns: int) -> Iterator[Entry]:
+        """The image in the frustum, where that is of this camera and has a pose."""
+        if self._viewing is not None and self._viewing[1] == camera and time_ns in self._posed:
             yield Entry(f"world/{self._viewing[0]}/view/{camera}", entities.thumbnail(image))
 
     def finished(self, event: Finished) -> Iterator[Entry | Columns]:
@@ -194,14 +196,19 @@ class World:
         (self._errors.add if is_drawn else self._errors.discard)(method)
 
     def _view(self, step: Step, camera: Frame) -> Iterator[Entry]:
-        """Pose and shape of the frustum that has the image in it."""
-        if (step.method, camera) != self._viewing or step.world_from_frame is None:
+        """Pose and shape of the image in the frustum. The shape is there from the first frame on: without it the viewer
+        reports a fault."""
+        if self._viewing is None or step.method != self._viewing[0]:
             return
-        rig, path = self._opened.sequence.rig, f"world/{step.method}/view/{camera}"
-        frame_from_camera = rig.rig_from(step.frame).inverse() @ rig.rig_from(camera)
-        yield Entry(path, entities.transform(step.world_from_frame @ frame_from_camera))
+        rig, path, shown = self._opened.sequence.rig, f"world/{step.method}/view", self._viewing[1]
         depth = self._size(step.method).camera
-        yield Entry(path, entities.pinhole(rig.camera(camera), depth, colours.of(step.method)))
+        if depth != self._view_depth:
+            self._view_depth = depth
+            yield Entry(path, entities.pinhole(rig.camera(shown), depth))
+        if camera == shown and step.world_from_frame is not None:
+            frame_from_camera = rig.rig_from(step.frame).inverse() @ rig.rig_from(shown)
+            yield Entry(path, entities.transform(step.world_from_frame @ frame_from_camera))
+            self._posed.add(step.time_ns)
 
     def _camera(self, method: str) -> Entry:
         frame = self.model.methods[method].poses.frame
