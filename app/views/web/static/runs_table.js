@@ -248,7 +248,10 @@ export function makeRuns(command, ask, close, compared) {
     const [a, b] = pair;
     at("differences").hidden = true;
     if (a.source === b.source)
-      return ask(fault, { do: "compare_runs", a: a.key, b: b.key }, (state) => state.compared !== null && (compared(), true));
+      return ask(fault, { do: "compare_runs", a: a.key, b: b.key }, (state) => {
+        if (state.compared !== null) compared();
+        return state.compared !== null;
+      });
     const answer = await fetch(`differences?${new URLSearchParams({ a: a.key, b: b.key })}`);
     if (answer.ok) listDifferences(pair, await answer.json());
     else fault.textContent = `${a.name} and ${b.name} are on different sources. ${await answer.text()}`;
