@@ -259,7 +259,9 @@ def test_no_texture_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_no_motion_of_images_that_are_mixed_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ispom_app.cli.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED)))
+    monkeypatch.setattr(
+        "ispom_app.engine.options.with_look", lambda seen: replace(seen, notes=(*seen.notes, EXCHANGED))
+    )
     drive, out = make_drive(tmp_path / "kitti", flat=True), tmp_path / "out"
     told = sentence(capsys, str(drive), "--out", str(out), builder=build)
     assert "no method found any motion: left and right seem to be exchanged" in told and "texture" not in told

@@ -211,7 +211,7 @@ def without_times(path: Path) -> list[list[str]]:
 
 def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its folder is complete: that of a run over the frames up to there, with the recording."""
-    condition = "monocular.key_frame and frame > 3"
+    condition = "monocular.key_frame and exposure > 3"
     assert run(drive, tmp_path / "a", "--until", condition) == 0
     told = yaml.safe_load((tmp_path / "a" / "run.yaml").read_text())
     last, time_s = told["stopped"]["exposure"], told["stopped"]["time_ns"] / 1e9

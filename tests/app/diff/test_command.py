@@ -91,7 +91,7 @@ def test_a_threshold_that_is_a_millionth_off_is_named(
     assert told["first"][0]["exposure"] == 1, "the first frame at which parallax is compared"
     text = compared(capsys, 1, first, other).splitlines()
     assert text[0] == "setting monocular.paper.min_parallax_deg: 0.5 | 0.500001"
-    assert text[1] == "exposure 1 (0.033 s)"
+    assert text[1] == "frame 1 (0.033 s)"
     assert text[2] == "  monocular.paper.parallax.threshold: 0.5 | 0.500001, apart by 1e-06"
 
 

@@ -49,11 +49,11 @@ def test_the_folder_gives_what_was_in_memory(folder: Path) -> None:
     [
         (STEPS, "exposure,time_ns", "exposure,time", "line 1 does not name the columns"),
         (STEPS, ",tracking,", ",tracking,,", "has not"),
-        (STEPS, "\n3,", "\n-3,", "frame is '-3'"),
-        (STEPS, "\n5,", "\nfive,", "frame is 'five'"),
+        (STEPS, "\n3,", "\n-3,", "exposure is '-3'"),
+        (STEPS, "\n5,", "\nfive,", "exposure is 'five'"),
         (DECISIONS, ",14.2,", ",many,", "value is 'many'"),
         (DECISIONS, ",14.2,", ",nan,", "value is 'nan'"),
-        (DECISIONS, "\n4,", "\n44,", "frame is"),
+        (DECISIONS, "\n4,", "\n44,", "exposure is"),
         (DECISIONS, "\n4,", '\n4"x",', "column"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What expressions are worth at a frame, and that what is missing makes them false."""
+"""What expressions are worth at an exposure, and that what is missing makes them false."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def worth(text: str, now: Row = NOW, before: Row = BEFORE) -> bool:
         "-stereo.inliers == -20 and abs(10 - stereo.inliers) == 10 and 2 + 3 * stereo.scale == 6.5",
         "stereo.status == 'lost' and stereo.status != \"tracking\"",
         "stereo.key_frame and not stereo.inliers > 20",
-        "stereo.inliers > 99 or frame == 7",
+        "stereo.inliers > 99 or exposure == 7",
         "stereo.key_frame or stereo.inliers > 99 and stereo.inliers > 99",
         "((stereo.inliers)<(30))and\n\tstereo.inliers > 1",
         "10 < stereo.inliers < 30 and not 10 < stereo.inliers < 20",
@@ -71,5 +71,5 @@ def test_at_the_first_exposure_nothing_has_changed(text: str) -> None:
 
 
 def test_the_values_that_are_told() -> None:
-    found = values(parse("stereo.inliers < 30 and monocular.key_frame and frame > 3", KNOWN), NOW)
+    found = values(parse("stereo.inliers < 30 and monocular.key_frame and exposure > 3", KNOWN), NOW)
     assert found == {"stereo.inliers": 20, "monocular.key_frame": None, "exposure": 7}

@@ -107,5 +107,5 @@ def test_a_method_with_a_hyphen_can_be_named() -> None:
 
 
 def test_what_it_speaks_of_is_listed_once_from_left_to_right() -> None:
-    found = parse("abs(stereo.scale) < 1 or not (frame == 3 and stereo.scale > 2)", KNOWN)
+    found = parse("abs(stereo.scale) < 1 or not (exposure == 3 and stereo.scale > 2)", KNOWN)
     assert [q.name for q in found.quantities] == ["stereo.scale", "exposure"] and found.methods == {"stereo", ""}

@@ -177,7 +177,7 @@ def damage(name: str, old: str | None, new: str) -> Callable[[Path], None]:
         (damage("steps.csv", "exposure,", "index,"), "steps.csv line 1"),
         (damage("steps.csv", ",tracking,", ",tracking,1,"), "steps.csv line 2"),
         (damage("steps.csv", "track=0.004", "track=nan"), "steps.csv line 2: stages"),
-        (damage("steps.csv", "0,0,", "zero,0,"), "steps.csv line 2: frame is 'zero'"),
+        (damage("steps.csv", "0,0,", "zero,0,"), "steps.csv line 2: exposure is 'zero'"),
         (damage("decisions.csv", ">=", "~"), "decisions.csv line 2: relation is '~'"),
         (lambda run: (run / "steps.csv").write_bytes(b"\xff\xfe\x00"), "not a text file"),
     ],

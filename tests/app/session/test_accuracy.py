@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -108,7 +109,11 @@ def test_before_the_first_fit_the_table_and_the_chip_say_provisional(tiny: Sessi
     state = with_values(tiny.state, branches=(branch,), branch=0, computed=8, displayed=run.history[7])
     chip = next(c for c in message_of(state)["methods"] if c["label"] == "Integrated")
     assert chip["error"] == "provisional" and "provisional" in chip["hint"]
-    session: Any = type("S", (), {"state": state, "branch": lambda self, number: early, "post": None})()
+    session: Any = type(
+        "S",
+        (),
+        {"state": state, "service": lambda self, kind: SimpleNamespace(run_of=lambda number: early), "post": None},
+    )()
     assert "provisional" in BranchesPanel(server.gui, session)._text.content
 
 

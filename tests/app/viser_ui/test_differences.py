@@ -48,8 +48,8 @@ def made(server: viser.ViserServer, comparison: Comparison | None, index: int = 
 
 def test_it_says_where_in_what_and_by_how_much(server: viser.ViserServer) -> None:
     text = made(server, COMPARISON)[0]._text.content
-    assert "exposures 9 to 29" in text and "they differ at 8 frames; first in:" in text
-    assert "exposure 9 (0.900 s)" in text and "stereo.scale: 1 | 1.5, apart by 0.5" in text
+    assert "frames 9 to 29" in text and "they differ at 8 frames; first in:" in text
+    assert "frame 9 (0.900 s)" in text and "stereo.scale: 1 | 1.5, apart by 0.5" in text
     assert "Of 3 frames the history no longer has the tracks" in text
     assert "<img" not in text and "&lt;img" in text, "a name is never markup"
 
@@ -57,7 +57,7 @@ def test_it_says_where_in_what_and_by_how_much(server: viser.ViserServer) -> Non
 def test_it_says_how_far_it_is_and_that_nothing_differs(server: viser.ViserServer) -> None:
     begun = replace(COMPARISON, done=12, apart=0, first=(), thinned=0)
     panel, _ = made(server, begun)
-    assert "comparing: 3 of 21 exposures" in panel._text.content and not panel._buttons.visible
+    assert "comparing: 3 of 21 frames" in panel._text.content and not panel._buttons.visible
     assert "all numbers agree within 1e-9" in made(server, replace(begun, done=30))[0]._text.content
     assert not made(server, None)[0]._text.visible
 

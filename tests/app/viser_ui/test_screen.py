@@ -119,7 +119,7 @@ def test_all_that_a_step_says_is_under_explain(screen: Screen, session: FakeSess
         "± ",
         "scale drift",
         "parallax",
-        "no keyframe",
+        "no key frame",
         " ms",
     ):
         assert text in said(by_kind["video"]), text

@@ -41,7 +41,7 @@ def test_a_finished_run_is_a_row_with_what_its_files_say(recordings: Path) -> No
     assert (row.key, row.kind, row.name, row.recording) == ("first", "run", "first", "")
     assert row.source and row.when_s and row.picture.endswith(".jpg") and row.note == ""
     assert row.errors[0].method == "stereo" and row.located is not None and row.events is not None
-    assert "max frames 45" in row.differs
+    assert "max exposures 45" in row.differs
 
 
 def test_a_run_is_read_again_when_it_has_changed(recordings: Path) -> None:
