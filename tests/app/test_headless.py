@@ -218,7 +218,7 @@ def test_a_run_stops_where_the_condition_holds(drive: str, tmp_path: Path, capsy
     assert told["options"]["until"] == condition and sum(told["exposures"].values()) == last + 1
     assert told["stopped"]["values"] == {"monocular.key_frame": True, "exposure": last}
     sentence = f"stopped at frame {last} ({time_s:.3f} s) by --until {condition}: "
-    assert f"{sentence}monocular.key_frame yes, frame {last}\n" in capsys.readouterr().out
+    assert f"{sentence}monocular.key_frame yes, exposure {last}\n" in capsys.readouterr().out
     assert names(tmp_path / "a") == FILES | {"run.rrd"}
     assert run(drive, tmp_path / "b", "--max-exposures", str(last + 1)) == 0
     for name in (*(f"{m}.tum" for m in METHODS), "landmarks.npz", "decisions.csv"):
