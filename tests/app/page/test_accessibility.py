@@ -27,6 +27,15 @@ def violations(where: Any) -> list[str]:
     ]
 
 
+def in_scheme(page: Page, scheme: str) -> None:
+    """The page loads again when the system turns dark or light."""
+    if page.tab.evaluate(f"matchMedia('(prefers-color-scheme: {scheme})').matches"):
+        return
+    with page.tab.expect_navigation():
+        page.tab.emulate_media(color_scheme=scheme)
+    page.tab.wait_for_function("window.ispom?.state.ended")
+
+
 @pytest.fixture(scope="module")
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened = Page(browser, app.url, viewer=FAKE)
@@ -38,14 +47,14 @@ def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 @pytest.mark.parametrize("mode", ["debug", "compare", "learn"])
 def test_the_page_has_contrast_and_names(page: Page, mode: str, scheme: str) -> None:
-    page.tab.emulate_media(color_scheme=scheme)
+    in_scheme(page, scheme)
     page.tab.locator(f"#modes input[value={mode}]").check(force=True)
     assert violations(page.tab) == []
 
 
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_the_start_screen_has_contrast_and_names(page: Page, scheme: str) -> None:
-    page.tab.emulate_media(color_scheme=scheme)
+    in_scheme(page, scheme)
     page.tab.locator("#home").click()
     page.tab.locator("#runs tbody tr").first.wait_for()
     assert violations(page.tab) == []
@@ -55,7 +64,7 @@ def test_the_start_screen_has_contrast_and_names(page: Page, scheme: str) -> Non
 @pytest.mark.parametrize("tab", ["Explain", "Tracks", "Methods", "Compare", "Breakpoints", "View", "Files"])
 def test_our_texts_in_the_left_pane_have_contrast(page: Page, tab: str) -> None:
     """viser's own controls are not judged."""
-    page.tab.emulate_media(color_scheme="dark")
+    in_scheme(page, "dark")
     page.tab.locator("#modes input[value=debug]").check(force=True)
     page.controls.get_by_role("tab", name=tab, exact=True).click()
     frame = next(frame for frame in page.tab.frames if "viser" in frame.url)
