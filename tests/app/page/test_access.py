@@ -234,7 +234,7 @@ def test_a_flood_of_commands_ends_its_connection(tmp_path: Path, monkeypatch: py
     async def check(at: Served) -> None:
         async with at.client.ws_connect(f"{at.url}ws") as ws:
             for _ in range(sockets.COMMANDS_PER_S + 1):
-                await ws.send_str('{"do": "forward"}')
+                await ws.send_str('{"do": "step_by", "count": 1}')
             while (await ws.receive()).type is WSMsgType.TEXT:
                 pass
             assert ws.close_code == WSCloseCode.POLICY_VIOLATION

@@ -90,8 +90,9 @@ def test_a_page_that_is_reloaded_at_once_after_a_change_keeps_it(page: Page, rel
 
 
 def test_a_run_that_plays_goes_on_over_a_reload(page: Page) -> None:
-    for command in ("'seek', index: 20", "'loop_end'", "'seek', index: 2", "'loop_start'", "'play'"):
-        page.send(f"{{do: {command}}}")
+    for message in ("{do: 'seek', index: 20}", "action('loop_end')", "{do: 'seek', index: 2}", "action('loop_start')"):
+        page.send(message)
+    page.send("action('play')")
     page.until("state.playing && state.loop !== null && location.hash.includes('at=1')", "the loop")
     with page.tab.expect_event("load"):
         page.tab.reload()
@@ -121,7 +122,7 @@ PATIENT = "; const now = performance.now.bind(performance); performance.now = ()
 def test_who_drives_a_moment_after_opening_it_gets_all_of_it(page: Page, browser, app: App) -> None:  # noqa: F811
     """As after a reload, where the server sees the page before closed only later."""
     before = Page(browser, app.url, viewer=FAKE)
-    before.send('{do: "take_over"}')
+    before.send('{do: "take_control"}')
     before.until("state.people.driving", "the wheel")
     other = Page(browser, f"{app.url}#run=double:40&at=9&hidden=clouds,truth", viewer=FAKE, before=NOT_NEW + PATIENT)
     other.until(
@@ -132,7 +133,7 @@ def test_who_drives_a_moment_after_opening_it_gets_all_of_it(page: Page, browser
     other.send('{do: "hide", names: []}')
     assert not other.faults
     other.tab.close()
-    page.send('{do: "take_over"}')
+    page.send('{do: "take_control"}')
     page.until("state.people.driving && state.address.hidden.length === 0", "the wheel")
 
 
@@ -168,7 +169,7 @@ def test_m_puts_a_bookmark_that_the_axis_and_the_panel_show(page: Page) -> None:
     page.until("window.ispom.axis.bookmarks.length === 1", "the bookmark")
     assert page.tab.evaluate("window.ispom.axis.bookmarks") == [{"at": 17, "note": ""}]
     go(page, 33)
-    page.controls.get_by_role("tab", name="Record").click()
+    page.controls.get_by_role("tab", name="Files").click()
     page.controls.get_by_role("textbox").and_(page.controls.locator("input:visible")).last.fill("here it jumps")
     page.controls.get_by_role("button", name="Bookmark this frame").click()
     page.until("window.ispom.axis.bookmarks.length === 2", "the second one")

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-
 def page(browser, app: App) -> Iterator[Page]:  # noqa: F811
     opened = Page(browser, app.url, viewer=FAKE)
     opened.until("state.ended && !state.playing", "the end")
-    opened.controls.get_by_role("tab", name="Look").click()
+    opened.controls.get_by_role("tab", name="Tracks").click()
     opened.controls.locator("svg[data-pick]").wait_for()
     yield opened
     assert not opened.faults
@@ -41,7 +41,7 @@ def test_a_click_in_the_picture_picks_a_track_that_survives_a_reload(page: Page)
     page.tab.reload()
     page.until("state.total > 0", "the state")
     assert page.state["selected"] == chosen
-    page.controls.get_by_role("tab", name="Look").click()
+    page.controls.get_by_role("tab", name="Tracks").click()
     page.controls.get_by_text(f"Track {number} of").wait_for()
 
 

@@ -99,11 +99,11 @@ def test_commands_of_a_page_that_does_not_drive_are_not_obeyed(tmp_path: Path) -
             assert (await ann.receive_json())["people"]["driving"]
             assert not (await ben.receive_json())["people"]["driving"]
             await ben.send_str('{"do": "seek", "index": 3}')
-            await ben.send_str('{"do": "take_over"}')
+            await ben.send_str('{"do": "take_control"}')
             while not (await ben.receive_json())["people"]["driving"]:
                 pass
             await ben.send_str('{"do": "seek", "index": 4}')
-            await ben.send_str('{"do": "hand_over", "to": 1}')
+            await ben.send_str('{"do": "take_control", "to": 1}')
             while not (await ann.receive_json())["people"]["driving"]:
                 pass
         assert at.session.commands == [do.Seek(4)]
@@ -120,7 +120,7 @@ def test_onlookers_see_all_and_change_nothing(tmp_path: Path) -> None:
         async with at.client.ws_connect(f"{at.url}ws", headers={"Cookie": "; ".join(kept)}) as eve:
             seen = (await eve.receive_json())["people"]
             assert not seen["may_drive"] and not seen["driving"] and seen["driver"] is None
-            await eve.send_str('{"do": "take_over"}')
+            await eve.send_str('{"do": "take_control"}')
             await eve.send_str('{"do": "seek", "index": 3}')
             async with at.client.ws_connect(f"{at.url}ws") as ann:
                 assert (await ann.receive_json())["people"]["driving"]

@@ -130,7 +130,7 @@ def test_hovering_says_exposure_time_and_what_happened(page: Page) -> None:
 
 @in_chromium
 def test_the_axis_marks_where_a_condition_holds_and_where_a_branch_begins(page: Page) -> None:
-    page.controls.get_by_role("tab", name="Break").click()
+    page.controls.get_by_role("tab", name="Breakpoints").click()
     field = page.controls.get_by_role("textbox").last
     field.fill("stereo.key_frame")
     page.controls.get_by_text("holds at 1 of 44").wait_for()

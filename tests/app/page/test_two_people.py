@@ -104,7 +104,7 @@ def test_what_they_cannot_do_is_said_and_changes_nothing(both: tuple[Page, Page]
     assert not driver.tab.evaluate("window.ispom.axis.bookmarks.length")
     follower.send("{do: 'follow'}")
     panel = follower.tab.frame_locator("#controls")
-    play = panel.get_by_role("button", name="Play").first
+    play = panel.get_by_role("button", name="Run to the next anomaly").first
     assert play.evaluate("(e) => getComputedStyle(e).pointerEvents") == "none"
     assert panel.get_by_role("tab").first.evaluate("(e) => getComputedStyle(e).pointerEvents") == "auto"
 
