@@ -82,7 +82,7 @@ def test_the_numbers_are_downloaded(browser, app: App) -> None:  # noqa: F811
         page.tab.locator("#save").wait_for(state="hidden")
         found[download.value.suggested_filename] = Path(download.value.path()).read_bytes()
     assert list(found) == ["double-40-12.csv", "double-40.csv"]
-    assert found["double-40-12.csv"].decode().splitlines()[1] == "frame,12,,counted from 0"
+    assert found["double-40-12.csv"].decode().splitlines()[1] == "exposure,12,,counted from 0"
     assert len(found["double-40.csv"].decode().splitlines()) == 45
     assert not page.faults
     page.tab.close()
