@@ -55,7 +55,7 @@ def test_what_is_beneath_it_can_be_used(browser, app: App) -> None:  # noqa: F81
     page = first(browser, app)
     page.tab.locator("#tour").wait_for()
     page.until("state.ended && !state.playing", "the end")
-    page.controls.get_by_role("button", name="\u25c0 Step").click()
+    page.tab.locator("#transport [data-do=back]").click()
     page.until("state.index === 42", "a step back")
     assert page.tab.locator("#tour").is_visible()
     page.tab.keyboard.press("Escape")  # wherever the focus is by now: the viewer takes it as it starts

@@ -41,7 +41,7 @@ def test_one_who_does_not_drive_looks_at_other_exposures_alone(both: tuple[Page,
     seek(driver, 22)
     follower.until("state.index === 22 && window.ispom.shown.index === 19", "to stay where they look")
     assert "Person 1 drives, you look at frame 19" in follower.tab.locator("#people").inner_text()
-    follower.tab.get_by_role("button", name="Follow").click()
+    follower.tab.locator("#people").get_by_role("button", name="Follow").click()
     follower.until("window.ispom.shown.index === 22", "to follow again")
 
 
@@ -89,7 +89,7 @@ def test_their_buttons_play_and_step_and_their_bar_has_the_numbers_of_their_expo
     follower.tab.get_by_role("button", name="▶ Play").click()
     follower.until("!window.ispom.shown.playing && window.ispom.shown.index === 43", "the end")
     assert driver.state["index"] == 19 and not driver.state["playing"]
-    follower.tab.get_by_role("button", name="Follow").click()
+    follower.tab.locator("#people").get_by_role("button", name="Follow").click()
 
 
 def test_what_they_cannot_do_is_said_and_changes_nothing(both: tuple[Page, Page]):
@@ -131,7 +131,8 @@ def test_the_last_browser_that_is_left_is_in_control(browser, app: App, both: tu
     follower.until("state.people.driving && state.people.others.length === 0", "to drive")
     assert follower.tab.locator("#people").inner_text() == ""
     panel = follower.tab.frame_locator("#controls")
-    panel.get_by_role("button", name="◀ Step").click()
-    follower.until("state.index === 19", "the step of the panel's button")
+    panel.get_by_role("tab", name="Files").click()
+    panel.get_by_role("button", name="Bookmark this frame").click()
+    follower.until("window.ispom.axis.bookmarks.some(({ at }) => at === 20)", "what the panel's button does")
     driver.tab.goto(app.url)
     driver.until("state.total > 0 && state.people.driver === 2", "the other one to drive")

@@ -54,16 +54,10 @@ function keyOf({ key, shiftKey }) {
 }
 
 // Where text is typed, a list that is open, and what the key itself moves or presses, where the focus came by key: after a click the next
-// keys are the run's. But the slider of the frames steps with all else, and in a dialog a button is pressed.
+// keys are the run's. In a dialog a button is pressed.
 function keepsKey(target, key) {
   if (target.matches(LIST)) return target.ariaExpanded === "true" || reached.has(target);
   if (target.matches(TEXT)) return true;
-  if (target.matches(MOVED)) return MOVES.includes(key) && reached.has(target) && labelOf(target) !== "exposure";
+  if (target.matches(MOVED)) return MOVES.includes(key) && reached.has(target);
   return key === "Space" && target.matches(PRESSED) && (reached.has(target) || Boolean(target.closest("dialog")));
-}
-
-function labelOf(target) {
-  let row = target;
-  while (row && !row.querySelector("label")) row = row.parentElement;
-  return target.matches("[role=slider]") ? row?.querySelector("label").textContent : null;
 }

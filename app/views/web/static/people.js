@@ -14,20 +14,19 @@ export function makePeople(send, command, tell) {
   function say({ people, looking }, { index }) {
     const { driving, others, you } = people;
     const away = looking !== index ? `, the panels at the left show ${index}` : "";
-    const mine = driving
-      ? "You drive"
-      : `${driver(people)} drives, you ${looking === null ? "follow" : `look at exposure ${looking}${away}`}`;
+    const mine = driving ? "You drive" : `${driver(people)} drives, you ${looking === null ? "follow" : `look at frame ${looking}${away}`}`;
     words.textContent = `${mine} · ${others.length === 1 ? "1 other" : `${others.length} others`} here`;
     words.title = `You are person ${you}. One person drives a session; the others see the same, or look around by themselves: with the keys, the time axis, and the buttons here.`;
   }
 
-  function paint({ people: { driving, others, may_drive }, looking, playing }) {
+  function paint({ people, looking, playing }) {
+    const { driving, others, may_drive } = people;
     const buttons = [];
     if (!driving) {
       const moves = { back: "◀ Step", play: playing ? "‖ Pause" : "▶ Play", forward: "Step ▶" };
       buttons.push(...Object.entries(moves).map(([name, text]) => button(text, () => command(action(name)))));
     }
-    if (!driving && looking !== null) buttons.push(button("Follow", () => send({ do: "follow" })));
+    if (!driving && looking !== null) buttons.push(button(`Follow ${driver(people)}`, () => send({ do: "follow" })));
     if (!driving && may_drive) buttons.push(button("Take over", () => send({ do: "take_control" })));
     for (const other of driving ? others.filter((each) => each.may_drive) : []) {
       buttons.push(button(`Hand over to person ${other.number}`, () => send({ do: "take_control", to: other.number })));
