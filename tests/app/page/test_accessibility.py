@@ -33,7 +33,7 @@ def in_scheme(page: Page, scheme: str) -> None:
         return
     with page.tab.expect_navigation():
         page.tab.emulate_media(color_scheme=scheme)
-    page.tab.wait_for_function("window.ispom?.state.ended")
+    page.until("window.ispom?.state.ended", "the page")
 
 
 @pytest.fixture(scope="module")
