@@ -69,9 +69,16 @@ class BranchService(Service):
         self.add(fork, name, state.index + 1, differences)
 
     def add(
-        self, run: CurrentRun, name: str, at: int, differences: tuple[str, ...], *, reproducible: bool = False
-    ) -> None:
-        """A run as a branch of the one that is shown, from frame `at` on; it is shown then. InputError beyond MOST."""
+        self,
+        run: CurrentRun,
+        name: str,
+        at: int,
+        differences: tuple[str, ...],
+        *,
+        reproducible: bool = False,
+        show: bool = True,
+    ) -> int:
+        """Adds a run as a branch of the one that is shown, from frame `at` on. InputError beyond MOST."""
         if len(self._runs) >= MOST:
             raise InputError(f"there are {MOST} branches: delete one first")
         number, self._next = self._next, self._next + 1
@@ -80,7 +87,11 @@ class BranchService(Service):
         branch = Branch(number, named, self._branches.shown, at, differences, len(run.history), run.tally)
         branch = replace(branch, reproducible=reproducible)
         self.store.put(replace(self._branches, all=(*self._branches.all, branch)))
-        self.show(number)
+        if show:
+            self.show(number)
+        else:
+            run.rest()
+        return number
 
     def show(self, number: int) -> None:
         """A branch, at the frame that is shown now or its last. InputError for an unknown one."""

@@ -37,18 +37,19 @@ class RunsService(Service):
             numbers[0] = 0
         shown, other = (self._with_recorded(key) if n is None else n for key, n in zip((a, b), numbers, strict=True))
         branches = self.session.service(BranchService)
-        if _computed(branches.run_of(shown)) > _computed(branches.run_of(other)):
-            branches.show(other)
-            self._run_to(_computed(branches.run_of(shown)))
-        else:
-            branches.show(shown)
-            self._run_to(_computed(branches.run_of(other)))
+        first, count = shown, _computed(branches.run_of(other))
+        if _computed(branches.run_of(shown)) > count:
+            first, count = other, _computed(branches.run_of(shown))
+        run = branches.run_of(first)
+        if run is not None and not run.done and len(run.history) < count:
+            self._show(first)
+            self.session.player.move(*moves.seek(run, count - 1))
         self._waiting = shown, other
 
-    def _run_to(self, count: int) -> None:
-        """Computes the run on the screen up to so many frames, if it can go on."""
-        if self.run is not None and not self.run.done and len(self.run.history) < count:
-            self.session.player.move(*moves.seek(self.run, count - 1))
+    def _show(self, number: int) -> None:
+        """The views load a run again when it is shown: not for nothing."""
+        if self.state[Branches].shown != number:
+            self.session.service(BranchService).show(number)
 
     def watch(self) -> None:
         """Begins the comparison when both runs have the same frames, or a person has stopped the computation."""
@@ -58,8 +59,7 @@ class RunsService(Service):
         branches = self.session.service(BranchService)
         if branches.run_of(shown) is None or branches.run_of(other) is None:
             return  # another source was opened meanwhile
-        if self.state[Branches].shown != shown:
-            branches.show(shown)
+        self._show(shown)
         branches.compare(other)
 
     @property
@@ -90,8 +90,7 @@ class RunsService(Service):
         times_ns = [each.playback.sequence.times_ns[: len(found.history)] for each in (run, found)]
         if not np.array_equal(times_ns[0], times_ns[1]):
             raise InputError(f"{name} has other frames than the run that is shown: choose two runs on one source")
-        self.session.service(BranchService).add(found, PurePath(name).name, 0, (), reproducible=True)
-        return self.state[Branches].all[-1].number
+        return self.session.service(BranchService).add(found, PurePath(name).name, 0, (), reproducible=True, show=False)
 
     def _source(self, name: str) -> str:
         return Known(self.session.recordings).source(name, self.state)

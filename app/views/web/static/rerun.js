@@ -140,7 +140,7 @@ function watch(viewer) {
   viewer.source = state.source;
   close(
     viewer,
-    found.recordings.filter((each) => each !== recording),
+    found.recordings.filter((each) => each.id !== id),
   );
   if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
   viewer.cursor.show(recording, state.index);

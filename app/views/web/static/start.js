@@ -20,7 +20,13 @@ export function makeStart(command, modes, changed) {
   function ask(fault, message, done = () => true) {
     if (!state) return;
     for (const each of screen.querySelectorAll(".fault")) each.textContent = "";
-    asked = { fault, notice: state.notices.at(-1)?.number ?? 0, refused: state.refused[0], run: state.run, done };
+    asked = {
+      fault,
+      notice: state.notices.at(-1)?.number ?? 0,
+      refused: state.refused[0],
+      run: message.do === "compare_runs" ? -1 : state.run,
+      done,
+    };
     command(message);
   }
 
