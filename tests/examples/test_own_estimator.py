@@ -61,7 +61,9 @@ def test_it_has_flags(installed: Path) -> None:
 
 
 def test_it_has_a_colour_of_its_own(installed: Path) -> None:
-    code = "from ispom_app import colours as c; assert c.of('frames') == c.OTHERS[0] not in c.METHOD.values()"
+    code = (
+        "from ispom_app.presentation import colours as c; assert c.of('frames') == c.OTHERS[0] not in c.METHOD.values()"
+    )
     found = python(installed, "-c", code)
     assert found.returncode == 0, found.stderr
 

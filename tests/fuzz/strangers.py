@@ -15,6 +15,7 @@ from ispom_app.features.experiments.plan_file import read_plan
 from ispom_app.features.lessons.library import own_lesson
 from ispom_app.features.lessons.page_message import html
 from ispom_app.features.recording.listing import list_recordings
+from ispom_app.features.recording.state import Recordings
 from ispom_app.session.sources.opening import stored_at
 from ispom_app.session.state import State
 from ispom_app.views.rerun.repair import unfinished
@@ -129,7 +130,7 @@ def listed(path: str) -> None:
     list(files_of(folder / "calibrations"))
     recordings = list_recordings(folder)
     unfinished(folder)
-    json.dumps([kept, message_of(State("double", recordings=recordings))], allow_nan=False)
+    json.dumps([kept, message_of(State("double").having(Recordings(listed=recordings)))], allow_nan=False)
 
 
 def opened(path: str) -> None:

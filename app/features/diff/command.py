@@ -164,4 +164,4 @@ def _text(first: list[Divergence], apart: int, methods: tuple[str, ...]) -> Iter
     for divergence in first:
         yield from lines(divergence)
     of = ", ".join(methods)
-    yield f"apart at {apart} exposures: {of}" if first else f"alike: {of}"
+    yield f"apart at {apart} frames: {of}" if first else f"alike: {of}"
