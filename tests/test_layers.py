@@ -32,11 +32,12 @@ APP_LAYERS = (
     {"presentation"},
     {"engine"},
     {"views.rerun"},
-    {"session", "features", "views"},
+    {"session"},
+    {"features", "views"},
     {"cli"},
     {"__main__"},
 )
-"""The same for the app's folders. The session, the features and the page still import each other."""
+"""The same for the app's folders. Features draw with what the views offer, and the views show features."""
 WINDOWS = {"viser", "rerun", "aiohttp", "tyro", "rich", "ispom_app", "app"}
 TOP = {"pyproject.toml", "app", "ispom", "recordings", "tests", "README.md", "LICENSE", "CONTRIBUTING.md"}
 TOP |= {"CHANGELOG.md", ".gitignore", ".ci", "examples", "setup.py", "package.json", "biome.json"}

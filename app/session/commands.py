@@ -100,12 +100,6 @@ class Open(Command, frozen=True):
     """None: as the command line said."""
 
 
-class OpenNamed(PageCommand, frozen=True):
-    """Open the run of this name, if it is one that is known here (sources/known.py). A name, never a path."""
-
-    name: str
-
-
 class Confirm(PageCommand, frozen=True):
     """The answer to the question whether the run may be closed, by its number."""
 

@@ -8,7 +8,6 @@ from . import commands as do
 from . import moves
 from .controller import Controller
 from .registry import handles
-from .sources.known import Known, run_name
 from .state import NoticeAdded, changed
 
 
@@ -60,16 +59,6 @@ def restart(session: Controller, command: do.Restart) -> None:
 @handles(do.Open, closing=lambda session, command: f"Opening {without_secrets(command.source)}")
 def open_source(session: Controller, command: do.Open) -> None:
     if session.open(command.source, command.options):
-        session.play_on()
-
-
-def _named(session: Controller, command: do.OpenNamed) -> str:
-    return Known(session.recordings).source(command.name, session.state)
-
-
-@handles(do.OpenNamed, closing=lambda session, command: f"Opening {run_name(_named(session, command))}")
-def open_named(session: Controller, command: do.OpenNamed) -> None:
-    if session.open(_named(session, command), None):
         session.play_on()
 
 

@@ -1,11 +1,19 @@
-"""Recording a run, and keeping notes with what was recorded."""
+"""Recording a run, opening what was recorded, and keeping notes with it."""
 
 from __future__ import annotations
 
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from ...session.registry import handles
+from ...session.sources.names import run_name
+from .known import Known
 from .service import RecordingService
+
+
+class OpenNamed(PageCommand, frozen=True):
+    """Open the run of this name, if it is one that is known here. A name, never a path."""
+
+    name: str
 
 
 class Record(PageCommand, frozen=True):
@@ -28,6 +36,18 @@ class PutNote(PageCommand, frozen=True):
     name: str
     """As the list has it."""
     note: str
+
+
+def _source(session: Controller, command: OpenNamed) -> str:
+    return Known(session.recordings).source(command.name, session.state)
+
+
+@handles(OpenNamed, closing=lambda session, command: f"Opening {run_name(_source(session, command))}")
+def open_named(session: Controller, command: OpenNamed) -> None:
+    source = _source(session, command)
+    session.service(RecordingService).show()  # another process may have finished it
+    if session.open(source, None):
+        session.play_on()
 
 
 @handles(Record)

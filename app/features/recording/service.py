@@ -7,7 +7,6 @@ from dataclasses import replace
 from ispom.errors import InputError
 
 from ...engine.events import Stepped
-from ...session.commands import Command, OpenNamed
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.service import Service
@@ -49,10 +48,6 @@ class RecordingService(Service):
     @property
     def keeps_run(self) -> bool:
         return 0 in self.recorded
-
-    def check(self, command: Command) -> None:
-        if isinstance(command, OpenNamed):
-            self.show()  # another process may have finished a run
 
     def computed(self, event: Stepped) -> None:
         self._writers.offer(event)

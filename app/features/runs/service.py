@@ -12,9 +12,9 @@ from ispom.errors import InputError
 from ...session import moves
 from ...session.current_run import CurrentRun
 from ...session.service import Service
-from ...session.sources.known import Known
 from ..branches.service import BranchService
 from ..branches.state import Branches
+from ..recording.known import Known
 from ..recording.service import RecordingService
 from ..recording.state import Recordings
 

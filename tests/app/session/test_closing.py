@@ -15,7 +15,7 @@ from ispom_app.features.branches.state import Branches
 from ispom_app.features.lessons.commands import Learn
 from ispom_app.features.lessons.library import Library
 from ispom_app.features.lessons.state import Lessons
-from ispom_app.features.recording.commands import Record
+from ispom_app.features.recording.commands import OpenNamed, Record
 from ispom_app.features.recording.state import Recordings
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
@@ -51,7 +51,7 @@ def session(tmp_path: Path) -> Iterator[Session]:
 
 CLOSING = {
     "open": do.Open("double:15"),
-    "the page's address, or a row of the recordings": do.OpenNamed("double:20"),
+    "the page's address, or a row of the recordings": OpenNamed("double:20"),
     "restart": do.Restart(METHODS, Config()),
     "a lesson": Learn(LESSON),
 }

@@ -18,7 +18,7 @@ from ispom_app.features.bookmarks.state import Bookmarks
 from ispom_app.features.branches.commands import CompareBranch, Fork, ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
-from ispom_app.features.recording.commands import PutNote, Record, StopRecording
+from ispom_app.features.recording.commands import OpenNamed, PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
 from ispom_app.features.recording.state import Kept, Recordings
 from ispom_app.features.tracks.commands import Pick
@@ -30,7 +30,7 @@ from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session
 from ispom_app.session.sources.folders import Folders
-from ispom_app.session.sources.known import run_name
+from ispom_app.session.sources.names import run_name
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.rerun.stored_tape import StoredTape
 from ispom_app.views.viser.screen import Screen
@@ -203,12 +203,12 @@ def test_bookmarks_of_a_run_that_is_over_are_kept_in_its_folder(session: Session
 def test_an_address_opens_known_runs_by_name_and_nothing_else(session: Session, run: Path, tmp_path: Path) -> None:
     for name in ("other", "../stored", str(run), "kitti"):
         count = session.state.notice_count
-        session.post(do.OpenNamed(name))
+        session.post(OpenNamed(name))
         wait_for(lambda count=count: session.state.notice_count > count, "the refusal")
         assert "there is no run called" in session.state.notices[-1].text
     shutil.copytree(run, tmp_path / "below")
     before = session.state.run
-    session.post(do.OpenNamed("below"))
+    session.post(OpenNamed("below"))
     wait_for(lambda: session.state.run > before and session.state.phase == "ready", "the run below the recordings")
     assert session.state.total == 21
 
@@ -221,7 +221,7 @@ def test_the_list_says_what_a_run_was_on_and_opens_it_by_name(session: Session, 
     assert (kept.source, kept.exposures, kept.duration_s) == (again.state.name, 21, 1.3)
     assert kept.size_bytes == sum(path.stat().st_size for path in (tmp_path / "listed").iterdir())
     before = again.state.run
-    again.post(do.OpenNamed(run_name(kept.name)))
+    again.post(OpenNamed(run_name(kept.name)))
     wait_for(lambda: again.state.run > before and again.state.phase == "ready", "the run")
     assert again.state.source == str(tmp_path / "listed")
     again.close(5)
@@ -270,7 +270,7 @@ def test_a_recording_of_the_page_has_its_picture_length_and_bookmarks_beside_it(
     )
     session.post(PutNote("mine.rrd", "x"))
     wait_for(lambda: session.state[Recordings].listed[0].note == "x", "the note")
-    session.post(do.OpenNamed("mine.rrd"))
+    session.post(OpenNamed("mine.rrd"))
     wait_for(lambda: [b.note for b in session.state[Bookmarks].marks] == ["end"], "its bookmarks")
     session.close(5)
 

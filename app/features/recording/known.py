@@ -1,22 +1,15 @@
-"""The runs that a page's address may name: those that were opened before, and those beside the recordings."""
+"""The runs that may be named: those that were opened before, and those beside the recordings."""
 
 from __future__ import annotations
 
-from pathlib import Path, PurePath
+from pathlib import Path
 
 from ispom.errors import InputError
-from ispom.sequences.address import is_address, is_device
 
 from ...engine.run_folder.run_folder import RUN
-from ...features.recording.listing import list_recordings
-from ..state import State
-
-
-def run_name(source: str) -> str:
-    """What an address calls a source: of a path the last part."""
-    if source.startswith("sim:") or is_device(source) or is_address(source):
-        return source
-    return PurePath(source).name or source
+from ...session.sources.names import run_name
+from ...session.state import State
+from .listing import list_recordings
 
 
 class Known:
@@ -28,7 +21,7 @@ class Known:
     def source(self, name: str, state: State) -> str:
         """The source of a name, as the list of recordings has it or `run_name` gives it.
 
-        InputError where nothing is known by it.
+        InputError if nothing is known by it.
         """
         runs = [str(path.parent) for path in sorted(self._recordings.glob(f"*/{RUN}"))]
         listed = [kept.name for kept in list_recordings(self._recordings)]  # another process may have finished a run
