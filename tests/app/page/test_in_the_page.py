@@ -47,7 +47,7 @@ def test_an_error_is_dismissed_covers_nothing_and_does_not_come_back(page: Page)
     page.tab.reload()
     page.until("state.total > 0 && state.notices.length > 0", "the state")
     assert page.tab.locator(".notice").count() == 0
-    page.controls.get_by_role("button", name=re.compile("Play|Pause")).wait_for()
+    page.controls.get_by_role("tab", name="Explain").wait_for()
 
 
 def test_a_long_message_never_pushes_the_exposure_out_of_the_bar(page: Page):
