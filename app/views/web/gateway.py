@@ -217,11 +217,11 @@ class Gateway:
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         run = request.query.get("run", "")
-        item, serial = (request.query.get(name, "0") for name in ("next", "serial"))
-        if not all(number.isascii() and number.isdigit() and len(number) <= 9 for number in (item, serial)):
-            raise web.HTTPBadRequest(text="next and serial are numbers.")
+        serial = request.query.get("serial", "0")
+        if not (serial.isascii() and serial.isdigit() and len(serial) <= 9):
+            raise web.HTTPBadRequest(text="serial is a number.")
         socket = await opened(request, COMMAND_BYTES)
-        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(item), int(serial))
+        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(serial))
         return await self._until_closed(socket, reader.serve(socket))
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:
