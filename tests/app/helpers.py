@@ -13,7 +13,6 @@ from ispom_app.features.bookmarks.state import Bookmarks
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.state import Breakpoints
 from ispom_app.features.external_paths.state import ExternalPaths
-from ispom_app.features.flicker.state import Flickering
 from ispom_app.features.layers.state import Layers
 from ispom_app.features.lessons.state import Lessons
 from ispom_app.features.plots.state import Plots
@@ -62,7 +61,6 @@ def with_values(state: State, **values: Any) -> State:
         "external": (ExternalPaths, "all"),
         "external_errors": (ExternalPaths, "errors"),
         "plots": (Plots, "names"),
-        "flicker": (Flickering, "between"),
         "sweep": (SweepState, "sweep"),
         "lesson": (Lessons, "now"),
         "marked": (Breakpoints, "marked"),

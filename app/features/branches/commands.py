@@ -44,12 +44,6 @@ class DeleteBranch(Command, frozen=True):
     number: int
 
 
-class CompareBranch(PageCommand, frozen=True):
-    """Look for the first differences between the branch that is shown and another one."""
-
-    number: int
-
-
 @handles(Fork)
 def fork(session: Controller, command: Fork) -> None:
     session.service(BranchService).fork(command.methods, command.config, command.name)
@@ -74,8 +68,3 @@ def hide_branch(session: Controller, command: HideBranch) -> None:
 @handles(DeleteBranch)
 def delete_branch(session: Controller, command: DeleteBranch) -> None:
     session.service(BranchService).delete(command.number)
-
-
-@handles(CompareBranch)
-def compare_branch(session: Controller, command: CompareBranch) -> None:
-    session.service(BranchService).compare(command.number)

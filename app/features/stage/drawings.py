@@ -13,11 +13,8 @@ from ...session.state import State
 from ...views.rerun.batch import Entry
 from ...views.rerun.layers import MEASURES
 from ..branches.beside import branches_beside
-from ..branches.service import BranchService
 from ..branches.stage import trajectories
 from ..branches.state import Branches
-from ..flicker.stage import side
-from ..flicker.state import Flickering
 from ..integration.integration import Integration, latest_fit
 from ..integration.stage import entries
 from ..integration.state import IntegrationSteps
@@ -62,8 +59,8 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
             takes_long=True,
         ),
     ]
-    flicker, step = state[Flickering].between, state[IntegrationSteps].shown
-    others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown) if not flicker else ()
+    step = state[IntegrationSteps].shown
+    others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown)
     found += [
         Drawing(
             "branches",
@@ -73,10 +70,6 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
         ),
         Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
     ]
-    for name, of in (("a", flicker.a), ("b", flicker.b)) if flicker is not None else (("a", None), ("b", None)):
-        other = session.service(BranchService).run_of(of.branch) if of is not None else None
-        draw = (lambda n=name, o=of, r=other: side(n, o, r, state.index)) if of and other else tuple
-        found.append(Drawing(f"flicker {name}", (of, other, of and shown), draw, takes_long=True))
     return found
 
 
@@ -88,9 +81,7 @@ def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable
 def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
     """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
     `covers`: a question of a lesson is open."""
-    found, flicker = state[Layers].hidden | ({MEASURES} if covers else set()), state[Flickering].between
+    found = state[Layers].hidden | ({MEASURES} if covers else set())
     if state[IntegrationSteps].shown is not None:
         found |= {"key_frames", "cameras", "error"}
-    if flicker is not None:
-        found |= {*state.methods, "flicker a" if flicker.on_b else "flicker b"}
     return found

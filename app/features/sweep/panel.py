@@ -32,7 +32,7 @@ RUN_HINT = (
     "the page goes on meanwhile."
 )
 VALUES_HINT = f"{FEWEST} to {MOST} of them, with commas between; proposed from the range of the setting."
-SHOW_HINT = "The run of the value above as a branch: in the views, the error curves, Differences and Flicker."
+SHOW_HINT = "The run of the value above as a branch: in the views, the error curves and the mode Compare."
 
 
 class SweepPanel:

@@ -12,7 +12,6 @@ from ispom.geometry import Array
 
 from ...presentation import colours
 from ...views.viser.controls import label_of
-from ..branches.error_curves import AXIS
 from .sweep import Sweep
 from .values import shown
 
@@ -24,6 +23,8 @@ LOG = 3
 """uPlot's logarithmic distribution."""
 APART = 5.0
 """Values that differ by more than this factor are drawn on a logarithmic axis."""
+GREY = "#8a8a8a"
+AXIS: uplot.Axis = {"stroke": GREY, "grid": {"stroke": f"{GREY}40", "width": 1}, "ticks": {"stroke": f"{GREY}40"}}
 
 
 class SweepPlot:

@@ -35,9 +35,7 @@ def opened(browser, app: App) -> Iterator[Staged]:  # noqa: F811
 @pytest.fixture
 def page(opened: Staged) -> Staged:
     opened.send("{do: 'seek', index: 20}")
-    opened.until(
-        "window.ispom.viewer.stage.shown?.index === 20", "the frame that tests start from"
-    )
+    opened.until("window.ispom.viewer.stage.shown?.index === 20", "the frame that tests start from")
     return opened
 
 
@@ -138,9 +136,7 @@ def test_a_hand_that_turns_the_view_is_left_alone_until_the_path_is_framed_again
     assert page.tab.locator("#eyes [aria-pressed=true]").count() == 0
     before = page.tab.evaluate(f"{EYES}.length")
     page.send("{do: 'seek', index: 1}")
-    page.until(
-        "window.ispom.viewer.stage.shown?.index === 1", "a frame whose path is much shorter"
-    )
+    page.until("window.ispom.viewer.stage.shown?.index === 1", "a frame whose path is much shorter")
     assert page.tab.evaluate(f"{EYES}.length") == before
     page.tab.keyboard.press("f")
     page.until(f"{EYES}.length === {before + 1}", "the path to be framed again")

@@ -15,12 +15,13 @@ from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.commands import PutBookmark
 from ispom_app.features.bookmarks.state import Bookmarks
-from ispom_app.features.branches.commands import CompareBranch, Fork, ShowBranch
+from ispom_app.features.branches.commands import Fork, ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.recording.commands import OpenNamed, PutNote, Record, StopRecording
 from ispom_app.features.recording.listing import list_recordings
 from ispom_app.features.recording.state import Kept, Recordings
+from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.features.tracks.commands import Pick
 from ispom_app.features.tracks.state import Inspection
 from ispom_app.features.tracks.tab import LookTab, looked_at
@@ -100,7 +101,7 @@ def test_a_fork_of_it_is_the_run_again(session: Session) -> None:
     session.post(do.Speed(None))
     wait_for(lambda: session.state[Branches].shown == 1 and session.state.ended, "the fork")
     assert not [n.text for n in session.state.notices if "not the stored run" in n.text]
-    session.post(CompareBranch(0))
+    session.post(CompareRuns("live:1", "live:0"))
     wait_for(
         lambda: session.state[Branches].comparison is not None and session.state[Branches].comparison.finished,
         "the comparison",

@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
-from ispom_app.features.branches.commands import CompareBranch, ShowBranch
+from ispom_app.features.branches.commands import ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.recording.state import Recordings
+from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
 from ispom_app.features.sweep.service import SweepService
 from ispom_app.features.sweep.state import SweepState
@@ -82,7 +83,7 @@ def test_a_value_is_shown_as_a_branch_of_the_run(session: Session) -> None:
     wait_for(lambda: session.state[Branches].shown == 1, "the branch")
     shown = session.state[Branches].all[1]
     assert shown.name == "max-tracks 400, sweep-1" and shown.computed == total
-    session.post(CompareBranch(0))
+    session.post(CompareRuns("live:1", "live:0"))
     wait_for(
         lambda: session.state[Branches].comparison and session.state[Branches].comparison.finished, "the comparison"
     )
