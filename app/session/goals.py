@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..engine.conditions.evaluate import values
-from ..engine.conditions.matches import matches
+from ..engine.conditions.evaluate import matches, values
 from ..engine.conditions.parser import Expression
 from ..engine.conditions.until import shown
 

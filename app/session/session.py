@@ -25,8 +25,8 @@ from .current_run import CurrentRun
 from .player import Player
 from .registry import load_features, services
 from .sources.folders import Folders
+from .sources.names import RecentSources
 from .sources.opening import SourceOpener
-from .sources.recent import RecentSources
 from .state import NoticeAdded, State
 from .store import Store
 from .viewers import EventSink, Viewers

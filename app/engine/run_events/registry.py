@@ -1,4 +1,4 @@
-"""The kinds of events, found by listing the folder `kinds`: a new kind is a new file."""
+"""The kinds of events, found by listing the folder `kinds`: new ones are a new file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .event import EventKind, RunEvent
 def event_kinds() -> Mapping[str, EventKind]:
     """All kinds by name, the most severe first."""
     modules = [import_module(f"{kinds.__name__}.{found.name}") for found in iter_modules(kinds.__path__)]
-    found = [module.KIND for module in modules]
+    found = [kind for module in modules for kind in module.KINDS]
     order = list(Severity)
     found.sort(key=lambda kind: (-order.index(kind.severity), kind.name))
     by_name = {kind.name: kind for kind in found}

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ispom.errors import InputError
 
-from ...engine.conditions.matches import first_match
+from ...engine.conditions.evaluate import first_match
 from ...engine.conditions.parser import Expression, parse
 from ...session.commands import Command
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.goals import Holds, measured
 from ...session.registry import handles
-from ...session.state import Displayed, NoticeAdded, changed
-from .state import Breakpoints
+from ...session.state import Displayed, FeatureState, NoticeAdded, changed
+
+
+@dataclass(frozen=True)
+class Breakpoints(FeatureState):
+    marked: Expression | None = None
+    """The time axis marks where it holds."""
 
 
 class RunUntil(Command, frozen=True):

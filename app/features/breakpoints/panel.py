@@ -9,7 +9,7 @@ import viser
 
 from ispom.errors import InputError
 
-from ...engine.conditions.matches import matches
+from ...engine.conditions.evaluate import matches
 from ...engine.conditions.parser import Expression, parse
 from ...engine.conditions.until import shown
 from ...engine.history.quantity import Quantity

@@ -18,11 +18,11 @@ from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
 from ...views.viser.panels import Panel
-from ..bookmarks.state import Bookmarks
+from ..bookmarks.service import Bookmarks
 from ..branches.branches import changes
 from ..events.commands import StepToEvent
 from ..lessons.state import Lessons
-from ..plots.state import Plots
+from ..plots.commands import Plots
 from .card import Card, cards
 
 if TYPE_CHECKING:

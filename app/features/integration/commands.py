@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from ...session.commands import Command
 from ...session.controller import Controller
 from ...session.registry import handles
+from ...session.state import FeatureState, State
 from . import integration
-from .state import IntegrationSteps
+from .integration import Integration
+
+
+@dataclass(frozen=True)
+class IntegrationSteps(FeatureState):
+    shown: Integration | None = None
+
+    def page(self, state: State) -> dict[str, Any]:
+        return {"integration": None if self.shown is None else [self.shown.method, self.shown.stage]}
 
 
 class ShowIntegration(Command, frozen=True):

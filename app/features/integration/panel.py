@@ -14,10 +14,9 @@ from ...session.current_run import CurrentRun
 from ...session.state import State
 from ...views.viser.markup import renderer
 from ...views.viser.panels import Panel
-from .commands import ShowIntegration, StepIntegration
+from .commands import IntegrationSteps, ShowIntegration, StepIntegration
 from .integration import Integration, latest_fit
 from .numbers import table
-from .state import IntegrationSteps
 
 if TYPE_CHECKING:
     from ...session.session import Session

@@ -17,9 +17,8 @@ from ..branches.service import BranchService
 from ..branches.state import Branches
 from ..layers.commands import ColourBy
 from ..layers.state import Layers
-from ..plots.state import Plots
-from ..tracks.commands import LookAt, Pick, Select
-from ..tracks.state import Inspection
+from ..plots.commands import Plots
+from ..tracks.commands import Inspection, LookAt, Pick, Select
 from .lesson import OWN, Asked, Lesson, Point
 from .library import Library
 from .ran import Ran

@@ -22,8 +22,7 @@ from ...session.current_run import CurrentRun
 from ...session.state import State
 from ..branches.state import Branches
 from ..external_paths.state import ExternalPaths
-from .plotting import ERROR
-from .state import Plots
+from .commands import ERROR, Plots
 
 SLICE = 4000
 """Most values of one curve in one message."""

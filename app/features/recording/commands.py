@@ -6,7 +6,7 @@ from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from ...session.registry import handles
 from ...session.sources.names import run_name
-from .known import Known
+from .listing import Known
 from .service import RecordingService
 
 

@@ -12,7 +12,7 @@ from ...session.current_run import CurrentRun
 from ...session.service import Service
 from ...session.state import NoticeAdded
 from ..bookmarks.notes import notes_of, put
-from ..bookmarks.state import Bookmarks
+from ..bookmarks.service import Bookmarks
 from ..branches.state import Branches
 from .listing import list_recordings
 from .repairs import Repairs

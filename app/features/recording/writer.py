@@ -13,7 +13,7 @@ from ...engine.history.feed import Feed
 from ...engine.history.history import History
 from ...views.rerun.file_recording import FileRecording
 from ...views.rerun.streams import release_streams
-from .companions import write_companions
+from .listing import write_companions
 from .state import Recording
 
 log = logging.getLogger(__name__)

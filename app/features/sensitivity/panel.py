@@ -17,7 +17,7 @@ from ...views.viser.markup import renderer
 from ...views.viser.panels import Panel
 from .commands import Predict, RunPerturbed
 from .rerun import CLOSE, Compared
-from .state import CalibrationEffect
+from .service import CalibrationEffect
 from .words import cell, said, unit_of
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from ...engine.inspection.selection import Selection
 from ...session.commands import PageCommand, Seek
 from ...session.controller import Controller
 from ...session.registry import handler_of, handles
-from ..tracks.state import Inspection
+from ..tracks.commands import Inspection
 from .picking import meaning
 
 

@@ -12,17 +12,16 @@ from ...session.session import Session
 from ...session.state import State
 from ...views.rerun.batch import Entry
 from ...views.rerun.layers import MEASURES
-from ..branches.beside import branches_beside
-from ..branches.stage import trajectories
+from ..branches.stage import branches_beside, trajectories
 from ..branches.state import Branches
+from ..integration.commands import IntegrationSteps
 from ..integration.integration import Integration, latest_fit
 from ..integration.stage import entries
-from ..integration.state import IntegrationSteps
 from ..layers.state import Layers
 from ..lessons.state import covered
+from ..tracks.commands import Inspection
+from ..tracks.panel import looked_at
 from ..tracks.stage import in_images, in_world
-from ..tracks.state import Inspection
-from ..tracks.tab import looked_at
 
 
 @dataclass(frozen=True)

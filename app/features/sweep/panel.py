@@ -16,8 +16,7 @@ from ...views.viser.markup import renderer
 from ...views.viser.panels import Panel
 from .commands import CancelSweep, RunSweep, ShowSwept
 from .plot import SweepPlot
-from .state import SweepState
-from .sweep import Outcome, Sweep
+from .sweep import Outcome, Sweep, SweepState
 from .values import FEWEST, MOST, offered, proposed, shown
 
 if TYPE_CHECKING:

@@ -20,8 +20,7 @@ from ..branches.state import Branches
 from ..recording.service import RecordingService
 from .plan import plan_text
 from .process import SweepProcess
-from .state import SweepState
-from .sweep import Sweep, workers
+from .sweep import Sweep, SweepState, workers
 from .values import parsed, shown
 
 CANCELLED = "cancelled"

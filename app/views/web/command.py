@@ -21,8 +21,8 @@ from ...features.lessons.lesson import Lesson
 from ...features.lessons.library import Library, own_lesson
 from ...session.session import Session
 from ...session.sources.folders import Folders
+from ...session.sources.names import RecentSources
 from ...session.sources.opening import stored_at
-from ...session.sources.recent import RecentSources
 from ..rerun.live import LiveStream
 from .options import App, Learn, Serve
 from .server import Serving, serve

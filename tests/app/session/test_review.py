@@ -14,7 +14,7 @@ import pytest
 from ispom_app.cli.main import main
 from ispom_app.engine.options import SourceOptions
 from ispom_app.features.bookmarks.commands import PutBookmark
-from ispom_app.features.bookmarks.state import Bookmarks
+from ispom_app.features.bookmarks.service import Bookmarks
 from ispom_app.features.branches.commands import Fork, ShowBranch
 from ispom_app.features.branches.state import Branches
 from ispom_app.features.breakpoints.commands import FindMatch
@@ -22,9 +22,8 @@ from ispom_app.features.recording.commands import OpenNamed, PutNote, Record, St
 from ispom_app.features.recording.listing import list_recordings
 from ispom_app.features.recording.state import Kept, Recordings
 from ispom_app.features.runs.commands import CompareRuns
-from ispom_app.features.tracks.commands import Pick
-from ispom_app.features.tracks.state import Inspection
-from ispom_app.features.tracks.tab import LookTab, looked_at
+from ispom_app.features.tracks.commands import Inspection, Pick
+from ispom_app.features.tracks.panel import LookTab, looked_at
 from ispom_app.features.tracks.track_picture import track_picture
 from ispom_app.session import commands as do
 from ispom_app.session.review.folder import read_stored

@@ -158,7 +158,7 @@ def detect(moment):
     return "Even: a number that two divides." if moment.frame % 2 == 0 else False
 
 
-KIND = EventKind("even", "Even", Severity.OK, "At every second frame.", detect)
+KINDS = (EventKind("even", "Even", Severity.OK, "At every second frame.", detect),)
 """
 
 

@@ -15,8 +15,7 @@ from ispom_app.features.recording.state import Recordings
 from ispom_app.features.runs.commands import CompareRuns
 from ispom_app.features.sweep.commands import CancelSweep, RunSweep, ShowSwept
 from ispom_app.features.sweep.service import SweepService
-from ispom_app.features.sweep.state import SweepState
-from ispom_app.features.sweep.sweep import Sweep
+from ispom_app.features.sweep.sweep import Sweep, SweepState
 from ispom_app.features.sweep.values import parsed
 from ispom_app.session import commands as do
 from ispom_app.session.session import Session
