@@ -18,7 +18,7 @@ from .current_run import CurrentRun
 from .player import Player
 from .registry import closing_of, handler_of
 from .service import Service
-from .sources.names import RecentSources
+from .sources.folders import RecentSources
 from .sources.opening import SourceOpener
 from .state import NoticeAdded, Opening, OpeningFailed, Question, Restored, Resumed, State, changed
 from .store import Store

@@ -24,8 +24,7 @@ from .controller import Controller, S, T
 from .current_run import CurrentRun
 from .player import Player
 from .registry import load_features, services
-from .sources.folders import Folders
-from .sources.names import RecentSources
+from .sources.folders import Folders, RecentSources
 from .sources.opening import SourceOpener
 from .state import NoticeAdded, State
 from .store import Store

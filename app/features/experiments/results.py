@@ -6,11 +6,11 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pyarrow
 import pyarrow.parquet
 
@@ -59,12 +59,13 @@ def write_summary(
 ) -> None:
     """summary.json: the plan, medians and spreads, comparisons, and what became of the statements."""
     found = {
-        "plan": asdict(plan),
-        "spreads": [asdict(item) for item in spreads],
-        "paired": [asdict(item) for item in paired],
-        "statements": [{**asdict(item), "holds": item.holds} for item in outcomes],
+        "plan": plan,
+        "spreads": spreads,
+        "paired": paired,
+        "statements": [{**vars(item), "holds": item.holds} for item in outcomes],
     }
-    write_whole(out / SUMMARY, json.dumps(found, indent=1, allow_nan=False) + "\n")
+    text = json.dumps(msgspec.to_builtins(found), indent=1, allow_nan=False)
+    write_whole(out / SUMMARY, text + "\n")
 
 
 def by_plan(plan: Plan, rows: Sequence[Row]) -> list[Row]:

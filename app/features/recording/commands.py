@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from ...session.registry import handles
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from .listing import Known
 from .service import RecordingService
 

@@ -19,7 +19,7 @@ from ...engine.events import Bookmark, Opened
 from ...engine.run_folder.run_file import RunFile, read_run_file
 from ...engine.run_folder.run_folder import MARKER, RECORDING, RUN, THUMBNAIL
 from ...engine.run_folder.thumbnail import thumbnail
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from ...session.state import State
 from ..bookmarks.notes import notes_of, put, tidy
 from .state import Kept

@@ -15,8 +15,8 @@ from ...views.rerun.layers import MEASURES
 from ..branches.stage import branches_beside, trajectories
 from ..branches.state import Branches
 from ..integration.commands import IntegrationSteps
+from ..integration.drawing import entries
 from ..integration.integration import Integration, latest_fit
-from ..integration.stage import entries
 from ..layers.state import Layers
 from ..lessons.state import covered
 from ..tracks.commands import Inspection

@@ -20,8 +20,7 @@ from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson
 from ...features.lessons.library import Library, own_lesson
 from ...session.session import Session
-from ...session.sources.folders import Folders
-from ...session.sources.names import RecentSources
+from ...session.sources.folders import Folders, RecentSources
 from ...session.sources.opening import stored_at
 from ..rerun.live import LiveStream
 from .options import App, Learn, Serve

@@ -23,7 +23,7 @@ from ...features.lessons.state import Lessons
 from ...features.runs.routes import RunsRoutes
 from ...session.people import People, Person
 from ...session.session import Session
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from ..rerun.live import LiveStream
 from ..viser.portless import CLIENT, PortlessViser
 from . import numbers

@@ -19,7 +19,7 @@ from ...presentation.texts import ALIGNED, PROVISIONAL, length
 from ...session.actions import actions
 from ...session.commands import Command, Message
 from ...session.registry import load_features
-from ...session.sources.names import run_name
+from ...session.sources.folders import run_name
 from ...session.state import State
 from ..rerun.blueprint import hidden_paths
 

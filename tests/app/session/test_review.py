@@ -29,8 +29,7 @@ from ispom_app.session import commands as do
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recorded_tracks import RecordedViews
 from ispom_app.session.session import Session
-from ispom_app.session.sources.folders import Folders
-from ispom_app.session.sources.names import run_name
+from ispom_app.session.sources.folders import Folders, run_name
 from ispom_app.views.rerun.live import LiveStream
 from ispom_app.views.rerun.stored_tape import StoredTape
 from ispom_app.views.viser.screen import Screen

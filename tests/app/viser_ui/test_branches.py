@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import viser
-from ispom_app.engine.model.tally import Tally
+from ispom_app.engine.model.run_model import Tally
 from ispom_app.engine.playback import Playback
 from ispom_app.features.branches.accuracy import measured
 from ispom_app.features.branches.branches import Beside, Branch

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from ispom_app.engine.options import SourceOptions
 from ispom_app.session import commands as do
-from ispom_app.session.sources.folders import Folders
-from ispom_app.session.sources.names import MOST, RecentSources
+from ispom_app.session.sources.folders import MOST, Folders, RecentSources
 from ispom_app.session.sources.opening import SourceOpener
 
 from ispom.ensemble import build
