@@ -128,6 +128,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
         "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
+        "depth": [f"world/{m}/depth" for m in methods],
         "flicker a": ["world/flicker/a"],
         "flicker b": ["world/flicker/b"],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
