@@ -170,7 +170,7 @@ def thumbnail(image: Image) -> rr.EncodedImage:
 
 
 def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
-    """Of a `thumbnail`, drawn at a depth; without an outline, for that also stands where there is no pose."""
+    """Of a `thumbnail`, drawn at a depth; without an outline, for the camera has one."""
     scale = min(1.0, THUMBNAIL_PX / camera.width)
     width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
     return rr.Pinhole(
@@ -178,7 +178,7 @@ def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
         focal_length=[camera.fx * scale, camera.fy * scale],
         principal_point=[(camera.cx + 0.5) * scale, (camera.cy + 0.5) * scale],
         image_plane_distance=depth,
-        color=(0, 0, 0, 0),
+        line_width=0.0,
     )
 
 

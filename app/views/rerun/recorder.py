@@ -13,7 +13,7 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
     /world/METHOD/depth                      points of the latest stereo pair, while that layer is drawn
     /world/METHOD/error                      line from its position to the true one
-    /world/METHOD/view, .../view/CAMERA      of one method: pose and pinhole of its latest frame of CAMERA; its image
+    /world/view/METHOD[/CAMERA]              of one method: pose and pinhole of its latest frame of CAMERA; its image
     /video, /left, /right                    image, tracks; without right: moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
@@ -117,7 +117,7 @@ class Recorder:
         name, image = _image(event.exposure)
         if image.size:
             yield Entry(f"{name}/image", entities.jpeg(image))
-            yield from self._world.picture(name, image, event.exposure.time_ns)
+            yield from self._world.picture(name, image, event.steps)
         if isinstance(event.exposure, StereoPair) and event.exposure.right.size:
             yield Entry("right/image", entities.jpeg(event.exposure.right))
 
