@@ -16,6 +16,7 @@ from ..branches.beside import branches_beside
 from ..branches.service import BranchService
 from ..branches.stage import trajectories
 from ..branches.state import Branches
+from ..external_paths.stage import paths_of_others, shows_recording
 from ..flicker.stage import side
 from ..flicker.state import Flickering
 from ..integration.integration import Integration, latest_fit
@@ -64,7 +65,7 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
         ),
     ]
     flicker, step = state[Flickering].between, state[IntegrationSteps].shown
-    pair = pair_shown(state, run)
+    pair, is_over = pair_shown(state, run), shows_recording(run)
     others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown) if not flicker else ()
     found += [
         Drawing(
@@ -79,6 +80,7 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
             lambda: depth_of(pair, state, run) if pair is not None else (),
             takes_long=True,
         ),
+        Drawing("external paths", (is_over and shown,), lambda: paths_of_others(run, state.index) if is_over else ()),
         Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
     ]
     for name, of in (("a", flicker.a), ("b", flicker.b)) if flicker is not None else (("a", None), ("b", None)):

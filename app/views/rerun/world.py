@@ -91,7 +91,9 @@ class World:
                 self._map_drawn[step.method] = event.index
                 yield from self._map(step.method, resized)
         outlines = self._outlines("rig", true_size(self._truth) or 1.0, main_camera=True)
-        yield from self._beside.stepped(event, self.model, self.placements, outlines)
+        time_ns = event.exposure.time_ns
+        yield from self._beside.at(event.index, time_ns, self.model, self.placements, outlines)
+        yield from self._beside.errors(event.index)
         if not self._true_path.fixed:
             yield from self._place_truth(event.exposure.time_ns)
         for step in event.steps:
@@ -263,15 +265,8 @@ class World:
     def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
         """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
         if (key := (frame, size, main_camera)) not in self._frustum_lines:
-            self._frustum_lines[key] = self._frustum_lines_of(*key)
+            self._frustum_lines[key] = entities.outlines(self._opened.sequence.rig, *key)
         return self._frustum_lines[key]
-
-    def _frustum_lines_of(self, frame: Frame, size: float, main_camera: bool) -> Array:
-        rig = self._opened.sequence.rig
-        main: Frame = "video" if rig.video is not None else "left"
-        names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
-        frame_from_rig = rig.rig_from(frame).inverse()
-        return np.stack([entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 
     def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
         return entities.lines(self._outlines(frame, size, main_camera), colour, 1.0)
