@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
@@ -22,14 +23,14 @@ log = logging.getLogger(__name__)
 class RecordingWriter:
     """Writes a run into a file from its first frame on, whatever becomes of the session meanwhile."""
 
-    def __init__(self, path: Path, opened: Opened, history: History) -> None:
+    def __init__(self, path: Path, opened: Opened, history: History, has_depth: Callable[[], bool]) -> None:
         """`history` is that of the run which `opened` began. OSError or InputError where the file cannot be made."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
         self.failure: str | None = None
         """Why the recording is not whole, one sentence; None while all is well."""
         self._opened = opened
-        self._file = FileRecording(path, opened)
+        self._file = FileRecording(path, opened, has_depth)
         self._feed = Feed(opened, history, rereads=True)
         self._bookmarks: tuple[Bookmark, ...] = ()
         self._thread = Thread(target=self._run, name="recording", daemon=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from ispom.errors import InputError
@@ -16,8 +17,9 @@ from .writer import RecordingWriter
 class Writers:
     """Each writer holds its own run: another run may begin while its file is being closed."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, has_depth: Callable[[], bool]) -> None:
+        """`has_depth`: whether the depth of stereo pairs is recorded now."""
+        self.folder, self._has_depth = folder, has_depth
         self._open: RecordingWriter | None = None
         self._closing: list[RecordingWriter] = []
 
@@ -32,7 +34,7 @@ class Writers:
             raise InputError(f"{self._open.path.name} is being recorded: stop it before the next one")
         try:
             path = recording_path(self.folder, name, run.opened.sequence.name)
-            self._open = RecordingWriter(path, run.opened, run.history)
+            self._open = RecordingWriter(path, run.opened, run.history, self._has_depth)
         except OSError as fault:
             raise InputError(
                 f"{self.folder} cannot be written ({fault.strerror}): free it or choose another"

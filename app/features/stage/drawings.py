@@ -16,11 +16,13 @@ from ..branches.beside import branches_beside
 from ..branches.service import BranchService
 from ..branches.stage import trajectories
 from ..branches.state import Branches
+from ..external_paths.stage import paths_of_others, shows_recording
 from ..flicker.stage import side
 from ..flicker.state import Flickering
 from ..integration.integration import Integration, latest_fit
 from ..integration.stage import entries
 from ..integration.state import IntegrationSteps
+from ..layers.stage import depth_of, pair_shown
 from ..layers.state import Layers
 from ..lessons.state import covered
 from ..tracks.stage import in_images, in_world
@@ -63,6 +65,7 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
         ),
     ]
     flicker, step = state[Flickering].between, state[IntegrationSteps].shown
+    pair, is_over = pair_shown(state, run), shows_recording(run)
     others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown) if not flicker else ()
     found += [
         Drawing(
@@ -71,6 +74,13 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
             lambda: trajectories(branches_beside(session, state) if others else {}, hidden),
             takes_long=True,
         ),
+        Drawing(
+            "depth",
+            (run, pair, pair is not None and hidden),
+            lambda: depth_of(pair, state, run) if pair is not None else (),
+            takes_long=True,
+        ),
+        Drawing("external paths", (is_over and shown,), lambda: paths_of_others(run, state.index) if is_over else ()),
         Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
     ]
     for name, of in (("a", flicker.a), ("b", flicker.b)) if flicker is not None else (("a", None), ("b", None)):
@@ -88,7 +98,7 @@ def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable
 def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
     """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
     `covers`: a question of a lesson is open."""
-    found, flicker = state[Layers].hidden | ({MEASURES} if covers else set()), state[Flickering].between
+    found, flicker = state[Layers].undrawn | ({MEASURES} if covers else set()), state[Flickering].between
     if state[IntegrationSteps].shown is not None:
         found |= {"key_frames", "cameras", "error"}
     if flicker is not None:

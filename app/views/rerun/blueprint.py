@@ -123,11 +123,12 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     layers = {
         "truth": ["world/truth"],
         "beside": ["world/beside"],
-        "cameras": [*(f"world/{m}/{part}" for m in methods for part in ("camera", "view")), "world/truth/rig"],
+        "cameras": [*(f"world/{m}/camera" for m in methods), "world/view", "world/truth/rig"],
         "error": [f"world/{m}/error" for m in methods],
         "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
+        "depth": [f"world/{m}/depth" for m in methods],
         "flicker a": ["world/flicker/a"],
         "flicker b": ["world/flicker/b"],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
@@ -137,7 +138,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
     texts = ["decisions", "log"] if MEASURES in hidden else []
     return (
-        {"/world": world + [f"world/{m}" for m in gone]}
+        {"/world": world + [f"world/{part}{m}" for m in gone for part in ("", "view/")]}
         | {f"/{name}": paths for name, paths in images.items()}
         | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in unplotted] for kind in PLOTS}
         | {f"/{text}": [text] for text in texts}

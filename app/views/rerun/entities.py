@@ -16,7 +16,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, Image, Step, Tracks, TrackStatus
+from ispom.types import Camera, Frame, Image, Rig, Step, Tracks, TrackStatus
 
 from ...presentation import colours
 from ...presentation.decisions import answers, mark, measured, named
@@ -170,7 +170,7 @@ def thumbnail(image: Image) -> rr.EncodedImage:
 
 
 def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
-    """Of a `thumbnail`, drawn at a depth; without an outline, for that also stands where there is no pose."""
+    """Of a `thumbnail`, drawn at a depth; without an outline, for the camera has one."""
     scale = min(1.0, THUMBNAIL_PX / camera.width)
     width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
     return rr.Pinhole(
@@ -178,7 +178,7 @@ def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
         focal_length=[camera.fx * scale, camera.fy * scale],
         principal_point=[(camera.cx + 0.5) * scale, (camera.cy + 0.5) * scale],
         image_plane_distance=depth,
-        color=(0, 0, 0, 0),
+        line_width=0.0,
     )
 
 
@@ -259,6 +259,14 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
     centre = np.zeros(3)
     strip = [top_right, top_left, centre, top_right, bottom_right, centre, bottom_left, bottom_right, bottom_left]
     return frame_from_camera.apply(np.stack([*strip, top_left]))
+
+
+def outlines(rig: Rig, frame: Frame, size: float, main_camera: bool) -> Array:
+    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
+    main: Frame = "video" if rig.video is not None else "left"
+    names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+    frame_from_rig = rig.rig_from(frame).inverse()
+    return np.stack([frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 
 
 def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:

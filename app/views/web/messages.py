@@ -88,6 +88,7 @@ def message_of(state: State) -> dict[str, Any]:
             "run": run_name(state.source),
             "branch": state[Branches].shown,
             "hidden": sorted(layers.hidden),
+            "layers": sorted(layers.chosen),
             "plots": "" if plots == DEFAULT_PLOTS else ",".join(plots) or NO_PLOTS,
         },
         "notes": state.notes,
