@@ -209,7 +209,7 @@ def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, t
 def same_size(paths: list[Path]) -> tuple[list[str], str]:
     """The names of a folder's images that have the size that most of them have, and a note about the others.
 
-    The sizes are those of the files, before EXIF's orientation. Of a large folder some images are looked at first: where
+    The sizes are those of the files, before EXIF's orientation. Of a large folder some images are read first: where
     they are all of one size, so is the folder.
     """
     every = max(1, len(paths) // PHOTOS)
