@@ -169,7 +169,7 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     grid = rrb.LineGrid3D(
         visible=True, spacing=spacing, plane=_ground(path, least_size(opened)), stroke_width=0.5, color=GRID_COLOUR
     )
-    name = f"3-D [{unit}], grid {spacing:g} {'m' if unit == 'm' else 'units'}"
+    name = f"3-D [{unit}], grid {spacing:g}{' m' if unit == 'm' else ''}"
     view = rrb.Spatial3DView(origin="/world", name=name, overrides=_hide(hidden), eye_controls=controls, line_grid=grid)
     return _lasting(view)
 

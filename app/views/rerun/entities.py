@@ -270,13 +270,14 @@ def outlines(rig: Rig, frame: Frame, size: float, main_camera: bool) -> Array:
 
 
 def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
-    """In the world of the pose, as a few lines."""
+    """In the world of the pose, as a few lines: a filled one that is larger than the scene would tint all of it."""
     return rr.Ellipsoids3D(
         half_sizes=[found.half_sizes],
         centers=[found.centre],
         quaternions=[found.pose.xyzw],
         colors=colours.packed(colour),
         line_radii=[-0.75],
+        fill_mode="majorwireframe",
     )
 
 
