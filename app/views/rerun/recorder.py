@@ -136,7 +136,7 @@ class Recorder:
         camera = self.opened.sequence.rig.camera(seen.camera)
         yield Entry(f"{seen.camera}/tracks", entities.points(shown, camera))
         moved = seen.moved
-        yield Entry(f"{seen.camera}/legend", entities.legend(seen.tracks, moved, camera))
+        yield from entities.legend(f"{seen.camera}/legend", seen.tracks, moved, camera)
         if moved is not None:
             self._moving.add(seen.camera)
         if seen.camera in self._moving:
