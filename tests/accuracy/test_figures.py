@@ -24,9 +24,9 @@ DATA = Path("../shared/data")
 BAND = 0.3
 """Estimators are deterministic on one machine. On another processor rounding differs, and with it a choice of a
 keyframe or a sample here and there; a change of the code does the same without being better or worse."""
-FLOOR_PERCENT, FLOOR = 0.01, 1e-4
-"""Errors may grow by as much in any case, in percent of the path and in its unit (0.1 mm): a hundredth of what is
-called exact in these recordings (1 %), and what the position of a camera at rest varies by."""
+FLOOR_PERCENT, FLOOR = 0.005, 1e-4
+"""Errors may grow by as much in any case, in percent of the path and in its unit (0.1 mm). The percentage is the
+standard deviation of stereo's error on sim:tiny over seeds 0 to 3 (0.004 to 0.015 %), from the noise alone."""
 FLOOR_LOCATED = 0.02
 """Share of the frames."""
 DEFAULT_CPU_S = 60.0
@@ -160,7 +160,7 @@ def test_small_errors_have_a_floor() -> None:
     still = replace(EXACT, path=0.003, ate=0.0001)
     assert faults(still, replace(still, ate=0.00019)) == [] != faults(still, replace(still, ate=0.00021))
     exact = replace(EXACT, path=100.0, ate=0.001)
-    assert faults(exact, replace(exact, ate=0.0109)) == [] != faults(exact, replace(exact, ate=0.0111))
+    assert faults(exact, replace(exact, ate=0.0059)) == [] != faults(exact, replace(exact, ate=0.0061))
 
 
 def test_separate_segments_are_compared_one_by_one() -> None:
