@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+import scipy.linalg  # noqa: F401  # the compiled kernels use its BLAS: it is loaded before it is limited
 from threadpoolctl import ThreadpoolController
-
-from ispom import lean_scipy  # noqa: F401  # whose BLAS the compiled kernels use, so that it is loaded before it is limited
 
 
 def one_thread() -> None:

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from ispom.lean_scipy import Rotation, Slerp
+from scipy.spatial.transform import Rotation, Slerp
 
 Array = NDArray[np.floating[Any]]
 

@@ -1,12 +1,11 @@
 """Compiles what numba must, by a short flight through a made-up cloud of balls: all methods, no files.
 
-Compiling takes some 20 s once; with the machine code kept (`ispom.kernels`), this takes seconds.
+Compiling takes 25 to 50 s of one core once; with the machine code kept (`ispom.compiled_code`), this takes seconds.
 `python -m ispom.warm_up` does it in a process of its own, which ends with the one that started it.
 """
 
 from __future__ import annotations
 
-import gc
 import os
 
 import cv2
@@ -14,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.child import end_with_parent
+from ispom.compiled_code import mark_complete
 from ispom.ensemble import build
 from ispom.estimators.paper.monocular.estimator import MonocularConfig
 from ispom.geometry import Array, Pose
-from ispom.kept_code import remove_unused
-from ispom.kernels import is_kept, kernels, may_keep
 from ispom.methods import Config, default_methods
 from ispom.types import Camera, Exposure, Frame, Image, Rig, StereoPair, VideoFrame
 
@@ -37,12 +35,7 @@ def warm_up() -> None:
     for exposure in exposures:
         state, _ = ensemble.step(state, exposure)
     ensemble.finish(state)
-    remove_unused()
-
-
-def compiled_before() -> bool:
-    """Whether machine code of every kernel's present source is kept, or none can be: then each process compiles."""
-    return not may_keep() or all(is_kept(kernel) for kernel in kernels())
+    mark_complete()
 
 
 def flight(rig: Rig) -> list[Exposure]:
@@ -90,7 +83,4 @@ if __name__ == "__main__":
     end_with_parent()
     if hasattr(os, "nice"):
         os.nice(10)  # whoever waits for the page comes first
-    # Compiling makes millions of values that last: looking for garbage among them again takes a tenth of the time.
-    gc.freeze()
-    gc.set_threshold(30_000, 1_000)
     warm_up()

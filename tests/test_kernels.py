@@ -1,133 +1,106 @@
-"""Machine code is kept, found again only for what it was made from, and never the end of a start."""
+"""Machine code is kept from one start to the next, in a folder per version of the sources."""
 
 from __future__ import annotations
 
 import ast
-import importlib
+import json
 import logging
+import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-from ispom import kept_code, kernels
+from ispom import compiled_code
 
 ROOT = Path(__file__).parents[1]
-CALLED = "from ispom.kernels import kernel\n@kernel()\ndef twice(x):\n    return 2 * x\n"
-CALLING = (
-    "from ispom.kernels import kernel\nfrom {called} import twice\nADDED = 1\n"
-    "@kernel()\ndef more(x):\n    return twice(x) + ADDED\n"
-)
-Make = Callable[..., ModuleType]
+USE_ONE = """
+from ispom import compiled_code
+from ispom.kernels import kernels
+import numpy as np
+from ispom.numerics.cholesky import factor
+factor(2 * np.eye(3))
+print(sum(sum(k.stats.cache_misses.values()) for k in kernels()), compiled_code.kept())
+"""
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(kept_code, "folder", lambda: tmp_path)
-    monkeypatch.setattr(kernels, "_caches", {})
-    return tmp_path
+    place = tmp_path / "version"
+    place.mkdir()
+    monkeypatch.setattr(compiled_code, "folder", lambda: place)
+    return place
 
 
-@pytest.fixture
-def make(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Make:
-    """Imports a module of these sources anew, under the name that it had before."""
-
-    def made(calling: str = CALLING, called: str = CALLED) -> ModuleType:
-        place = tmp_path_factory.mktemp("sources")
-        (place / "made_called.py").write_text(called)
-        (place / "made_calling.py").write_text(calling.format(called="made_called"))
-        monkeypatch.syspath_prepend(place)
-        for name in ("made_called", "made_calling"):
-            monkeypatch.delitem(sys.modules, name, raising=False)
-        kernels._caches.clear()
-        return importlib.import_module("made_calling")
-
-    return made
+def compiled_files(folder: Path) -> Path:
+    code = folder / "solvers" / "one.nbc"
+    code.parent.mkdir()
+    code.write_bytes(b"machine code" * 100)
+    (code.parent / "one.nbi").write_bytes(b"index")
+    compiled_code.mark_complete()
+    return code
 
 
-def compiled_anew(module: ModuleType) -> bool:
-    """Calls the kernel; whether that compiled it."""
-    assert module.more(3) > 0
-    return bool(module.more.stats.cache_misses)
+def start(home: Path) -> list[int]:
+    """Uses one kernel in a process of its own: how many were compiled, and how many are kept."""
+    environment = {"PATH": "", "HOME": str(home), "XDG_CACHE_HOME": str(home), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", USE_ONE]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    return [int(word) for word in done.stdout.split()]
 
 
-def test_code_is_kept_from_one_start_to_the_next_wherever_the_sources_are(folder: Path, make: Make) -> None:
-    assert compiled_anew(make())
-    assert all(kernels.is_kept(kernel) for kernel in kernels.kernels())
-    assert not compiled_anew(make())
+def test_a_second_start_compiles_nothing(tmp_path: Path) -> None:
+    compiled, kept = start(tmp_path)
+    assert compiled >= 1 and kept == compiled
+    assert start(tmp_path) == [0, kept]
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [{"called": CALLED.replace("2 *", "5 *")}, {"calling": CALLING.replace("ADDED = 1", "ADDED = 2")}],
-    ids=["a function that it calls", "a number that it uses"],
-)
-def test_what_it_was_made_from_has_changed(folder: Path, make: Make, changed: dict[str, str]) -> None:
-    assert make().more(3) == 7
-    assert make(**changed).more(3) == (16 if "called" in changed else 8)
+def test_code_is_complete_once_it_is_marked_so(folder: Path) -> None:
+    assert not compiled_code.is_complete()
+    compiled_files(folder)
+    assert compiled_code.is_complete() and compiled_code.kept() == 1
 
 
-@pytest.mark.parametrize("damage", ["empty", "cut", "one bit", "not code"])
-def test_a_damaged_file_is_deleted_and_said_to_be(
-    folder: Path, make: Make, damage: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    assert compiled_anew(make())
-    (file,) = folder.glob("made_calling.more-*.kernel")
+@pytest.mark.parametrize("damage", ["empty", "cut", "one bit", "gone", "mark"])
+def test_a_damaged_folder_is_deleted(folder: Path, damage: str, caplog: pytest.LogCaptureFixture) -> None:
+    file = compiled_files(folder)
     whole = file.read_bytes()
-    flipped = bytes([whole[500] ^ 4])
-    file.write_bytes(
-        {
-            "empty": b"",
-            "cut": whole[:-100],
-            "one bit": whole[:500] + flipped + whole[501:],
-            "not code": kept_code.digest(b"\x80none") + b"\x80none",
-        }[damage]
-    )
+    if damage == "gone":
+        file.unlink()
+    elif damage == "mark":
+        (folder / compiled_code.MARK).write_text(json.dumps(["other"]))
+    else:
+        changed = {"empty": b"", "cut": whole[:-100], "one bit": bytes([whole[0] ^ 4]) + whole[1:]}
+        file.write_bytes(changed[damage])
     with caplog.at_level(logging.WARNING):
-        assert compiled_anew(make())
-    (message,) = caplog.messages
-    assert str(file) in message and "deleted" in message
-    assert not compiled_anew(make())
+        assert not compiled_code.is_complete()
+    assert str(folder) in caplog.messages[0] and not folder.exists()
+    assert not compiled_code.is_complete() and len(caplog.messages) == 1
 
 
-def test_without_a_folder_it_is_compiled_in_memory(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept_code, "folder", lambda: None)
-    monkeypatch.setattr(kernels, "_caches", {})
-    assert compiled_anew(make())
-    assert not kernels.may_keep() and kernels.kept_share() == 0
+def test_folders_that_no_start_used_for_long_are_deleted(folder: Path) -> None:
+    old, recent = folder.parent / "old", folder.parent / "recent"
+    old.mkdir()
+    recent.mkdir()
+    compiled_code.os.utime(old, (1e9, 1e9))
+    compiled_files(folder)
+    assert not old.exists() and recent.exists() and folder.exists()
 
 
-def test_a_full_disk_is_no_error(folder: Path, make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(kept_code.tempfile, "mkstemp", full)
-    assert compiled_anew(make()) and not list(folder.iterdir())
+def test_without_a_folder_each_process_compiles_what_it_uses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled_code, "folder", lambda: None)
+    compiled_code.mark_complete()
+    assert compiled_code.is_complete() and compiled_code.kept() == 0
 
 
-def test_code_that_nothing_used_for_long_is_deleted(folder: Path, make: Make) -> None:
-    make().more(3)
-    kept_code.remove_unused()
-    assert len(list(folder.glob("made_*"))) == 2
-    for file in folder.iterdir():
-        kept_code.os.utime(file, (1e9, 1e9))
-    kept_code.remove_unused()
-    assert not list(folder.iterdir())
-
-
-def test_the_share_that_is_kept_grows(folder: Path, make: Make) -> None:
-    module = make()
-    assert kernels.kept_share() == 0
-    sys.modules["made_called"].twice(1)
-    assert 0 < kernels.kept_share() < 1
-    module.more(1)
-    assert kernels.kept_share() == 1
+def test_a_changed_part_has_a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    read = Path.read_bytes
+    before = compiled_code._version()
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" * (path.name == "vectors.py"))
+    assert compiled_code._version() != before
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "ispom").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT)))
-def test_all_that_is_compiled_is_a_kernel(path: Path) -> None:
-    """Numba's own cache ends in a traceback where a file is damaged or no folder is writable."""
+def test_only_one_module_names_numba(path: Path) -> None:
     names = {node.module for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
     assert "numba" not in names or path.name == "kernels.py"

@@ -11,10 +11,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LAYERS = (
-    {"lean_scipy"},
-    {"blas", "caches", "child", "errors", "geometry", "operators", "parts", "stop"},
-    {"kept_code"},
-    {"runtime"},
+    {"blas", "caches", "child", "errors", "geometry", "stop"},
+    {"compiled_code"},
     {"kernels", "settings", "types"},
     {"estimator", "stopwatch", "persistent_list"},
     {"numerics"},

@@ -9,8 +9,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 
+from ispom import compiled_code
 from ispom.child import PYTHON, Child
-from ispom.kernels import kept_share
+from ispom.kernels import kernels
 from ispom.methods import BUILT_IN, Config, Variant, with_asked
 
 log = logging.getLogger(__name__)
@@ -41,9 +42,7 @@ def at_first(config: Config) -> Variant:
 
 def start(methods: Iterable[str], config: Config) -> None:
     """Begins to compile, where these methods need it and it is still to be done."""
-    from ispom.warm_up import compiled_before
-
-    if needed(methods, config) and not _running and not _failures and not compiled_before():
+    if needed(methods, config) and not _running and not _failures and not compiled_code.is_complete():
         try:
             _running.append(Child(COMMAND))
         except OSError as fault:
@@ -67,7 +66,12 @@ def finished(wait_s: float = 0.0) -> bool:
 
 def message() -> str:
     """MESSAGE, and the share that is compiled so far: a time left would depend on what else the machine does."""
-    return MESSAGE if finished() else f"{MESSAGE}: {100 * kept_share():.0f} % done"
+    return MESSAGE if finished() else f"{MESSAGE}: {100 * _share():.0f} % done"
+
+
+def _share() -> float:
+    """How many of the kernels are compiled, 0..1."""
+    return min(1.0, compiled_code.kept() / max(len(kernels()), 1))
 
 
 def failure() -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -11,12 +12,14 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image as Header
 
 from ispom.errors import InputError, UnreadableImage
 from ispom.io.camera import MAX_PIXELS
-from ispom.io.files import names, read_bytes
+from ispom.io.files import names, opened, read_bytes
 from ispom.sequences.decoder_output import silenced
-from ispom.sequences.image_header import MAX_BYTES, header_size, is_whole
+from ispom.sequences.image_header import FORMATS, MAX_BYTES, header_size, is_whole
+from ispom.sequences.orientation import SAMPLES as PHOTOS
 from ispom.sequences.orientation import oriented
 from ispom.types import Image
 
@@ -201,3 +204,31 @@ def _require(where: str, found: tuple[int, int], size: tuple[int, int] | None, t
     elif found != size and not (turned and found[::-1] == size):
         cure = "restore the image, or correct the calibration"
         raise UnreadableImage(f"{where} is {found[0]} x {found[1]}, not {size[0]} x {size[1]} as its camera: {cure}")
+
+
+def same_size(paths: list[Path]) -> tuple[list[str], str]:
+    """The names of a folder's images that have the size that most of them have, and a note about the others.
+
+    The sizes are those of the files, before EXIF's orientation. Of a large folder some images are read first: where
+    they are all of one size, so is the folder.
+    """
+    every = max(1, len(paths) // PHOTOS)
+    sizes = {path: _size_of(path) for path in paths[::every]}
+    if len(set(sizes.values()) - {None}) > 1:
+        sizes = {path: sizes.get(path) or _size_of(path) for path in paths}
+    counts = Counter(size for size in sizes.values() if size is not None)
+    if len(counts) < 2:
+        return [path.name for path in paths], ""
+    (width, height), most = counts.most_common(1)[0]
+    listed = ", ".join(f"{n} of {w} x {h}" for (w, h), n in counts.most_common()[1:])
+    note = f"images of several sizes: the {most} of {width} x {height} are used, and {listed} are skipped"
+    return [path.name for path in paths if sizes[path] in (None, (width, height))], note
+
+
+def _size_of(path: Path) -> tuple[int, int] | None:
+    """(width, height) of an image file by its header; None where it has none."""
+    try:
+        with opened(path) as file, Header.open(file, formats=FORMATS) as header:
+            return header.size
+    except (InputError, OSError, ValueError, SyntaxError, Header.DecompressionBombError):
+        return None

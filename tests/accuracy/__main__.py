@@ -1,5 +1,8 @@
 """`python -m tests.accuracy STUDY`: studies of what the methods get wrong, over many seeds. They take minutes to hours.
 
+figures: the error, frames located and segments of each method on each recording in --data and on sim:tiny, sim:city and
+    sim:indoor. Rewrites tests/accuracy/figures.json, by which test_figures.py notices what has become worse; entries
+    that are not measured stay. --only and --methods choose.
 consistency: whether the covariances of the poses agree with their errors, over seeds of three simulations; with exact
     cameras, and with cameras whose calibration is wrong by what the methods allow for.
 gaps: whether monocular and stereo are localised after 1 to 7 s without images, in which the camera may turn; sim:city
@@ -34,6 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("study", choices=STUDIES)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the folder of recordings")
     parser.add_argument("--methods", nargs="+", choices=names(), default=[], help="only these methods")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="only these recordings of figures")
     parser.add_argument("--seeds", type=int, default=20, help="number of seeds of consistency and loops")
     parser.add_argument("--frames", type=int, default=20_000, help="frames of each run of soak")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
@@ -43,7 +47,8 @@ def main(arguments: list[str] | None = None) -> int:
     if given.frames < MIN_EXPOSURES:
         parser.error(f"--frames is {given.frames}: give at least {MIN_EXPOSURES}")
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    rows = STUDIES[given.study](console, Options(given.data, tuple(given.methods), given.seeds, given.frames))
+    options = Options(given.data, tuple(given.methods), given.seeds, given.frames, tuple(given.only))
+    rows = STUDIES[given.study](console, options)
     if given.json is not None:
         given.json.write_text(json.dumps(plain(rows), indent=2, allow_nan=False) + "\n")
     return 0

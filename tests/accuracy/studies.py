@@ -18,6 +18,7 @@ from ispom.methods import names
 
 from .cameras import CAMERA_METHODS, CAMERAS, COSTLY, SEEDS, cameras_found, print_cameras
 from .consistency import FLIGHTS, KNOWN, print_consistency
+from .figures import Figures, methods_for, opened, print_figures, read_figures, recordings, write_figures
 from .flights import FILMED_METHODS
 from .gaps import GAP_SEEDS, gaps_found, print_gaps
 from .loops import loops_found, print_loops
@@ -38,6 +39,8 @@ class Options:
     seeds: int = 20
     frames: int = 20_000
     """Of each run of soak."""
+    only: tuple[str, ...] = ()
+    """Recordings of figures; empty for all."""
 
 
 def consistency(console: Console, options: Options) -> list[dict[str, Any]]:
@@ -138,6 +141,28 @@ def soak(console: Console, options: Options) -> list[dict[str, Any]]:
     return measured
 
 
+def figures(console: Console, options: Options) -> list[dict[str, Any]]:
+    """The figures of the ratchet; those that are not measured stay as they are in its file."""
+    measured, sources = [], recordings(options.data)
+    for unknown in [name for name in options.only if name not in sources]:
+        console.print(f"{unknown}: skipped, it is none of {', '.join(sources)}")
+    for name in [name for name in sources if not options.only or name in options.only]:
+        methods = methods_for(name, opened(name, sources[name]))
+        for method in [m for m in methods if not options.methods or m in options.methods]:
+            with child.progress(f"{name}: {method}"):
+                row = found("figures", {"name": name, "source": sources[name], "method": method})
+            if "error" in row:
+                console.print(f"{name}, {method}: {row['error']}")
+                continue
+            # Written after each run: a measurement of everything takes long, and may be interrupted.
+            table = read_figures()
+            table.setdefault(name, {})[method] = Figures(**row)
+            write_figures(table)
+            print_figures(console, name, method, table[name][method])
+            measured.append({"recording": name, "method": method, **row})
+    return measured
+
+
 def _filmed(options: Options) -> list[str]:
     """The methods wanted of those whose flights are filmed for them."""
     return [m for m in FILMED_METHODS if not options.methods or m in options.methods]
@@ -159,5 +184,13 @@ def rows_of(console: Console, what: str, module: str, task: dict[str, Any]) -> l
 
 
 STUDIES: Mapping[str, Callable[[Console, Options], list[dict[str, Any]]]] = MappingProxyType(
-    {"consistency": consistency, "gaps": gaps, "loops": loops, "starts": starts, "cameras": cameras, "soak": soak}
+    {
+        "figures": figures,
+        "consistency": consistency,
+        "gaps": gaps,
+        "loops": loops,
+        "starts": starts,
+        "cameras": cameras,
+        "soak": soak,
+    }
 )

@@ -68,6 +68,7 @@ def with_values(state: State, **values: Any) -> State:
         "recording": (Recordings, "current"),
         "colour_by": (Layers, "colour_by"),
         "hidden": (Layers, "hidden"),
+        "chosen": (Layers, "chosen"),
         "look": (Inspection, "panel"),
         "selected": (Inspection, "selected"),
     }

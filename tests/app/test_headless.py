@@ -72,7 +72,18 @@ def test_a_run_writes_all_its_files(drive: str, tmp_path: Path, capsys: pytest.C
 def test_metrics_per_method(drive: str, tmp_path: Path) -> None:
     assert run(drive, tmp_path / "out", "--no-recording") == 0
     methods = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]
-    common = {"ate_m", "aligned", "rpe_m", "rpe_deg", "t_err_percent", "r_err_deg_per_100m", "poses", "located", "lost"}
+    common = {
+        "ate_m",
+        "aligned",
+        "rpe_m",
+        "rpe_deg",
+        "t_err_percent",
+        "r_err_deg_per_100m",
+        "poses",
+        "frames",
+        "located",
+        "lost",
+    }
     assert all(common | {"ms_per_exposure"} <= set(entry) for entry in methods.values())
     assert [methods[m]["aligned"] for m in METHODS] == ["sim3", "se3", "se3"]
     assert {"between_stereo_rmse_m", "spline_between_stereo_rmse_m"} <= set(methods["integrated"])
@@ -84,7 +95,7 @@ def test_without_truth_only_what_can_be_said(tmp_path: Path) -> None:
     assert run(str(drive), tmp_path / "out", "--no-recording") == 0
     assert names(tmp_path / "out") == FILES - {"truth.tum"}
     entry = json.loads((tmp_path / "out" / "metrics.json").read_text())["methods"]["stereo"]
-    assert set(entry) == {"poses", "located", "lost", "ms_per_exposure"}
+    assert set(entry) == {"poses", "frames", "located", "lost", "ms_per_exposure"}
 
 
 def test_the_asked_methods_only(drive: str, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from ispom.kernels import kernels
 from ispom.types import Sequence
-from ispom.warm_up import compiled_before
 
 SCRIPT = """
 import sys
@@ -19,12 +18,13 @@ from pathlib import Path
 import numpy as np
 from ispom.ensemble import build
 from ispom.methods import Config, default_methods
-from ispom.warm_up import compiled_before, warm_up
+from ispom.compiled_code import is_complete
+from ispom.warm_up import warm_up
 from ispom.kernels import kernels
 from ispom.sequences.formats.simulated import open_simulated
 
 warm_up()
-assert compiled_before()
+assert is_complete()
 compiled = {kernel: list(kernel.signatures) for kernel in kernels()}
 flight = open_simulated("tiny", seed=0, cache_dir=Path(sys.argv[1]), duration_s=2.4)
 ensemble = build(Config(), default_methods(flight.rig), flight.rig)
@@ -51,9 +51,3 @@ def test_a_real_run_compiles_nothing_more(flight: Sequence, rendered: Path) -> N
 def test_kernels_are_known() -> None:
     names = {f"{k.py_func.__module__.removeprefix('ispom.')}.{k.py_func.__name__}" for k in kernels()}
     assert {"solvers.motion_only._normal", "solvers.window.kernels.reduce_points"} <= names
-
-
-def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A read-only installation without a cache folder: each process compiles what it runs."""
-    monkeypatch.setattr("ispom.kept_code.folder", lambda: None)
-    assert compiled_before()

@@ -14,7 +14,7 @@ from ispom.io.whole import create_file, part_of, require_no_links, write_whole
 ROOT = Path(__file__).parents[2]
 OWN_WRITERS = {
     "ispom/io/whole.py",
-    "ispom/kept_code.py",  # these two write to the user's own cache, through mkstemp
+    "ispom/compiled_code.py",  # these two write to the user's own cache
     "ispom/simulation/cache.py",
     "app/__main__.py",  # standard streams
     "app/engine/run_folder/table.py",  # cuts a table that it has looked at

@@ -14,7 +14,7 @@ globalThis.history = { replaceState: (_data, _title, hash) => (location.hash = h
 globalThis.location = { hash: "" };
 const { makeAddress } = await import("../../app/views/web/static/address.js");
 
-const stateOf = ({ run = "sim:city", branch = 0, hidden = [], plots = "", lesson = "", ...more }) => ({
+const stateOf = ({ run = "sim:city", branch = 0, hidden = [], layers = [], plots = "", lesson = "", ...more }) => ({
   phase: "ready",
   index: 5,
   selected: "",
@@ -23,7 +23,7 @@ const stateOf = ({ run = "sim:city", branch = 0, hidden = [], plots = "", lesson
   target: null,
   activity: null,
   question: null,
-  address: { run, branch, hidden, plots, lesson },
+  address: { run, branch, hidden, layers, plots, lesson },
   ...more,
 });
 
@@ -47,9 +47,9 @@ test("the address names what is shown, and nothing that is as usual", async () =
   follow(stateOf({}));
   await advance(1000);
   assert.equal(location.hash, "#run=sim:city&at=5");
-  follow(stateOf({ branch: 2, hidden: ["clouds", "truth"], selected: "track:stereo:181", plots: "stereo.inliers" }));
+  follow(stateOf({ branch: 2, hidden: ["clouds", "truth"], layers: ["depth"], selected: "track:stereo:181", plots: "stereo.inliers" }));
   await advance(1000);
-  assert.equal(location.hash, "#run=sim:city&branch=2&hidden=clouds,truth&select=track:stereo:181&plot=stereo.inliers&at=5");
+  assert.equal(location.hash, "#run=sim:city&branch=2&hidden=clouds,truth&layers=depth&select=track:stereo:181&plot=stereo.inliers&at=5");
 });
 
 test("of many changes in a moment one is written", async () => {
@@ -78,6 +78,12 @@ test("an address that is opened is reached step by step, in its order", () => {
     { do: "show_branch", number: 1 },
     { do: "seek", index: 7 },
   ]);
+});
+
+test("optional layers of an address are chosen", () => {
+  const { follow, sent } = opened("#run=sim:city&layers=depth&at=5");
+  follow(stateOf({}));
+  assert.deepEqual(sent, [{ do: "choose", names: ["depth"] }]);
 });
 
 test("while an address is to be reached, it is not written over", async () => {

@@ -60,9 +60,9 @@ def drawn_size(
     spacing = _spacing(poses)
     if before is not None and (not spacing or 1 / NOTICED < before.spacing / spacing < NOTICED):
         return before
-    known = unit_in_metres(method, unit_m) is not None
+    is_known = unit_in_metres(method, unit_m) is not None or not spacing
     true, least = true_size(truth), OF_BASELINE * rig.baseline_m if rig.has_stereo else 0.0
-    camera = true / unit_m if true is not None and known else max(spacing, least / unit_m) or 1.0
+    camera = true / unit_m if true is not None and is_known else max(spacing, least / unit_m) or 1.0
     return DrawnSize(camera, OF_SPACING * min(camera, spacing or camera), spacing)
 
 

@@ -99,7 +99,9 @@ def summary(report: Mapping[str, Any]) -> str:
     width = max(map(len, report["methods"]), default=0)
     unit = length_unit(entry.get("ate_m") for entry in report["methods"].values())
     for method, entry in report["methods"].items():
-        parts = [f"{entry['poses']} poses", f"lost {entry['lost']}"]
+        parts = [f"{entry['located']} of {entry['frames']} frames located", f"{entry['poses']} poses"]
+        if entry["located"] and entry["lost"]:
+            parts.append(f"lost in {entry['lost']}")
         if not entry["located"]:
             parts = [f"never located: its {entry['poses']} poses are held ones"]
         if "segments" in entry:

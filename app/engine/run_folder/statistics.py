@@ -55,5 +55,5 @@ class RunStatistics:
         """As metrics.json has it."""
         ms = self.ms.get(method, [])
         median, p95 = np.percentile(ms, [50, 95]).tolist() if len(ms) else (None, None)
-        counts = {"located": self.located.get(method, 0), "lost": self.lost.get(method, 0)}
+        counts = {"frames": len(ms), "located": self.located.get(method, 0), "lost": self.lost.get(method, 0)}
         return {**counts, "ms_per_exposure": {"median": median, "p95": p95}}

@@ -10,12 +10,18 @@ from ...engine.inspection.colouring import Colouring
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from ...session.registry import handles
-from ...views.rerun.layers import LAYERS
+from ...views.rerun.layers import LAYERS, OPTIONAL
 from .state import Layers
 
 
 class Hide(PageCommand, frozen=True):
     """Draw all but these layers and methods."""
+
+    names: frozenset[str]
+
+
+class Choose(PageCommand, frozen=True):
+    """Draw these optional layers."""
 
     names: frozenset[str]
 
@@ -27,13 +33,18 @@ class ColourBy(Command, frozen=True):
 
 
 def known(found: frozenset[str]) -> frozenset[str]:
-    """Those of the names that are layers or methods."""
-    return found & {*LAYERS, *names()}
+    """Those of the names that are methods or layers which are drawn unless they are hidden."""
+    return found & {*LAYERS, *names()} - OPTIONAL
 
 
 @handles(Hide)
 def hide(session: Controller, command: Hide) -> None:
     session.store.put(replace(session.state[Layers], hidden=known(command.names)))
+
+
+@handles(Choose)
+def choose(session: Controller, command: Choose) -> None:
+    session.store.put(replace(session.state[Layers], chosen=command.names & OPTIONAL))
 
 
 @handles(ColourBy)

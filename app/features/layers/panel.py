@@ -11,10 +11,10 @@ from ispom.types import TrackStatus
 
 from ...presentation import colours
 from ...session.state import State
-from ...views.rerun.layers import HINTS, LAYERS
+from ...views.rerun.layers import HINTS, LAYERS, OPTIONAL
 from ...views.viser.markup import renderer
 from ...views.viser.panels import Panel
-from .commands import Hide
+from .commands import Choose, Hide
 from .state import Layers
 
 if TYPE_CHECKING:
@@ -27,43 +27,46 @@ METHOD_HINT = "Draws what the method made: path, camera, keyframes, points."
 
 class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._showing, self._seen = session, False, session.state[Layers].hidden
+        self._session, self._showing, self._seen = session, False, session.state[Layers].undrawn
         self._asked: set[frozenset[str]] = set()
         """What was asked for here, and is not shown yet."""
         self._boxes = {m: gui.add_checkbox(colours.label(m), True, hint=METHOD_HINT) for m in names()}
-        self._boxes |= {name: gui.add_checkbox(label, True, hint=HINTS[name]) for name, label in LAYERS.items()}
-        for box in self._boxes.values():
-            box.on_update(lambda _: self._clicked())
+        drawn = {name: name not in OPTIONAL for name in LAYERS}
+        self._boxes |= {name: gui.add_checkbox(LAYERS[name], on, hint=HINTS[name]) for name, on in drawn.items()}
+        for name, box in self._boxes.items():
+            box.on_update(lambda _, name=name: self._clicked(name))
         gui.add_html(legend())
 
     @property
-    def hidden(self) -> frozenset[str]:
+    def undrawn(self) -> frozenset[str]:
         """Names of layers and methods."""
         return frozenset(name for name, box in self._boxes.items() if not box.value)
 
-    def _clicked(self) -> None:
+    def _clicked(self, name: str) -> None:
         if not self._showing:
-            self._asked.add(self.hidden)
-            self._session.post(Hide(self.hidden))
+            undrawn = self.undrawn
+            self._asked.add(undrawn)
+            self._session.post(Choose(OPTIONAL - undrawn) if name in OPTIONAL else Hide(undrawn - OPTIONAL))
 
     def show(self, state: State) -> None:
-        if state[Layers].hidden != self._seen:
-            self._seen = state[Layers].hidden
-            if state[Layers].hidden in self._asked:
+        undrawn = state[Layers].undrawn
+        if undrawn != self._seen:
+            self._seen = undrawn
+            if undrawn in self._asked:
                 self._asked.clear()
             else:
-                self._follow(state[Layers].hidden)
+                self._follow(undrawn)
         for name, box in self._boxes.items():
             absent = name not in LAYERS and name not in state.methods
             if box.disabled != absent:
                 box.disabled = absent
 
-    def _follow(self, hidden: frozenset[str]) -> None:
-        """The boxes, where somebody else hid something: the page's address."""
+    def _follow(self, undrawn: frozenset[str]) -> None:
+        """The boxes, where somebody else hid or chose something: the page's address."""
         self._showing = True
         try:
             for name, box in self._boxes.items():
-                box.value = name not in hidden
+                box.value = name not in undrawn
         finally:
             self._showing = False
 

@@ -14,6 +14,7 @@ from ...session.state import NoticeAdded
 from ..bookmarks.notes import notes_of, put
 from ..bookmarks.service import Bookmarks
 from ..branches.state import Branches
+from ..layers.state import Layers
 from .listing import list_recordings
 from .repairs import Repairs
 from .state import Recordings
@@ -30,7 +31,7 @@ class RecordingService(Service):
 
     def __init__(self, session: Controller) -> None:
         super().__init__(session)
-        self._writers, self._repairs = Writers(session.recordings), Repairs(session.recordings)
+        self._writers, self._repairs = Writers(session.recordings, self._has_depth), Repairs(session.recordings)
         self.recorded: set[int] = set()
         """Branches of the run on the screen that are, or were, recorded."""
 
@@ -107,6 +108,9 @@ class RecordingService(Service):
             finished = self.run.finished_within(0.4 * CLOSE_S) if self.run is not None else None
             self._writers.stop(finished, self.state[Bookmarks].marks)
             self._writers.close(0.6 * CLOSE_S)
+
+    def _has_depth(self) -> bool:
+        return "depth" in self.state[Layers].chosen
 
     def _show_current(self) -> None:
         self.store.put(replace(self.state[Recordings], current=self._writers.info()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
@@ -23,14 +24,14 @@ log = logging.getLogger(__name__)
 class RecordingWriter:
     """Writes a run into a file from its first frame on, whatever becomes of the session meanwhile."""
 
-    def __init__(self, path: Path, opened: Opened, history: History) -> None:
+    def __init__(self, path: Path, opened: Opened, history: History, has_depth: Callable[[], bool]) -> None:
         """`history` is that of the run which `opened` began. OSError or InputError where the file cannot be made."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path = path
         self.failure: str | None = None
         """Why the recording is not whole, one sentence; None while all is well."""
         self._opened = opened
-        self._file = FileRecording(path, opened)
+        self._file = FileRecording(path, opened, has_depth)
         self._feed = Feed(opened, history, rereads=True)
         self._bookmarks: tuple[Bookmark, ...] = ()
         self._thread = Thread(target=self._run, name="recording", daemon=True)
@@ -86,8 +87,9 @@ class RecordingWriter:
 class Writers:
     """Each writer holds its own run: another run may begin while its file is being closed."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, has_depth: Callable[[], bool]) -> None:
+        """`has_depth`: whether the depth of stereo pairs is recorded now."""
+        self.folder, self._has_depth = folder, has_depth
         self._open: RecordingWriter | None = None
         self._closing: list[RecordingWriter] = []
 
@@ -102,7 +104,7 @@ class Writers:
             raise InputError(f"{self._open.path.name} is being recorded: stop it before the next one")
         try:
             path = recording_path(self.folder, name, run.opened.sequence.name)
-            self._open = RecordingWriter(path, run.opened, run.history)
+            self._open = RecordingWriter(path, run.opened, run.history, self._has_depth)
         except OSError as fault:
             raise InputError(
                 f"{self.folder} cannot be written ({fault.strerror}): free it or choose another"

@@ -14,9 +14,11 @@ from ...views.rerun.batch import Entry
 from ...views.rerun.layers import MEASURES
 from ..branches.stage import branches_beside, trajectories
 from ..branches.state import Branches
+from ..external_paths.stage import paths_of_others, shows_recording
 from ..integration.commands import IntegrationSteps
 from ..integration.drawing import entries
 from ..integration.integration import Integration, latest_fit
+from ..layers.stage import depth_of, pair_shown
 from ..layers.state import Layers
 from ..lessons.state import covered
 from ..tracks.commands import Inspection
@@ -59,6 +61,7 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
         ),
     ]
     step = state[IntegrationSteps].shown
+    pair, is_over = pair_shown(state, run), shows_recording(run)
     others = tuple(b.number for b in branches.all if not b.hidden and b.number != branches.shown)
     found += [
         Drawing(
@@ -67,6 +70,13 @@ def drawings(session: Session, state: State, run: CurrentRun) -> list[Drawing]:
             lambda: trajectories(branches_beside(session, state) if others else {}, hidden),
             takes_long=True,
         ),
+        Drawing(
+            "depth",
+            (run, pair, pair is not None and hidden),
+            lambda: depth_of(pair, state, run) if pair is not None else (),
+            takes_long=True,
+        ),
+        Drawing("external paths", (is_over and shown,), lambda: paths_of_others(run, state.index) if is_over else ()),
         Drawing("integration", (step, step and shown), lambda: _fitted(step, state, run)),
     ]
     return found
@@ -80,7 +90,7 @@ def _fitted(step: Integration | None, state: State, run: CurrentRun) -> Iterable
 def hidden_now(state: State, *, covers: bool) -> frozenset[str]:
     """Layers and methods that the views do not show: those chosen, and what is in the way of what is looked at.
     `covers`: a question of a lesson is open."""
-    found = state[Layers].hidden | ({MEASURES} if covers else set())
+    found = state[Layers].undrawn | ({MEASURES} if covers else set())
     if state[IntegrationSteps].shown is not None:
         found |= {"key_frames", "cameras", "error"}
     return found

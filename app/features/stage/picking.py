@@ -12,11 +12,13 @@ from ispom.geometry import Array, Similarity
 from ispom.types import Frame
 
 from ...engine.inspection.selection import Selection
-from ...engine.inspection.sightings import nearest, seen_by
+from ...engine.inspection.sightings import camera_pose, nearest, seen_by
 from ...session.current_run import CurrentRun
 from ...views.rerun import entities
 from ...views.rerun.parts import latest_of_each_camera
 
+SEEN_OF_WIDTH = 0.02
+"""How near a track has to be to where a point is seen, in widths of the image."""
 Meaning = Selection | int | None
 """A frame is given by its index."""
 
@@ -43,7 +45,9 @@ def meaning(
             return Selection("track", method, int(ids[instance])) if 0 <= instance < len(ids) else None
         if kind != "cloud" and np.isfinite(at).all():
             return _on_path(run, method, index, at, only_key_frames=kind == "key_frames")
-    return _in_world(run, index, at) if path.startswith("world/") and np.isfinite(at).all() else None
+    if not path.startswith("world/") or not np.isfinite(at).all():
+        return None
+    return _in_world(run, index, at) or _where_it_is_seen(run, index, at)
 
 
 def _in_image(run: CurrentRun, camera: str, index: int, shown_uv: Array) -> Selection:
@@ -86,6 +90,26 @@ def _in_world(run: CurrentRun, index: int, at: Array) -> Selection | None:
             row = int(np.argmin(distances))
             if distances[row] < best:
                 best, found = float(distances[row]), Selection("track", method, int(block.ids[row]))
+    return found
+
+
+def _where_it_is_seen(run: CurrentRun, index: int, at: Array) -> Selection | None:
+    """The track nearest to where the cameras see a point: a method that leaves tracks to the methods inside it has its
+    own numbers for points."""
+    rig, nearest_px, found = run.opened.sequence.rig, np.inf, None
+    for frame in set(latest_of_each_camera(run.opened.sequence.kinds, index).values()):
+        record, seen = run.history[frame], seen_by(run.history[frame])
+        step = next((step for step in record.steps if step.world_from_frame is not None), None)
+        pose = camera_pose(step, rig, seen.camera) if seen is not None and step is not None else None
+        if seen is None or step is None or pose is None:
+            continue
+        own = record.placements.get(step.method, Similarity()).inverse().apply(at[None])
+        xyz, camera = pose.inverse().apply(own), rig.camera(seen.camera)
+        uv = camera.project(xyz)[0]
+        if xyz[0, 2] > 0 and (number := nearest(seen, uv)) is not None:
+            distance_px = float(np.linalg.norm(seen.tracks.uv[seen.tracks.ids == number][0] - uv))
+            if distance_px < min(nearest_px, SEEN_OF_WIDTH * camera.width):
+                nearest_px, found = distance_px, Selection("track", seen.step.method, number)
     return found
 
 

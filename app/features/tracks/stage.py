@@ -88,6 +88,7 @@ def _region(xyz: Array, covariance: Array, placement: Similarity) -> Iterator[En
                 quaternions=[placed.xyzw],
                 colors=SELECTED,
                 line_radii=[-0.5],
+                fill_mode="majorwireframe",
             ),
         )
 

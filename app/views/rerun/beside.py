@@ -12,7 +12,7 @@ import rerun as rr
 
 from ispom.geometry import Array, Similarity
 
-from ...engine.events import Opened, Stepped
+from ...engine.events import Opened
 from ...engine.external_trajectories.placed import Beside, Placed
 from ...engine.external_trajectories.places import Places
 from ...engine.model.run_model import RunModel
@@ -26,14 +26,12 @@ WIDTH_PX = 1.2
 
 
 class BesideLog:
-    """Follows one run."""
+    """Follows one run, or draws one frame of it."""
 
     def __init__(self, opened: Opened) -> None:
         self._beside, self._places = opened.beside, Places(opened)
-        self._lines: dict[str, Placed] = {}
-        """What each was drawn from."""
-        self._counts: dict[str, int] = {}
-        """Poses of each that are drawn."""
+        self._drawn: dict[str, tuple[Placed, int]] = {}
+        """By entity of a line: what it was drawn from, and the number of its last pose."""
         self._seen: set[str] = set()
         """Those whose pose is drawn now."""
 
@@ -43,28 +41,30 @@ class BesideLog:
             series = rr.SeriesLines(names=beside.name, colors=beside.colour, widths=1.5)
             yield Entry(f"plots/error/beside/{beside.name}", series, static=True)
 
-    def stepped(
-        self, event: Stepped, model: RunModel, placements: Mapping[str, Similarity], outlines: Array
+    def errors(self, index: int) -> Iterator[Entry]:
+        for beside in self._beside:
+            if np.isfinite(error := beside.errors_m[index]):
+                yield Entry(f"plots/error/beside/{beside.name}", rr.Scalars(error))
+
+    def at(
+        self, index: int, time_ns: int, model: RunModel, placements: Mapping[str, Similarity], outlines: Array
     ) -> Iterator[Entry]:
-        """`model` is that after the event; `outlines` (L, P, 3) of the rig's cameras in the rig."""
+        """What differs from the frame before. `model` is as known after this one; `outlines` (L, P, 3) of the rig's
+        cameras in the rig."""
         found = self._places.at(model, placements)
         for beside in self._beside:
             if (placed := found.get(beside.name)) is not None:
-                yield from self._path(beside, placed, placed.count(event.exposure.time_ns))
-                yield from self._pose(beside, placed, event.index, outlines)
-            if np.isfinite(error := beside.errors_m[event.index]):
-                yield Entry(f"plots/error/beside/{beside.name}", rr.Scalars(error))
+                yield from self._path(beside, placed, placed.count(time_ns))
+                yield from self._pose(beside, placed, index, outlines)
 
     def _path(self, beside: Beside, placed: Placed, count: int) -> Iterator[Entry]:
-        anew = self._lines.get(beside.name) is not placed
-        before = 0 if anew else self._counts[beside.name]
-        self._lines[beside.name], self._counts[beside.name] = placed, count
-        if count == before:
-            return
-        for start in range(before - before % POSES_PER_LINE, count, POSES_PER_LINE):
-            xyz = placed.poses.translations[max(start - 1, 0) : min(start + POSES_PER_LINE, count)]
-            line = entities.lines([xyz], beside.colour, WIDTH_PX)
-            yield Entry(f"world/beside/{beside.name}/path/{start // POSES_PER_LINE}", line)
+        for start in range(0, count, POSES_PER_LINE):
+            path, end = f"world/beside/{beside.name}/path/{start // POSES_PER_LINE}", min(start + POSES_PER_LINE, count)
+            if self._drawn.get(path) != (placed, end):
+                self._drawn[path] = placed, end
+                yield Entry(
+                    path, entities.lines([placed.poses.translations[max(start - 1, 0) : end]], beside.colour, WIDTH_PX)
+                )
 
     def _pose(self, beside: Beside, placed: Placed, index: int, outlines: Array) -> Iterator[Entry]:
         place, pose = f"world/beside/{beside.name}/rig", placed.pose(index)

@@ -123,11 +123,12 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     layers = {
         "truth": ["world/truth"],
         "beside": ["world/beside"],
-        "cameras": [*(f"world/{m}/{part}" for m in methods for part in ("camera", "view")), "world/truth/rig"],
+        "cameras": [*(f"world/{m}/camera" for m in methods), "world/view", "world/truth/rig"],
         "error": [f"world/{m}/error" for m in methods],
         "uncertainty": [f"world/{m}/uncertainty" for m in methods],
         "key_frames": [f"world/{m}/key_frames" for m in methods],
         "clouds": [f"world/{m}/cloud" for m in methods],
+        "depth": [f"world/{m}/depth" for m in methods],
         "map": [f"world/{m}/{part}" for m in methods for part in ("map", "laser")],
     }
     world = [path for layer, paths in layers.items() if layer in hidden for path in paths]
@@ -135,7 +136,7 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
     unplotted = [*methods, "beside"] if MEASURES in hidden else gone + others
     texts = ["decisions", "log"] if MEASURES in hidden else []
     return (
-        {"/world": world + [f"world/{m}" for m in gone]}
+        {"/world": world + [f"world/{part}{m}" for m in gone for part in ("", "view/")]}
         | {f"/{name}": paths for name, paths in images.items()}
         | {f"/plots/{kind}": [f"plots/{kind}/{m}" for m in unplotted] for kind in PLOTS}
         | {f"/{text}": [text] for text in texts}
@@ -143,13 +144,33 @@ def _hidden_entities(methods: Iterable[str], hidden: Collection[str], colour_by:
 
 
 def _hidden_in_image(camera: str, hidden: Collection[str], colour_by: Colouring) -> Iterator[str]:
-    """Layers, and all but one way to colour the tracks."""
+    """Layers, and all but one way to colour the tracks. An entity that was shown once stays so below a hidden one:
+    therefore the words of their legends by themselves."""
     by_state = {"tracks", "legend"} if colour_by != "state" else set()
     if camera == "right":
         yield from ["right/tracks"] if "tracks" in hidden else []
         return
     yield from (f"{camera}/{layer}" for layer in (*IMAGE_LAYERS, "legend") if layer in by_state.union(hidden))
     yield from (path_of(camera, by) for by in SCALES if by != colour_by or "tracks" in hidden)
+    unused = [by for by in ("state", *SCALES) if by != colour_by]
+    yield from (f"{_legend(camera, by)}/{theme}" for by in unused for theme in entities.INKS)
+
+
+def words_to_hide(colour_by: Colouring) -> dict[str, list[str]]:
+    """By theme of the viewer, paths as `hidden_paths`: the words of the legend in the ink for the other one."""
+    return {
+        theme: [
+            f"/view/{_view_id('/' + camera)}/ViewContents/overrides/{_legend(camera, colour_by)}/{other}/visualizers"
+            for camera in ("video", "left")
+            for other in entities.INKS
+            if other != theme
+        ]
+        for theme in entities.INKS
+    }
+
+
+def _legend(camera: str, by: str) -> str:
+    return f"{camera}/legend" if by == "state" else f"{path_of(camera, by)}/legend"
 
 
 def _world(opened: Opened, hidden: list[str]) -> rrb.View:
@@ -166,7 +187,7 @@ def _world(opened: Opened, hidden: list[str]) -> rrb.View:
     grid = rrb.LineGrid3D(
         visible=True, spacing=spacing, plane=_ground(path, least_size(opened)), stroke_width=0.5, color=GRID_COLOUR
     )
-    name = f"3-D [{unit}], grid {spacing:g} {'m' if unit == 'm' else 'units'}"
+    name = f"3-D [{unit}], grid {spacing:g}{' m' if unit == 'm' else ''}"
     view = rrb.Spatial3DView(origin="/world", name=name, overrides=_hide(hidden), eye_controls=controls, line_grid=grid)
     return _lasting(view)
 
@@ -193,6 +214,7 @@ def least_size(opened: Opened) -> float:
 def _image(name: str, camera: Camera, hidden: list[str]) -> rrb.View:
     width, height = entities.shown_size(camera)
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
+    hidden = [*hidden, f"{name}/legend/light"]  # a viewer is dark until a page says that it is not
     view = rrb.Spatial2DView(origin=f"/{name}", name=IMAGES[name], overrides=_hide(hidden), visual_bounds=bounds)
     return _lasting(view)
 

@@ -36,7 +36,7 @@ class ColouredTracks:
             for by in SCALES if camera is not None else ():
                 assert camera is not None
                 yield Entry(path_of(name, by), _classes(by), static=True)
-                yield Entry(f"{path_of(name, by)}/legend", _legend(by, camera), static=True)
+                yield from _legend(f"{path_of(name, by)}/legend", by, camera)
 
     def learn(self, seen: Seen) -> None:
         """Each frame of a camera once, drawn or not."""
@@ -57,13 +57,8 @@ def _classes(by: Colouring) -> rr.AnnotationContext:
     return rr.AnnotationContext([(i, f"{by}: {text}", colour) for i, (text, colour) in enumerate(labels)])
 
 
-def _legend(by: Colouring, camera: Camera) -> rr.Points2D:
+def _legend(path: str, by: Colouring, camera: Camera) -> Iterator[Entry]:
     """Beside or below the image, as that of the states."""
     labels = SCALES[by].labels()
-    return rr.Points2D(
-        entities.legend_places(len(labels), camera, LEGEND_ROW),
-        class_ids=list(range(len(labels))),
-        labels=labels,
-        radii=-4.0,
-        show_labels=True,
-    )
+    places = entities.legend_places(len(labels), camera, LEGEND_ROW)
+    yield from entities.legend_entries(path, list(range(len(labels))), labels, places, static=True)

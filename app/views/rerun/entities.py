@@ -16,11 +16,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ispom.geometry import Array, Pose, Similarity
-from ispom.types import Camera, Image, Step, Tracks, TrackStatus
+from ispom.types import Camera, Frame, Image, Rig, Step, Tracks, TrackStatus
 
 from ...presentation import colours
 from ...presentation.decisions import answers, mark, measured, named
 from ...presentation.uncertainty import Ellipsoid, describe
+from .batch import Entry
 
 JPEG_QUALITY = 80
 SHOWN_PX = 640 * 480
@@ -29,6 +30,8 @@ MOST_MARKERS = 600
 """Of an image's tracks, so many are drawn at most, spread evenly: more hide the image. The counts are of all."""
 CELLS = (16, 12)
 """Over the image, by which they are spread."""
+INKS: dict[str, colours.Rgb] = {"dark": (225, 225, 225), "light": (40, 40, 40)}
+"""Of the words in a legend, by the theme of the viewer."""
 LEGEND_COLUMNS, LEGEND_ROWS = 3, 4
 """Of a legend below its image."""
 LEGEND_WIDTH = 0.32
@@ -170,7 +173,7 @@ def thumbnail(image: Image) -> rr.EncodedImage:
 
 
 def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
-    """Of a `thumbnail`, drawn at a depth; without an outline, for that also stands where there is no pose."""
+    """Of a `thumbnail`, drawn at a depth; without an outline, for the camera has one."""
     scale = min(1.0, THUMBNAIL_PX / camera.width)
     width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
     return rr.Pinhole(
@@ -178,7 +181,7 @@ def pinhole(camera: Camera, depth: float) -> rr.Pinhole:
         focal_length=[camera.fx * scale, camera.fy * scale],
         principal_point=[(camera.cx + 0.5) * scale, (camera.cy + 0.5) * scale],
         image_plane_distance=depth,
-        color=(0, 0, 0, 0),
+        line_width=0.0,
     )
 
 
@@ -198,19 +201,27 @@ def in_right(tracks: Tracks) -> Tracks:
     return replace(found, uv=(found.uv - shift).astype(found.uv.dtype))
 
 
-def legend(tracks: Tracks, moved: Tracks | None, camera: Camera) -> rr.Points2D:
+def legend(path: str, tracks: Tracks, moved: Tracks | None, camera: Camera) -> Iterator[Entry]:
     """Beside or below the image: how many tracks have which status, in its colour; and how many move by themselves."""
     counts = np.bincount(tracks.status, minlength=len(TrackStatus))
     items = [(int(s), f"{counts[s]} {_SHORT.get(s, s.name.lower())}") for s in TrackStatus if counts[s]]
     if moved is not None:
         items.append((MOVING, f"{len(moved)} move alone"))
-    return rr.Points2D(
-        legend_places(len(items), camera),
-        class_ids=[number for number, _ in items],
-        labels=[text for _, text in items],
-        radii=-4.0,
-        show_labels=True,
+    yield from legend_entries(
+        path, [number for number, _ in items], [text for _, text in items], legend_places(len(items), camera)
     )
+
+
+def legend_entries(
+    path: str, class_ids: list[int], labels: list[str], places: Array, *, static: bool = False
+) -> Iterator[Entry]:
+    """Dots in the colours of the classes, and for each theme the words in an ink that can be read on it: the viewer
+    writes in the colour of the dots. The layout shows the words of one theme."""
+    dots = rr.Points2D(places, class_ids=class_ids, labels=labels, radii=-4.0, show_labels=False)
+    yield Entry(path, dots, static)
+    for theme, ink in INKS.items():
+        words = rr.Points2D(places, colors=[ink] * len(labels), labels=labels, radii=0.0, show_labels=True)
+        yield Entry(f"{path}/{theme}", words, static)
 
 
 def legend_places(count: int, camera: Camera, row_height: float = 0.13) -> Array:
@@ -261,14 +272,23 @@ def frustum(camera: Camera, frame_from_camera: Pose, depth: float) -> Array:
     return frame_from_camera.apply(np.stack([*strip, top_left]))
 
 
+def outlines(rig: Rig, frame: Frame, size: float, main_camera: bool) -> Array:
+    """Frusta (L, 10, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
+    main: Frame = "video" if rig.video is not None else "left"
+    names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
+    frame_from_rig = rig.rig_from(frame).inverse()
+    return np.stack([frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
+
+
 def ellipsoid(found: Ellipsoid, colour: colours.Rgb) -> rr.Ellipsoids3D:
-    """In the world of the pose, as a few lines."""
+    """In the world of the pose, as a few lines: a filled one that is larger than the scene would tint all of it."""
     return rr.Ellipsoids3D(
         half_sizes=[found.half_sizes],
         centers=[found.centre],
         quaternions=[found.pose.xyzw],
         colors=colours.packed(colour),
         line_radii=[-0.75],
+        fill_mode="majorwireframe",
     )
 
 

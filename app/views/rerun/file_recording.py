@@ -48,12 +48,12 @@ class FileRecording:
     """One `.rrd` file. While it grows its name is hidden (`part_of`), and it is readable at any moment, also after a
     crash; `close` writes its index and gives it its name."""
 
-    def __init__(self, path: Path, opened: Opened) -> None:
+    def __init__(self, path: Path, opened: Opened, has_depth: Callable[[], bool] = lambda: False) -> None:
         """InputError where the file cannot be written, or somebody else is writing it."""
         self.path = Path(path)
         self.failure: str | None = None
         """Why the recording stopped on its own, one sentence; None while all is well."""
-        self._recorder = Recorder(opened)
+        self._recorder = Recorder(opened, has_depth)
         self._since_flush, self._flushed_s = 0, time.monotonic()
         self._part = part_of(self.path)
         self._stack = ExitStack()

@@ -10,6 +10,7 @@ LAYERS = {
     "uncertainty": "95 % ellipsoids of the poses",
     "key_frames": "keyframes",
     "clouds": "point clouds",
+    "depth": "dense depth of the stereo pair",
     "map": "map (ispom map)",
     "tracks": "tracks on images",
     "moving": "what moves by itself",
@@ -24,12 +25,17 @@ HINTS = {
     "uncertainty": "Where the camera is with a probability of 95 %, after the method's own covariance.",
     "key_frames": "The outlines of the cameras at the keyframes.",
     "clouds": "The points that each method triangulated, in the colours of the image.",
+    "depth": "Points of the latest stereo pair by semi-global matching, at most 20,000, in the colours of the image, "
+    "in the pose of the metric method shown. While the run plays they follow about once a second. A recording has them "
+    "of the pairs that are recorded while this is on.",
     "map": "The dense mesh, and a laser's points, that ispom map made of the run.",
     "tracks": "The tracks of the frame on its image, coloured as chosen under Look.",
     "moving": "The tracks that one rigid motion explains beside the one that is followed, on their image.",
     "trails": "Where the tracks were in the last ten frames.",
     "disparity": "From each point of the left image to its place in the right one [px].",
 }
+OPTIONAL = frozenset({"depth"})
+"""Layers that are drawn only when a person chooses them: they cost time."""
 MEASURES = "measures"
 """Of no layer: all plots and texts, which a lesson keeps out of sight."""
 IMAGE_LAYERS = ("tracks", "moving", "trails", "disparity")

@@ -6,7 +6,7 @@ images, tracks and maps of a run along its timeline. It gets the parts of the fr
 which it keeps one value each; those of another frame replace them.
 
     video/*, left/*, right/*,   the parts of exactly this frame, and of the other camera's latest one
-    world/METHOD/view/CAMERA
+    world/view/METHOD/CAMERA
     world/*, decisions          the latest value of each up to this frame
     all of an `Overlay`         whatever the frame
 """
@@ -53,7 +53,7 @@ def camera_of(path: str) -> str | None:
     """The camera of whose frame alone the entity is: what is drawn in its image, and that image in the 3-D view."""
     first, *others = path.removeprefix("/").split("/")
     if first == "world":
-        return others[2] if len(others) == 3 and others[1] == "view" else None
+        return others[2] if len(others) == 3 and others[0] == "view" else None
     return first if any(first in cameras for cameras in CAMERAS.values()) else None
 
 

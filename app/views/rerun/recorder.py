@@ -11,8 +11,9 @@ Entities, below the shared world (the rig at the first stereo exposure: x right,
     /world/METHOD/uncertainty                95 % ellipsoid of its position, where the method gives a covariance
     /world/METHOD/final                      at the end: the final poses, each at its frame; path/final is their line
     /world/beside/NAME/{path,rig}            trajectory of another program, up to now, and its pose now
+    /world/METHOD/depth                      points of the latest stereo pair, while that layer is drawn
     /world/METHOD/error                      line from its position to the true one
-    /world/METHOD/view, .../view/CAMERA      of one method: pose and pinhole of its latest frame of CAMERA; its image
+    /world/view/METHOD[/CAMERA]              of one method: pose and pinhole of its latest frame of CAMERA; its image
     /video, /left, /right                    image, tracks; without right: moving, trails, legend; left also disparity
     /{video,left}/coloured/{age,residual,depth}  the tracks that live, coloured by these
     /plots/{error,scale,inliers,residual,ms}/METHOD...; /plots/error/beside/NAME
@@ -26,7 +27,7 @@ Timelines: `exposure` (its index) and `time` (since the first frame).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import rerun as rr
 
@@ -40,6 +41,7 @@ from ...engine.model.drawn_size import unit_in_metres
 from . import entities
 from .batch import Batch, Entry
 from .coloured import ColouredTracks
+from .depth import depth_entries
 from .plots import Plots
 from .world import World
 
@@ -50,11 +52,13 @@ START, START_NS = "start", "time_ns"
 class Recorder:
     """Turns the events of one run into batches. It holds the model of the run, and no images."""
 
-    def __init__(self, opened: Opened) -> None:
+    def __init__(self, opened: Opened, has_depth: Callable[[], bool] = lambda: False) -> None:
+        """`has_depth`: whether the depth of the pair of a frame is drawn."""
         self.opened = opened
         self.recording_id = opened.recording_id
         self.first_ns = int(opened.sequence.times_ns[0]) if len(opened.sequence) else 0
         self._world, self._plots = World(opened, self.first_ns), Plots(opened)
+        self._has_depth, self._depth_path = has_depth, ""
         self._coloured = ColouredTracks(opened.sequence.rig)
         self._recent: dict[str, list[Tracks]] = {}
         self._moving = set[str]()
@@ -86,6 +90,7 @@ class Recorder:
     def _stepped(self, event: Stepped) -> Iterator[Entry]:
         yield from self._world.stepped(event)
         yield from self._images(event)
+        yield from self._depth(event)
         yield from self._plots.stepped(event, self._world.model, self._world.placements)
         for step in event.steps:
             yield from self._log(step)
@@ -112,15 +117,26 @@ class Recorder:
         name, image = _image(event.exposure)
         if image.size:
             yield Entry(f"{name}/image", entities.jpeg(image))
-            yield from self._world.picture(name, image, event.exposure.time_ns)
+            yield from self._world.picture(name, image, event.steps)
         if isinstance(event.exposure, StereoPair) and event.exposure.right.size:
             yield Entry("right/image", entities.jpeg(event.exposure.right))
+
+    def _depth(self, event: Stepped) -> Iterator[Entry]:
+        if not isinstance(event.exposure, StereoPair) or not (self._depth_path or self._has_depth()):
+            return
+        drawn = depth_entries(event.exposure, event.steps, self.opened.sequence.rig) if self._has_depth() else ()
+        entry = next(iter(drawn), None)
+        if self._depth_path and (entry is None or entry.path != self._depth_path):
+            yield Entry(self._depth_path, rr.Clear(recursive=False))
+        self._depth_path = entry.path if entry is not None else ""
+        if entry is not None:
+            yield entry
 
     def _tracks(self, seen: Seen, shown: Tracks) -> Iterator[Entry]:
         camera = self.opened.sequence.rig.camera(seen.camera)
         yield Entry(f"{seen.camera}/tracks", entities.points(shown, camera))
         moved = seen.moved
-        yield Entry(f"{seen.camera}/legend", entities.legend(seen.tracks, moved, camera))
+        yield from entities.legend(f"{seen.camera}/legend", seen.tracks, moved, camera)
         if moved is not None:
             self._moving.add(seen.camera)
         if seen.camera in self._moving:

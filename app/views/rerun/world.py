@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import rerun as rr
 
-from ispom.geometry import Array, Similarity
+from ispom.geometry import Array, Pose, Similarity
 from ispom.methods import method as registered
 from ispom.types import Frame, Image, Step, StereoPair, Trajectory
 
@@ -58,8 +58,8 @@ class World:
         rig = opened.sequence.rig
         self._viewing: tuple[str, Frame] | None = None
         """The method in whose frustum the image of a camera is drawn: the one that needs most cameras."""
-        self._view_depth, self._posed = 0.0, set[int]()
-        """At which the image is drawn, and the times of the frames that have a pose for it."""
+        self._view_pose: Pose | None = None
+        """Of that camera in its latest frame, in the method's world; None where it has none."""
         if opened.methods and (rig.video or rig.left) is not None:
             most = max(opened.methods, key=lambda m: len(registered(m).needs))
             self._viewing = most, "video" if rig.video is not None else "left"
@@ -91,17 +91,20 @@ class World:
                 self._map_drawn[step.method] = event.index
                 yield from self._map(step.method, resized)
         outlines = self._outlines("rig", true_size(self._truth) or 1.0, main_camera=True)
-        yield from self._beside.stepped(event, self.model, self.placements, outlines)
+        time_ns = event.exposure.time_ns
+        yield from self._beside.at(event.index, time_ns, self.model, self.placements, outlines)
+        yield from self._beside.errors(event.index)
         if not self._true_path.fixed:
             yield from self._place_truth(event.exposure.time_ns)
         for step in event.steps:
             yield from self._error(step)
-            yield from self._view(step, "left" if isinstance(event.exposure, StereoPair) else "video")
+        yield from self._view(event)
 
-    def picture(self, camera: Frame, image: Image, time_ns: int) -> Iterator[Entry]:
+    def picture(self, camera: Frame, image: Image, steps: Iterable[Step]) -> Iterator[Entry]:
         """The image in the frustum, where that is of this camera and has a pose."""
-        if self._viewing is not None and self._viewing[1] == camera and time_ns in self._posed:
-            yield Entry(f"world/{self._viewing[0]}/view/{camera}", entities.thumbnail(image))
+        posed = (s.method for s in steps if s.world_from_frame is not None)
+        if self._viewing is not None and self._viewing[1] == camera and self._viewing[0] in posed:
+            yield Entry(f"world/view/{self._viewing[0]}/{camera}", entities.thumbnail(image))
 
     def finished(self, event: Finished) -> Iterator[Entry | Columns]:
         yield from self._place(event.placements)
@@ -195,20 +198,23 @@ class World:
             yield Entry(f"world/{method}/error", rr.Clear(recursive=False))
         (self._errors.add if is_drawn else self._errors.discard)(method)
 
-    def _view(self, step: Step, camera: Frame) -> Iterator[Entry]:
-        """Pose and shape of the image in the frustum. The shape is there from the first frame on: without it the viewer
-        reports a fault."""
-        if self._viewing is None or step.method != self._viewing[0]:
+    def _view(self, event: Stepped) -> Iterator[Entry]:
+        """Pose and shape of the image in the frustum. In the shared world: Rerun draws no pinhole below a change of
+        scale. It is there from the first frame on, without a size while there is no pose: once the viewer had a pinhole
+        without values, it draws the image no more."""
+        if self._viewing is None:
             return
-        rig, path, shown = self._opened.sequence.rig, f"world/{step.method}/view", self._viewing[1]
-        depth = self._size(step.method).camera
-        if depth != self._view_depth:
-            self._view_depth = depth
-            yield Entry(path, entities.pinhole(rig.camera(shown), depth))
-        if camera == shown and step.world_from_frame is not None:
-            frame_from_camera = rig.rig_from(step.frame).inverse() @ rig.rig_from(shown)
-            yield Entry(path, entities.transform(step.world_from_frame @ frame_from_camera))
-            self._posed.add(step.time_ns)
+        rig, (method, camera) = self._opened.sequence.rig, self._viewing
+        if isinstance(event.exposure, StereoPair) == (camera == "left"):
+            step = next((s for s in event.steps if s.method == method), None)
+            pose = step.world_from_frame if step is not None else None
+            frame = step.frame if step is not None else "rig"
+            self._view_pose = pose and pose @ rig.rig_from(frame).inverse() @ rig.rig_from(camera)
+        path, placement = f"world/view/{method}", self.placements.get(method, Similarity())
+        depth = placement.scale * self._size(method).camera if self._view_pose is not None else 0.0
+        yield Entry(path, entities.transform(placement.apply_pose(self._view_pose or Pose())))
+        yield Entry(path, entities.pinhole(rig.camera(camera), depth))
+        yield Entry(path, rr.TransformAxes3D(axis_length=0.0))
 
     def _camera(self, method: str) -> Entry:
         frame = self.model.methods[method].poses.frame
@@ -259,15 +265,8 @@ class World:
     def _outlines(self, frame: Frame, size: float, main_camera: bool) -> Array:
         """Frusta (L, P, 3) in a frame: of the video camera (without one: the left), or of both stereo ones."""
         if (key := (frame, size, main_camera)) not in self._frustum_lines:
-            self._frustum_lines[key] = self._frustum_lines_of(*key)
+            self._frustum_lines[key] = entities.outlines(self._opened.sequence.rig, *key)
         return self._frustum_lines[key]
-
-    def _frustum_lines_of(self, frame: Frame, size: float, main_camera: bool) -> Array:
-        rig = self._opened.sequence.rig
-        main: Frame = "video" if rig.video is not None else "left"
-        names: tuple[Frame, ...] = (main,) if main_camera or not rig.has_stereo else ("left", "right")
-        frame_from_rig = rig.rig_from(frame).inverse()
-        return np.stack([entities.frustum(rig.camera(n), frame_from_rig @ rig.rig_from(n), size) for n in names])
 
     def _frusta(self, frame: Frame, size: float, colour: colours.Rgb, main_camera: bool) -> rr.LineStrips3D:
         return entities.lines(self._outlines(frame, size, main_camera), colour, 1.0)

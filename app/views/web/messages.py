@@ -21,7 +21,7 @@ from ...session.commands import Command, Message
 from ...session.registry import load_features
 from ...session.sources.folders import run_name
 from ...session.state import State
-from ..rerun.blueprint import hidden_paths
+from ..rerun.blueprint import hidden_paths, words_to_hide
 
 STATUS = {
     "waiting": "no frame for this method yet",
@@ -87,6 +87,7 @@ def message_of(state: State) -> dict[str, Any]:
             "run": run_name(state.source),
             "branch": state[Branches].shown,
             "hidden": sorted(layers.hidden),
+            "layers": sorted(layers.chosen),
             "plots": "" if plots == DEFAULT_PLOTS else ",".join(plots) or NO_PLOTS,
         },
         "notes": state.notes,
@@ -108,6 +109,7 @@ def message_of(state: State) -> dict[str, Any]:
         "compiling": state.compiling,
         "methods": [] if covers else [_method(method, state) for method in state.methods],
         "hidden": hidden_paths(state.methods, hidden_now(state, covers=covers), layers.colour_by),
+        "words": words_to_hide(layers.colour_by),
         "question": None
         if state.question is None
         else {"number": state.question.number, "text": state.question.text, "yes": state.question.yes},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import cv2
@@ -34,6 +34,13 @@ MIN_ALIKE = 0.8
 MIN_CONFIRMED = 0.1
 """Of the features that a pose brings into sight, those that are found there: a wrong pose finds 3-6 % of them by
 chance, a right one 10-14 % where 20-25 m of road lie between two images of it, and more where less."""
+MIN_OVER_CHANCE, CHANCE_TRIALS = 3.0, 2
+"""With so many times the matches that chance gives in these two images, besides the fewest that any pose is fitted to,
+a smaller share confirms a pose. In sim:indoor chance matches 4-8 % of the features, which leaves the decision to the
+share above; in photos of an object with wide steps 1 %, where right poses find 7-10 %."""
+MIN_BESIDE_DENSEST = 0.25
+"""Of such a smaller share, what must lie outside the quarter of the features where most of it lies: one thing that
+stands elsewhere as well is no place."""
 COARSE_PX = (40, 30)
 """Size of the blurred images by which places are sorted (Klein & Murray 2008, section 4)."""
 
@@ -149,9 +156,49 @@ def plausible(agreeing: NDArray[np.bool_], depth_before: Array, depth_now: Array
     return good if good.mean() >= MIN_SHARE else np.zeros(len(good), bool)
 
 
-def confirmed(agreeing: NDArray[np.bool_], expected: Array, fewest: int) -> bool:
-    """Whether enough agree with a pose of the features that it brings into sight, at `expected` (N, 2); NaN: not."""
-    return bool(agreeing.sum() >= max(fewest, MIN_CONFIRMED * np.isfinite(expected[:, 0]).sum()))
+def confirmed(
+    matched: NDArray[np.int64], expected: Array, fewest: int, chance: Callable[[], float] | None = None
+) -> bool:
+    """Whether enough features are found where a pose expects them.
+
+    `expected` (N, 2) [px] is where the pose puts the features, NaN where it puts them out of the image; `matched` (M,)
+    are those found there. A share of them is enough; a smaller one where it is far more than `chance`, the number that
+    a wrong pose would match, and is not one thing that may stand elsewhere as well.
+    """
+    if len(matched) < fewest:
+        return False
+    if len(matched) >= MIN_CONFIRMED * np.isfinite(expected[:, 0]).sum():
+        return True
+    if chance is None or _share_beside_densest(matched, expected) < MIN_BESIDE_DENSEST:
+        return False
+    return len(matched) >= fewest + MIN_OVER_CHANCE * chance()
+
+
+def matches_by_chance(then: sift.Features, now: sift.Features, expected: Array, distance_px: float) -> float:
+    """How many features would be matched if each were expected where another one is: what a wrong pose would match."""
+    inside, rng, found = np.flatnonzero(np.isfinite(expected[:, 0])), np.random.default_rng(0), list[int]()
+    for _ in range(CHANCE_TRIALS):
+        elsewhere = np.full_like(expected, np.nan)
+        elsewhere[inside] = expected[rng.permutation(inside)]
+        found.append(len(sift.match_near(then, now, elsewhere, distance_px, MIN_ALIKE)))
+    return float(np.mean(found))
+
+
+def _share_beside_densest(matched: NDArray[np.int64], expected: Array) -> float:
+    """The share of the matches outside the densest quarter of the image, of 4 x 4 cells of as many features each."""
+    inside = np.flatnonzero(np.isfinite(expected[:, 0]))
+    column, cell = np.zeros(len(expected), int), np.zeros(len(expected), int)
+    column[inside] = _quarters(expected[inside, 0])
+    for i in range(4):
+        own = inside[column[inside] == i]
+        cell[own] = 4 * i + _quarters(expected[own, 1])
+    counts = np.sort(np.bincount(cell[matched], minlength=16))
+    return float(counts[:12].sum() / max(counts.sum(), 1))
+
+
+def _quarters(values: Array) -> NDArray[np.int64]:
+    """(N,) 0 for the least quarter of the values to 3 for the greatest."""
+    return 4 * np.argsort(np.argsort(values, kind="stable"), kind="stable") // max(len(values), 1)
 
 
 def coarse(grey: Image) -> Array:

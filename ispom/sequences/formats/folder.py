@@ -10,6 +10,7 @@ that are not read count as missing.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from ispom.errors import InputError, counted
 from ispom.io.calibrations.recognised import one_camera
 from ispom.io.files import exists, is_folder, names
 from ispom.sequences.guess import guess_of_photo, size_of_photo
-from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, read_image, require_size
+from ispom.sequences.images import IMAGE_SUFFIXES, UNREAD_SUFFIXES, read_image, require_size, same_size
 from ispom.sequences.named import Named, named, ticks_of
 from ispom.sequences.orientation import common_orientation
 from ispom.sequences.recording import Recording
@@ -44,7 +45,7 @@ def open_folder(given: Path, calibration: Path | None = None) -> Recording:
     """The recording of a folder of images; InputError names the file that is missing or wrong."""
     folder = given if holds_images(given) else given / INNER
     path = calibration or settings_in(folder) or settings_in(folder.resolve().parent)
-    guess, images = None, named_images(folder)
+    guess, images = None, named_images(folder, path is None)
     paths = [folder / name for name in images.names]
     if path is None:
         guess, camera = guess_of_photo(folder / images.names[0], common_orientation(paths)[0])
@@ -79,15 +80,21 @@ def read_settings(
     return camera, clock_of(path, entries), notes
 
 
-def named_images(folder: Path) -> Named:
-    """The images of a folder in their order; InputError where there is none, or where they are of several kinds."""
+def named_images(folder: Path, one_size: bool = False) -> Named:
+    """The images of a folder in their order; InputError where there is none, or where they are of several kinds.
+
+    Those of `one_size` are the largest group of images of the same size: no camera is known that says which to take.
+    """
     found = [name for name in names(folder) if _is_image(name)]
     if not found:
         raise InputError(f"{folder} holds no image: give a folder of {', '.join(sorted(IMAGE_SUFFIXES))} files")
+    taken, note = same_size([folder / name for name in found]) if one_size else (found, "")
+    others = sorted(set(found) - set(taken))
     try:
-        return named(found, unread_images(folder))
+        images = named(taken, [*unread_images(folder), *others])
     except InputError as fault:
         raise InputError(f"{folder}: {fault.args[0]}") from None
+    return replace(images, notes=(*images.notes, note)) if note else images
 
 
 def unread_images(folder: Path) -> list[str]:

@@ -220,9 +220,11 @@ def test_a_layer_that_is_hidden_in_the_past_leaves_rerun_where_it_is(page: Page)
     before = json.loads(page.tab.evaluate(VIEWER))
     page.controls.get_by_role("tab", name="View").click()
     drawn = len(page.state["hidden"])  # colours of tracks that are not chosen
+    of_theme = len(page.state["words"]["dark"])
     for hidden in (drawn + 1, drawn):
         page.controls.get_by_text("true path", exact=True).click()
-        page.until(f"state.hidden.length === {hidden} && window.ispom.viewer.hidden.size === {hidden}", "the layer")
+        both = f"state.hidden.length === {hidden} && window.ispom.viewer.hidden.size === {hidden + of_theme}"
+        page.until(both, "the layer")
         page.tab.wait_for_timeout(500)  # the viewer watches itself every 250 ms
         assert json.loads(page.tab.evaluate(VIEWER)) == before
 

@@ -296,3 +296,38 @@ def test_key_frames_of_a_single_camera_do_not_overlap(tmp_path):
     spacing = np.median(np.linalg.norm(np.diff(keys, axis=0), axis=1))
     depth = max(np.linalg.norm(np.ptp(np.array(strip), axis=0)) for strip in strips)
     assert depth < 1.5 * spacing
+
+
+def test_the_image_in_the_frustum_is_where_the_camera_is_and_has_no_size_without_a_pose() -> None:
+    """Its pinhole is below no change of scale, which the viewer refuses, and is never without values."""
+    run = Playback(doubles.sequence(), ("monocular",), builder=helpers.build)
+    placement = Similarity(2.5, Pose(translation=np.array([1.0, 0, 0])))
+    recorder, rig = Recorder(run.opened), run.sequence.rig
+    scaled: set[str] = set()
+    found: list[tuple[bool, float, bool]] = []
+    for event in events(run):
+        lost = 5 <= event.index < 8
+        steps = tuple(replace(s, world_from_frame=None if lost else s.world_from_frame) for s in event.steps)
+        entries = recorder.batch(replace(event, steps=steps, placements={"monocular": placement})).entries
+        of = {(e.path, type(e.value)): e.value for e in entries if isinstance(e, Entry)}
+        for (path, kind), value in of.items():
+            if kind is rr.Transform3D and not np.isclose(np.linalg.det(matrix(value)), 1):
+                scaled.add(path)
+        pinhole = of["world/view/monocular", rr.Pinhole]
+        depth = pinhole.image_plane_distance.as_arrow_array()[0].as_py()
+        pictured = ("world/view/monocular/video", rr.EncodedImage) in of
+        found.append((isinstance(event.exposure, VideoFrame), depth, pictured))
+        if pictured:
+            (own,) = (s.world_from_frame for s in steps if s.method == "monocular")
+            moved = of["world/view/monocular", rr.Transform3D].translation.as_arrow_array().to_pylist()[0]
+            assert own is not None
+            expected = placement.apply_pose(own @ rig.rig_from("video").inverse() @ rig.rig_from_video).translation
+            assert_allclose(moved, expected, atol=1e-6)
+    assert "world/monocular" in scaled and not scaled & {"world", "world/view", "world/view/monocular"}
+    assert all((depth > 0) == pictured for is_video, depth, pictured in found if is_video)
+    assert {depth > 0 for _, depth, _ in found} == {True, False}
+
+
+def matrix(value: rr.Transform3D) -> np.ndarray:
+    assert value.mat3x3 is not None
+    return np.array(value.mat3x3.as_arrow_array().to_pylist()[0]).reshape(3, 3)

@@ -11,6 +11,8 @@ from ispom_app.cli.main import main
 from ispom_app.engine.history.series import Series
 from ispom_app.features.breakpoints.commands import FindMatch
 from ispom_app.features.external_paths.state import ExternalPaths
+from ispom_app.features.stage.drawings import drawings
+from ispom_app.session import commands as do
 from ispom_app.session.review.folder import read_stored
 from ispom_app.session.review.recording import read_recording
 from ispom_app.views.rerun.live import LiveStream
@@ -73,6 +75,29 @@ def test_another_programs_trajectory_is_beside_a_recording_at_the_times_of_its_s
     (beside,) = session.state[ExternalPaths].all
     assert beside.of_truth is not None and "(14 poses)" in beside.of_truth.alignment
     assert np.nanmax(beside.errors_m) < 1e-5
+    session.close(5)
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["recording", "folder"])
+def test_another_programs_trajectory_is_drawn_over_what_was_recorded(
+    recording: Path, run: Path, tmp_path: Path, alone: bool
+) -> None:
+    source = read_stored(run, lambda s, o: o.open(s), build).playback.sequence
+    orb = read(written(tmp_path / "orb.tum", elsewhere(source)))
+    options = {"beside": (orb,), "opener": lambda source, options: options.open(source)}
+    session = started(tmp_path / "recordings", str(recording if alone else run), **options)
+    wait_for(lambda: session.state.index >= 0, "the recording")
+    session.post(do.Seek(9))
+    wait_for(lambda: session.state.index == 9, "the seek")
+    assert session.run is not None
+    found = {d.name: d for d in drawings(session, session.state, session.run)}["external paths"].entries()
+    line = next(e.value for e in found if e.path == "world/beside/orb/path/0")
+    assert isinstance(line, rr.LineStrips3D) and line.strips is not None
+    drawn = line.strips.as_arrow_array().flatten().flatten().to_numpy(zero_copy_only=False).reshape(-1, 3)
+    (beside,) = session.state[ExternalPaths].all
+    assert beside.of_truth is not None
+    poses = beside.of_truth.poses
+    np.testing.assert_allclose(drawn, poses.translations[poses.times_ns <= source.times_ns[9]], atol=1e-5)
     session.close(5)
 
 

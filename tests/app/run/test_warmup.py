@@ -10,7 +10,7 @@ import pytest
 from ispom_app.engine import warmup
 from ispom_app.session import commands as do
 
-from ispom import warm_up
+from ispom import compiled_code
 from ispom.methods import Config
 from tests.app import helpers
 
@@ -25,7 +25,7 @@ def python(script: str) -> list[str]:
 def started(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "_running", [])
     monkeypatch.setattr(warmup, "_failures", [])
-    monkeypatch.setattr(warm_up, "compiled_before", lambda: False)
+    monkeypatch.setattr(compiled_code, "is_complete", lambda: False)
 
 
 @pytest.mark.usefixtures("started")
@@ -45,7 +45,7 @@ def test_the_share_that_is_compiled_is_shown(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(warmup, "COMMAND", python("import sys; sys.stdin.read(1)"))
     assert warmup.message() == warmup.MESSAGE
     warmup.start(*MODERN)
-    monkeypatch.setattr(warmup, "kept_share", lambda: 0.346)
+    monkeypatch.setattr(warmup, "_share", lambda: 0.346)
     assert warmup.message() == f"{warmup.MESSAGE}: 35 % done"
     warmup._running[0].stop()
     assert warmup.message() == warmup.MESSAGE
@@ -71,7 +71,7 @@ def test_one_that_fails_is_over_said_to_be_and_not_tried_again(
 
 @pytest.mark.usefixtures("started")
 def test_what_is_kept_is_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warm_up, "compiled_before", lambda: True)
+    monkeypatch.setattr(compiled_code, "is_complete", lambda: True)
     warmup.start(*MODERN)
     assert not warmup._running and warmup.finished()
 
@@ -107,7 +107,7 @@ def test_the_first_start_shows_the_papers_methods_meanwhile(monkeypatch: pytest.
     monkeypatch.setattr(warmup, "COMMAND", python("pass"))
     assert warmup.at_first(Config()) == "paper" and len(warmup._running) == 1
     assert warmup.finished(20)
-    monkeypatch.setattr(warm_up, "compiled_before", lambda: True)
+    monkeypatch.setattr(compiled_code, "is_complete", lambda: True)
     assert warmup.at_first(Config()) == "modern"
 
 

@@ -300,6 +300,21 @@ def test_one_image_of_another_size_is_left_out_of_a_run(tmp_path: Path) -> None:
         sequence[3]
 
 
+def test_photos_of_two_sizes_are_those_of_the_larger_group(tmp_path: Path) -> None:
+    folder = make_images(tmp_path)
+    (folder / "camera.yaml").unlink()
+    size = (96, 64)
+    for i in (0, 3):
+        cv2.imwrite(str(folder / f"{i}.png"), np.zeros(size, np.uint8))
+    sequence = open_sequence(str(folder))
+    first, last = sequence[0], sequence[len(sequence) - 1]
+    assert isinstance(first, VideoFrame) and isinstance(last, VideoFrame)
+    assert first.image.shape == last.image.shape == size[::-1]
+    assert len(sequence) == len(list(folder.glob("*.png"))) - 2
+    assert len(set(np.diff(sequence.times_ns))) == 2  # the number that is skipped is a gap in time
+    assert any("2 of 64 x 96" in note for note in sequence.notes)
+
+
 def test_a_folder_of_two_cameras_is_told_apart_from_one(tmp_path: Path) -> None:
     folder = make_images(tmp_path)
     for path in sorted(folder.glob("*.png")):

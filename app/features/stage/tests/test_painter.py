@@ -96,6 +96,18 @@ def test_while_it_plays_what_takes_long_is_drawn_once_a_second(stage: Stage, run
     assert stage.painter._drawn["look"] != drawn
 
 
+def test_dense_depth_is_drawn_while_that_layer_is_chosen(stage: Stage, run: CurrentRun):
+    assert stage.becomes() == set()
+    assert stage.becomes(chosen=frozenset({"depth"})) == {"world/integrated/depth"}
+    drawn = stage.painter._drawn["depth"]
+    stage.becomes(displayed=run.history[29])
+    assert stage.painter._drawn["depth"] == drawn, "of the same pair"
+    stage.becomes(displayed=run.history[5])
+    assert stage.painter._drawn["depth"] != drawn
+    assert stage.becomes(hidden=frozenset({"integrated"})) == {"world/stereo/depth"}
+    assert stage.becomes(chosen=frozenset()) == set()
+
+
 def test_another_run_begins_with_nothing_drawn(stage: Stage, run: CurrentRun, tmp_path: Path):
     stage.becomes(selected=track(run, 30))
     stage.painter._live.tape = Tape(tmp_path, kinds=lambda: run.opened.sequence.kinds)  # type: ignore[misc]

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ispom_app.engine.inspection.selection import Selection
+from ispom_app.engine.inspection.sightings import camera_pose, seen_by
+from ispom_app.engine.playback import Playback
 from ispom_app.features.stage.picking import meaning
 from ispom_app.session.current_run import CurrentRun
 from ispom_app.views.rerun import entities
 
 from ispom.errors import InputError
 from ispom.geometry import Similarity
+from ispom.sequences.formats.simulated import open_simulated
 
 AWAY = (float("nan"),) * 3
 
@@ -86,3 +89,31 @@ def test_before_a_camera_has_a_frame_it_says_so(run: CurrentRun):
     camera = "left" if kinds[0] == "video" else "video"
     with pytest.raises(InputError, match=camera):
         meaning(run, f"/{camera}/image", 0, (1.0, 1.0, None), None)
+
+
+def test_a_point_of_a_method_without_tracks_of_its_own_selects_the_track_that_sees_it(tiny: CurrentRun):
+    """The integrated method alone: its tracks are those of the methods inside it."""
+    index = len(tiny.history) - 1
+    placement = tiny.history[index].placements.get("integrated", Similarity())
+    latest = {seen.camera: seen for i in range(index + 1) if (seen := seen_by(tiny.history[i])) is not None}
+    found, pixels = [], []
+    for block in tiny.known_at(index).methods["integrated"].points.blocks:
+        for instance, xyz in enumerate(placement.apply(block.xyz.astype(float))):
+            what = meaning(tiny, "/world/integrated/cloud/0", index, tuple(xyz.tolist()), instance)
+            if isinstance(what, Selection):
+                seen = next(s for s in latest.values() if s.step.method == what.method)
+                pose = camera_pose(tiny.history[seen.index].steps[0], tiny.opened.sequence.rig, seen.camera)
+                assert pose is not None
+                uv = tiny.opened.sequence.rig.camera(seen.camera).project(pose.inverse().apply(xyz[None]))[0]
+                found.append(what)
+                pixels.append(np.linalg.norm(seen.tracks.uv[seen.tracks.ids == what.number][0] - uv))
+    assert len(found) > 100 and np.median(pixels) < 1
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> CurrentRun:
+    flight = open_simulated("tiny", seed=0, cache_dir=tmp_path_factory.mktemp("rendered"), duration_s=1.0)
+    run = CurrentRun(Playback(flight, ("integrated",)), 10**9)
+    while not run.done:
+        run.step()
+    return run

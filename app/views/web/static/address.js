@@ -3,7 +3,7 @@
 // Of a lesson it names that and the step alone: `#lesson=collapse:2`. The page's own mode, which nobody else sees, stands behind: `&mode=learn`.
 const WRITE_MS = 500; // browsers refuse more than some 7 changes a second
 const PATIENCE_MS = 8000; // for a part that the run does not have, such as a frame beyond its end
-const DEFAULTS = { lesson: "", branch: "0", hidden: "", select: "", plot: "", mode: "debug" }; // what need not be written
+const DEFAULTS = { lesson: "", branch: "0", hidden: "", layers: "", select: "", plot: "", mode: "debug" }; // what need not be written
 const STEPS = [
   step(
     "lesson",
@@ -24,6 +24,11 @@ const STEPS = [
     "hidden",
     (state) => state.address.hidden,
     (hidden) => ({ do: "hide", names: hidden ? hidden.split(",") : [] }),
+  ),
+  step(
+    "layers",
+    (state) => state.address.layers,
+    (layers) => ({ do: "choose", names: layers ? layers.split(",") : [] }),
   ),
   step(
     "select",

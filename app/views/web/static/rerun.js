@@ -18,7 +18,7 @@ const at = (id) => document.getElementById(id);
 // `pick` is given what a hand clicked in a view, `drawn` what the views show: see status_bar.js.
 export function openViewer(dark, pick, drawn) {
   const canvas = at("canvas");
-  const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: new Set(), drawn };
+  const viewer = { handle: null, stage: null, state: null, shown: null, source: null, hidden: null, drawn, theme: dark ? "dark" : "light" };
   viewer.eye = makeEye(canvas, (message) => control(viewer, message));
   for (const kind of ["pointerdown", "pointerup", "pointermove", "wheel", "keydown"]) {
     canvas.addEventListener(kind, () => wake(true), { capture: true, passive: true });
@@ -28,7 +28,7 @@ export function openViewer(dark, pick, drawn) {
   // that would be out of date when the viewer has started.
   viewer.start = () => {
     viewer.start = () => {};
-    start(canvas, dark, heard).then(
+    start(canvas, viewer.theme, heard).then(
       (handle) => {
         viewer.handle = handle;
         viewer.stage = feedLive(
@@ -54,7 +54,7 @@ export function openViewer(dark, pick, drawn) {
   return viewer;
 }
 
-async function start(canvas, dark, onEvent) {
+async function start(canvas, theme, onEvent) {
   at("loaded").hidden = false;
   await wasm_bindgen({ module_or_path: counted("rerun/re_viewer_bg.wasm") });
   say("Starting the Rerun viewer …");
@@ -62,7 +62,7 @@ async function start(canvas, dark, onEvent) {
     hide_welcome_screen: true,
     persist: false,
     memory_limit: MEMORY,
-    theme: dark ? "dark" : "light",
+    theme,
     // The page has the time, and the only controls of it: two that disagree are worse than one.
     panel_state_overrides: { top: "Hidden", blueprint: "Hidden", selection: "Hidden", time: "Hidden" },
     on_viewer_event: (text) => onEvent(JSON.parse(text)),
@@ -140,7 +140,7 @@ function watch(viewer) {
     viewer,
     found.recordings.filter((each) => each.id !== id),
   );
-  if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: new Set() });
+  if (viewer.shown !== id) Object.assign(viewer, { shown: id, hidden: null });
   showLayers(viewer, id);
   viewer.eye.show(id);
 }
@@ -177,10 +177,11 @@ function reveal(viewer) {
 // The page shows one run; once its first frame is drawn, what the viewer holds of earlier ones is memory for nothing.
 const close = (viewer, recordings) => recordings.length && control(viewer, closeRecordings(recordings.map((each) => each.id)));
 
-// The layers whose visibility changed, in the layout as it is: views, camera and time stay.
+// The layers whose visibility changed, in the layout as it is: views, camera and time stay. Of legends, the words in the
+// ink of this theme are shown.
 function showLayers(viewer, store) {
-  const hidden = new Set(viewer.state.hidden);
-  const changed = hidden.symmetricDifference(viewer.hidden);
+  const hidden = new Set([...viewer.state.hidden, ...viewer.state.words[viewer.theme]]);
+  const changed = hidden.symmetricDifference(viewer.hidden ?? new Set(viewer.state.words.dark));
   if (!changed.size) return;
   viewer.hidden = hidden;
   const visible = (path) => [path, { EntityBehavior: { visible: [!hidden.has(path)] } }];

@@ -148,15 +148,15 @@ class ModernIntegrated:
         video, left = (TrackedSize.of(self.rig.camera(name), c.max_width_px).tracked for name in ("video", "left"))
         noise = Noise(c.video_sigma_px / video.fx, c.stereo_sigma_px / left.fx, c.disparity_sigma_px / left.fx, c.loss)
         return Setup(
-            self.rig,
-            noise,
-            c.window_pairs,
-            c.max_views,
-            c.max_points,
-            c.knot_frames,
-            c.knot_misfit,
-            c.iterations,
-            c.follow_stereo,
+            rig=self.rig,
+            noise=noise,
+            window_pairs=c.window_pairs,
+            max_views=c.max_views,
+            max_points=c.max_points,
+            knot_frames=c.knot_frames,
+            knot_misfit=c.knot_misfit,
+            iterations=c.iterations,
+            follow_stereo=c.follow_stereo,
         )
 
     @property

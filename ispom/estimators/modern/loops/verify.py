@@ -63,8 +63,8 @@ def way_between(eye: Eye, first: Sight, then: Sight, together: bool = False) -> 
         return None
     good = _good(found.inliers, points, found.camera_from_world)
     # What several show of one point is expected, and found, as often as they show it.
-    again = np.ones(len(near), bool) if together else good
-    if good.sum() < FEWEST or not confirmed(again, expected, FEWEST):
+    matched = near[:, 0] if together else pairs[good, 0]
+    if good.sum() < FEWEST or not confirmed(matched, expected, FEWEST):
         return None
     return _measured(eye, first, points[good], x[good], then.xyz[pairs[good, 1]].astype(float), found.camera_from_world)
 

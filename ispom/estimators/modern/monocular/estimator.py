@@ -132,20 +132,20 @@ class ModernMonocular:
     def _setup(self) -> Setup:
         c = self.config
         return Setup(
-            self._size.tracked,
-            c.noise_px,
-            LOSS * c.noise_px,
-            LOSS * c.lens_sigma(self.rig.video_sigma),
-            c.max_tracks,
-            c.key_frames,
-            float(np.radians(c.start_parallax_deg)),
-            float(np.radians(c.point_parallax_deg)),
-            c.min_parallax_deg,
-            c.min_share,
-            c.max_view_angle_deg,
-            c.max_interval_s,
-            c.relocalise,
-            c.follow,
+            camera=self._size.tracked,
+            noise_px=c.noise_px,
+            loss_px=LOSS * c.noise_px,
+            extra_sigma=LOSS * c.lens_sigma(self.rig.video_sigma),
+            max_tracks=c.max_tracks,
+            key_frames=c.key_frames,
+            start_parallax_rad=float(np.radians(c.start_parallax_deg)),
+            point_parallax_rad=float(np.radians(c.point_parallax_deg)),
+            min_parallax_deg=c.min_parallax_deg,
+            min_share=c.min_share,
+            max_view_angle_deg=c.max_view_angle_deg,
+            max_interval_s=c.max_interval_s,
+            relocalise=c.relocalise,
+            follow=c.follow,
         )
 
 

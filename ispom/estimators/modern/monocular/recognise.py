@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from ispom.estimators.modern.monocular.place_patches import patches_found
 from ispom.estimators.modern.monocular.setup import INLIER, Setup
 from ispom.estimators.modern.monocular.state import NewImage
 from ispom.estimators.modern.monocular.tracks import nearest_speed
-from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, plausible
+from ispom.estimators.modern.places import MIN_ALIKE, Place, Places, confirmed, in_sight, matches_by_chance, plausible
 from ispom.estimators.modern.rolling import late_px
 from ispom.frontends import sift
 from ispom.geometry import Array, Pose, skew
@@ -97,11 +98,13 @@ def _compared(setup: Setup, extra: Array, places: list[Place], new: NewImage, no
     xyz, known = _intersected(setup, extra, places, seen, sigma)
     near = found.camera_from_world.apply(xyz)
     expected = np.where(known[:, None], in_sight(setup.camera, near, lens.project(near)), np.nan)
-    pairs = sift.match_near(then, now, expected, INLIER * FEATURE_ERROR * setup.loss_px, MIN_ALIKE)
+    around_px = INLIER * FEATURE_ERROR * setup.loss_px
+    pairs = sift.match_near(then, now, expected, around_px, MIN_ALIKE)
     xyz, uv = xyz[pairs[:, 0]], now.uv[pairs[:, 1]]
     found = refine_pose(xyz, lens.normalise(uv), found.camera_from_world, INLIER * sigma)
-    good = np.zeros(0, bool) if found is None else _plausible(place, xyz, found)
-    if found is None or not confirmed(good, expected, FEWEST):
+    good = np.zeros(len(pairs), bool) if found is None else _plausible(place, xyz, found)
+    chance = partial(matches_by_chance, then, now, expected, around_px)
+    if found is None or not confirmed(pairs[good, 0], expected, FEWEST, chance):
         return None
     kept, xyz, uv = pairs[good, 0], xyz[good], uv[good]
     seen = [_agreeing(setup, extra, p, at[kept], xyz, INLIER * sigma) for p, at in zip(places, seen, strict=True)]

@@ -200,22 +200,22 @@ class ModernStereo:
     def _setup(self) -> Setup:
         c = self.config
         return Setup(
-            self._size.tracked,
-            self.rig.baseline_m,
-            self.rig.rig_from_left,
-            c.loss_px,
-            c.max_error_px,
-            self._pair_sigma,
-            c.settling_s,
-            c.max_tracks,
-            c.window,
-            c.min_parallax_px,
-            c.min_share,
-            c.min_inliers,
-            c.max_lost_pairs,
-            c.iterations,
-            c.relocalise,
-            c.follow,
+            camera=self._size.tracked,
+            baseline_m=self.rig.baseline_m,
+            rig_from_left=self.rig.rig_from_left,
+            loss_px=c.loss_px,
+            max_error_px=c.max_error_px,
+            extra_sigma=self._pair_sigma,
+            settling_s=c.settling_s,
+            max_tracks=c.max_tracks,
+            window=c.window,
+            min_parallax_px=c.min_parallax_px,
+            min_share=c.min_share,
+            min_inliers=c.min_inliers,
+            max_lost_pairs=c.max_lost_pairs,
+            iterations=c.iterations,
+            relocalise=c.relocalise,
+            follow=c.follow,
         )
 
     @cached_property

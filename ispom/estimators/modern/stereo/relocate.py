@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ispom.estimators.modern.lens import Lens
-from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, plausible
+from ispom.estimators.modern.places import FEATURES, MIN_ALIKE, Place, confirmed, in_sight, matches_by_chance, plausible
 from ispom.estimators.modern.stereo.pair import NewPair, PairPoints
 from ispom.estimators.modern.stereo.pair_calibration import intersected
 from ispom.estimators.modern.stereo.patch_search import warps_from
@@ -115,7 +115,8 @@ def _looked_for(
         if found is None:
             return None
         pose, good = found
-    return (pose, pairs, good) if confirmed(good, expected, FEWEST) else None
+    chance = partial(matches_by_chance, then, now, expected, AROUND[-1] * setup.max_error_px)
+    return (pose, pairs, good) if confirmed(pairs[good, 0], expected, FEWEST, chance) else None
 
 
 def _intersected(
