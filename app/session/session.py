@@ -17,7 +17,6 @@ from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel
 from ..engine.options import SourceOptions
 from ..engine.playback import Builder
-from . import core  # noqa: F401 (its handlers)
 from .commands import Command, Open
 from .compiling import Compiling
 from .controller import Controller, S, T

@@ -15,7 +15,6 @@ from ...session.commands import PageCommand
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
 from ...session.goals import Goal
-from ...session.registry import handles
 from ...session.state import Displayed, Event, NoticeAdded, State, changed
 from ..bookmarks.service import Bookmarks
 
@@ -79,13 +78,11 @@ class StepToEvent(PageCommand, frozen=True):
     alarming: bool = False
     """Warnings and losses only."""
 
+    def execute(self, session: Controller) -> None:
+        moved = to_event(session.state, session.run, forwards=self.forwards, alarming=self.alarming)
+        session.player.move(*moved)
+
 
 what = "to a frame with an event, such as a loss or a warning."
 offer(Action(80, "event", "n", "Next event", f"On {what}", StepToEvent()))
 offer(Action(90, "event_back", "Shift+n", "Previous event", f"Back {what}", StepToEvent(forwards=False)))
-
-
-@handles(StepToEvent)
-def step_to_event(session: Controller, command: StepToEvent) -> None:
-    moved = to_event(session.state, session.run, forwards=command.forwards, alarming=command.alarming)
-    session.player.move(*moved)

@@ -7,7 +7,6 @@ from typing import Any
 
 from ...session.commands import Command
 from ...session.controller import Controller
-from ...session.registry import handles
 from ...session.state import FeatureState, State
 from . import integration
 from .integration import Integration
@@ -26,19 +25,15 @@ class ShowIntegration(Command, frozen=True):
 
     method: str
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(IntegrationSteps(integration.shown(session.state, session.run, self.method)))
+
 
 class StepIntegration(Command, frozen=True):
     """So many stages on."""
 
     by: int
 
-
-@handles(ShowIntegration)
-def show_integration(session: Controller, command: ShowIntegration) -> None:
-    session.store.put(IntegrationSteps(integration.shown(session.state, session.run, command.method)))
-
-
-@handles(StepIntegration)
-def step_integration(session: Controller, command: StepIntegration) -> None:
-    now = session.state[IntegrationSteps].shown
-    session.store.put(IntegrationSteps(integration.moved(session.state, session.run, now, command.by)))
+    def execute(self, session: Controller) -> None:
+        now = session.state[IntegrationSteps].shown
+        session.store.put(IntegrationSteps(integration.moved(session.state, session.run, now, self.by)))

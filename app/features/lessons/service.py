@@ -133,7 +133,7 @@ class LessonService(Service):
         self.store.put(replace(self.state[Layers], hidden=frozenset()))
 
     def _obey(self, command: do.Command) -> None:
-        self.session.carry_out(command)
+        command.execute(self.session)
 
     def _enter(self, lesson: Lesson, place: int) -> None:
         if not 0 <= place < len(lesson.steps):

@@ -10,7 +10,6 @@ from ...engine.history.quantities import STEP_QUANTITIES
 from ...session.commands import PageCommand
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.registry import handles
 from ...session.state import FeatureState
 
 ERROR = "error"
@@ -64,18 +63,14 @@ class Plot(PageCommand, frozen=True):
     name: str
     """METHOD.KEY, or the KEY of Steps for all methods."""
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(Plots(toggled(session.state[Plots].names, session.run, self.name)))
+
 
 class SetPlots(PageCommand, frozen=True):
     """Plot just these quantities; None for the usual ones."""
 
     names: tuple[str, ...] | None
 
-
-@handles(Plot)
-def plot(session: Controller, command: Plot) -> None:
-    session.store.put(Plots(toggled(session.state[Plots].names, session.run, command.name)))
-
-
-@handles(SetPlots)
-def set_plots(session: Controller, command: SetPlots) -> None:
-    session.store.put(Plots(chosen(session.run, command.names)))
+    def execute(self, session: Controller) -> None:
+        session.store.put(Plots(chosen(session.run, self.names)))

@@ -14,7 +14,6 @@ from ...engine.inspection.sightings import missing_tracks, nearest, seen_by
 from ...session.commands import Command, PageCommand
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun
-from ...session.registry import handles
 from ...session.state import FeatureState, Opening, State
 
 
@@ -62,6 +61,9 @@ class Select(PageCommand, frozen=True):
 
     what: str
 
+    def execute(self, session: Controller) -> None:
+        session.store.put(replace(session.state[Inspection], selected=selected(self.what)))
+
 
 class Pick(PageCommand, frozen=True):
     """Select the track that is nearest to a pixel of a camera's image at a frame."""
@@ -71,6 +73,10 @@ class Pick(PageCommand, frozen=True):
     u: float
     v: float
 
+    def execute(self, session: Controller) -> None:
+        at = self.camera, self.index, self.u, self.v
+        session.store.put(replace(session.state[Inspection], selected=picked(session.run, *at)))
+
 
 class LookAt(Command, frozen=True):
     """What the tab shows: the image of a camera, and one of its panels; None leaves either unchanged."""
@@ -78,20 +84,7 @@ class LookAt(Command, frozen=True):
     panel: PanelName | None = None
     camera: str | None = None
 
-
-@handles(Select)
-def select(session: Controller, command: Select) -> None:
-    session.store.put(replace(session.state[Inspection], selected=selected(command.what)))
-
-
-@handles(Pick)
-def pick(session: Controller, command: Pick) -> None:
-    at = command.camera, command.index, command.u, command.v
-    session.store.put(replace(session.state[Inspection], selected=picked(session.run, *at)))
-
-
-@handles(LookAt)
-def look_at(session: Controller, command: LookAt) -> None:
-    before = session.state[Inspection]
-    camera = before.camera if command.camera is None else command.camera
-    session.store.put(replace(before, panel=command.panel or before.panel, camera=camera))
+    def execute(self, session: Controller) -> None:
+        before = session.state[Inspection]
+        camera = before.camera if self.camera is None else self.camera
+        session.store.put(replace(before, panel=self.panel or before.panel, camera=camera))
