@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 from aiohttp import web
@@ -13,13 +12,12 @@ from aiohttp import web
 from ispom.errors import InputError
 from ispom.types import Image
 
-from ...views.web.files import SECURITY, STATIC, send_file, send_one_of
+from ...views.web.files import NOT_KEPT, SECURITY, STATIC, found, number_of, send_file, send_json, send_one_of
 from .job import Asked, Job
 from .kept import files_of, kept_in
 from .shown import image_of, seen_in, shown
 
 PAGE = STATIC / "calibration.html"
-NOT_KEPT = {"Cache-Control": "no-store"}
 
 
 class CalibrationPage:
@@ -48,7 +46,7 @@ class CalibrationPage:
             return web.Response(status=204, headers=SECURITY | NOT_KEPT)
         value = await asyncio.to_thread(shown, progress)
         stored = await asyncio.to_thread(lambda: [vars(each) for each in kept_in(self._folder)])
-        return _json(value | {"stored": stored, "known": _mark(progress.number, progress.doing)})
+        return send_json(value | {"stored": stored, "known": _mark(progress.number, progress.doing)})
 
     @property
     def _folder(self) -> Path:
@@ -70,29 +68,20 @@ class CalibrationPage:
             self._job.start(asked)
         except InputError as fault:
             raise web.HTTPConflict(text=str(fault)) from fault
-        return _json({"number": self._job.progress.number})
+        return send_json({"number": self._job.progress.number})
 
     async def _image(self, request: web.Request) -> web.StreamResponse:
         camera, view = _which(request)
-        image = await self._found(lambda: _jpeg(image_of(self._job.progress, camera, view)))
+        image = await found(lambda: _jpeg(image_of(self._job.progress, camera, view)))
         return web.Response(body=image, content_type="image/jpeg", headers=SECURITY | NOT_KEPT)
 
     async def _seen(self, request: web.Request) -> web.StreamResponse:
         camera, view = _which(request)
-        return _json(await self._found(lambda: seen_in(self._job.progress, camera, view)))
-
-    async def _found(self, look: Callable[[], Any]) -> Any:
-        try:
-            return await asyncio.to_thread(look)
-        except InputError as fault:
-            raise web.HTTPNotFound(text=str(fault)) from fault
+        return send_json(await found(lambda: seen_in(self._job.progress, camera, view)))
 
 
 def _which(request: web.Request) -> tuple[str, int]:
-    view = request.query.get("view", "")
-    if not (view.isascii() and view.isdigit() and len(view) < 7):
-        raise web.HTTPBadRequest(text="view is the number of an image.")
-    return request.query.get("camera", "")[:10], int(view)
+    return request.query.get("camera", "")[:10], number_of(request, "view")
 
 
 def _jpeg(image: Image) -> bytes:
@@ -101,7 +90,3 @@ def _jpeg(image: Image) -> bytes:
 
 def _mark(number: int, doing: str) -> str:
     return f"{number}:{doing}"
-
-
-def _json(value: object) -> web.Response:
-    return web.json_response(value, headers=SECURITY | NOT_KEPT)

@@ -30,7 +30,7 @@ from . import numbers
 from .access import Access
 from .answers import Answers
 from .connections import Connections
-from .files import SECURITY, STATIC, VISER_SECURITY, pictures, recordings, send_file, send_one_of
+from .files import SECURITY, STATIC, VISER_SECURITY, number_of, pictures, recordings, send_file, send_one_of
 from .messages import Pane
 from .rerun_assets import NAMES
 from .sockets import COMMAND_BYTES, VISER_BYTES, Talk, opened, serve_viser
@@ -216,12 +216,9 @@ class Gateway:
         return await self._until_closed(socket, talk.serve(socket))
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
-        run = request.query.get("run", "")
-        serial = request.query.get("serial", "0")
-        if not (serial.isascii() and serial.isdigit() and len(serial) <= 9):
-            raise web.HTTPBadRequest(text="serial is a number.")
+        run, serial = request.query.get("run", ""), number_of(request, "serial", 0)
         socket = await opened(request, COMMAND_BYTES)
-        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, int(serial))
+        reader = TapeReader(lambda: self._to.live.tape, self._grown, run, serial)
         return await self._until_closed(socket, reader.serve(socket))
 
     async def _viser(self, request: web.Request) -> web.StreamResponse:
