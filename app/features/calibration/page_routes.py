@@ -6,17 +6,17 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 from aiohttp import web
 
 from ispom.errors import InputError
-from ispom.types import Image
 
+from ...engine.run_folder.thumbnail import jpeg
 from ...views.web.files import NOT_KEPT, SECURITY, STATIC, found, number_of, send_file, send_json, send_one_of
 from .job import Asked, Job
 from .kept import files_of, kept_in
 from .shown import image_of, seen_in, shown
 
+JPEG_QUALITY = 90
 PAGE = STATIC / "calibration.html"
 
 
@@ -72,7 +72,7 @@ class CalibrationPage:
 
     async def _image(self, request: web.Request) -> web.StreamResponse:
         camera, view = _which(request)
-        image = await found(lambda: _jpeg(image_of(self._job.progress, camera, view)))
+        image = await found(lambda: jpeg(image_of(self._job.progress, camera, view), JPEG_QUALITY))
         return web.Response(body=image, content_type="image/jpeg", headers=SECURITY | NOT_KEPT)
 
     async def _seen(self, request: web.Request) -> web.StreamResponse:
@@ -82,10 +82,6 @@ class CalibrationPage:
 
 def _which(request: web.Request) -> tuple[str, int]:
     return request.query.get("camera", "")[:10], number_of(request, "view")
-
-
-def _jpeg(image: Image) -> bytes:
-    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
 
 
 def _mark(number: int, doing: str) -> str:

@@ -3,10 +3,9 @@ same to the byte wherever and however often an experiment is run."""
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
-from io import BytesIO, StringIO
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import pyarrow.parquet
 
 from ispom.io.whole import write_whole
 
+from ...engine.outputs import csv_of
 from .plan import Plan, Run
 from .row import Row, milliseconds
 from .statistics import Outcome, Paired, Spread
@@ -81,11 +81,7 @@ def _about(row: Row) -> tuple[Any, ...]:
 
 
 def _csv(flat: Sequence[dict[str, Any]]) -> str:
-    content = StringIO()
-    writer = csv.DictWriter(content, list(flat[0]) if flat else list(_OF_RUN), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(flat)
-    return content.getvalue()
+    return csv_of(list(flat[0]) if flat else _OF_RUN, (list(row.values()) for row in flat))
 
 
 def _plain(value: Any) -> Any:

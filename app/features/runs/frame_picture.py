@@ -9,6 +9,7 @@ from ispom.errors import InputError
 from ispom.types import Exposure, Frame, Image, Step, StereoPair, Tracks, TrackStatus
 
 from ...engine.history.record import ExposureRecord, with_parts
+from ...engine.run_folder.thumbnail import jpeg
 from ...presentation import colours
 from ...session.current_run import CurrentRun
 
@@ -29,11 +30,7 @@ def frame_picture(run: CurrentRun, index: int, method: str, width: int) -> bytes
     if image is None or not image.size:
         return None
     drawn = picture(image, _tracks(run, index, method, camera, image) if method else None)
-    height = max(round(drawn.shape[0] * width / drawn.shape[1]), 1)
-    if width < drawn.shape[1]:
-        drawn = cv2.resize(drawn, (width, height), interpolation=cv2.INTER_AREA)
-    encoded = cv2.imencode(".jpg", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    return encoded[1].tobytes()
+    return jpeg(drawn, QUALITY, width)
 
 
 def _tracks(run: CurrentRun, index: int, method: str, camera: Frame, image: Image) -> Tracks | None:
