@@ -11,7 +11,7 @@ from ispom.sequences.address import without_secrets
 from ispom.types import Sequence
 
 from ..engine.events import Opened
-from ..engine.external_trajectories.given import Given
+from ..engine.external_trajectories.placed import Given
 from ..engine.history.history import MEMORY_BYTES, History
 from ..engine.history.series import Series
 from ..engine.model.run_model import RunModel

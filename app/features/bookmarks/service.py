@@ -1,4 +1,4 @@
-"""The bookmarks of the run on the screen. Used in the worker's thread."""
+"""The bookmarks of the run on the screen: their state, and what changes it in the worker's thread."""
 
 from __future__ import annotations
 

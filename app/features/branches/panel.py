@@ -14,8 +14,7 @@ from ...engine.external_trajectories.placed import Beside
 from ...presentation import colours
 from ...presentation.texts import ALIGNED, ALIGNMENTS, MILLISECOND, PROVISIONAL, Unit, length, length_unit
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from ..external_paths.state import ExternalPaths
 from .branches import NAME_LENGTH, Branch
 from .commands import DeleteBranch, HideBranch, RenameBranch, ShowBranch

@@ -1,4 +1,4 @@
-"""The trajectories of branches that are not shown, on the stage beside those of the one that is."""
+"""The branches that are drawn together with the shown one, as trajectories on the stage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Moving from event to event."""
+"""Moving from event to event: to the nearest one that is known, or on until there is one."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from ispom.errors import InputError
 
-from ...engine.run_events.event import RunEvent
-from ...engine.run_events.registry import nearest, with_bookmarks
+from ...engine.run_events.event import RunEvent, nearest, with_bookmarks
 from ...presentation import colours
 from ...session.actions import Action, offer
 from ...session.commands import PageCommand

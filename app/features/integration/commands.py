@@ -1,4 +1,4 @@
-"""Looking at an integration step by step."""
+"""Which integration is looked at step by step, and choosing it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a stage of an integration looks like: lines, dots and axes, as values."""
+"""What a stage of an integration (Fig. 7) looks like: lines, dots and axes, as values and in the 3-D view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choosing what is plotted."""
+"""What is plotted over the frames, and choosing it."""
 
 from __future__ import annotations
 

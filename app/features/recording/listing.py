@@ -1,4 +1,4 @@
-"""The recordings folder: what is in it, and what a new recording may be called."""
+"""The recordings folder: what is in it and lies beside a recording, and what a new one may be called."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command: reads the folders, writes the page."""
+"""`ispom report`: reads the folders, writes the page."""
 
 from __future__ import annotations
 

@@ -13,8 +13,7 @@ from ...presentation import colours
 from ...presentation.texts import Unit
 from ...session.state import State
 from ...views.viser.controls import ConfigForm
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from .commands import Predict, RunPerturbed
 from .rerun import CLOSE, Compared
 from .service import CalibrationEffect

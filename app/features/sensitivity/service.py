@@ -1,4 +1,4 @@
-"""What a wrong calibration would do to the run that is shown, and the branch that runs with it; for the worker."""
+"""What a wrong calibration would do to the run that is shown, and the branch that runs with it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from ispom.io.trajectories import TrajectoryFile
 from ispom.settings import check
 from ispom.types import Sequence
 
-from ...engine.external_trajectories.given import Given
-from ...engine.external_trajectories.placed import Beside, beside_run
+from ...engine.external_trajectories.placed import Beside, Given, beside_run
 from ...engine.playback import Playback, truth_from_start
 from ...session.controller import Controller
 from ...session.current_run import CurrentRun

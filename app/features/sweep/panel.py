@@ -15,8 +15,7 @@ from ...presentation import colours
 from ...presentation.texts import Unit, digits, duration, length, length_unit
 from ...session.state import State
 from ...views.viser.controls import hint_of, label_of
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from .commands import CancelSweep, RunSweep, ShowSwept
 from .sweep import Outcome, Sweep, SweepState
 from .values import FEWEST, MOST, offered, proposed, shown

@@ -1,4 +1,4 @@
-"""Selecting tracks and keyframes, and choosing what is shown of them."""
+"""What is looked at closely: selecting tracks and keyframes, and choosing what is shown of them."""
 
 from __future__ import annotations
 

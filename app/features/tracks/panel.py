@@ -12,8 +12,7 @@ from ...engine.inspection.looked import Looked
 from ...engine.inspection.selection import parsed
 from ...session.commands import Command
 from ...session.state import State
-from ...views.viser.markup import renderer
-from ...views.viser.panels import Panel
+from ...views.viser.panels import Panel, renderer
 from ..layers.commands import ColourBy
 from ..layers.state import Layers
 from .commands import Inspection, LookAt, PanelName

@@ -15,7 +15,7 @@ from ...engine.inspection.looked import EXPOSURES, Looked
 from ...engine.inspection.sightings import Seen
 from ...presentation import colours
 from ...presentation.texts import length
-from ...views.viser.markup import renderer
+from ...views.viser.panels import renderer
 
 
 @dataclass(frozen=True, eq=False)

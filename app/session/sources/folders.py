@@ -1,4 +1,4 @@
-"""The folders in which somebody at the page may look for recordings."""
+"""Sources by their names: what they are called, which were opened last, and folders to look for others in."""
 
 from __future__ import annotations
 

@@ -13,8 +13,7 @@ from ispom.sequences.address import is_address, is_device
 from ispom.types import Sequence
 
 from ...engine import warmup
-from ...engine.external_trajectories.given import Given, given
-from ...engine.external_trajectories.placed import beside_run
+from ...engine.external_trajectories.placed import Given, beside_run, given
 from ...engine.playback import Builder, truth_from_start
 from ...features.lessons.commands import Learn as Begin
 from ...features.lessons.lesson import Lesson

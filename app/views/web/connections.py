@@ -1,4 +1,6 @@
-"""How many connections there may be: a flood of strangers' connections never shuts a page out, or uses up all files."""
+"""Who may connect: sockets of this machine that listen, and so few connections that a flood of strangers' never shuts a
+page out, or uses up all files.
+"""
 
 from __future__ import annotations
 

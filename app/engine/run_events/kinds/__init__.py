@@ -1,1 +1,1 @@
-"""Files with `KINDS` of events."""
+"""Files with `KINDS` of events; a new kind is a new file, or one more in a file."""

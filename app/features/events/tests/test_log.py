@@ -10,8 +10,8 @@ import pytest
 from ispom_app.engine.events import Bookmark
 from ispom_app.engine.history.quantities import NO_ROW, row_after
 from ispom_app.engine.run_events import kinds, log
+from ispom_app.engine.run_events.event import event_kinds, nearest, with_bookmarks
 from ispom_app.engine.run_events.log import EventLog
-from ispom_app.engine.run_events.registry import event_kinds, nearest, with_bookmarks
 from ispom_app.engine.verdict import Severity
 
 from ispom.estimators.modern.loops.checks import LOOP_VIEWS
