@@ -87,7 +87,7 @@ def faults(recorded: Figures, now: Figures, still: bool = False) -> list[str]:
 def gains(recorded: Figures, now: Figures, still: bool = False) -> list[str]:
     """What is better than its band."""
     found, limit, error = [], largest_error(recorded), _comparable_error(recorded, now)
-    if limit is not None and error is not None and error < 2 * recorded.error - limit:
+    if limit is not None and recorded.error is not None and error is not None and error < 2 * recorded.error - limit:
         found.append(f"error {error}, recorded {recorded.error}")
     if located_gain(recorded, now, still) > 1:
         found.append(f"{now.located} frames located, recorded {recorded.located}")
